@@ -73,7 +73,7 @@ bench: $(VENV)/runtime.stamp
 	$(BIN)/python -m benchmarks.stage_timing bags/sample/bag --map bags/map --body bags/body.yaml
 
 latency: $(VENV)/ros.stamp
-	$(BIN)/bodycam latency bags/sample/bag --map bags/map --body bags/body.yaml
+	$(BIN)/python -m benchmarks.latency bags/sample/bag --map bags/map --body bags/body.yaml
 
 endure: $(VENV)/runtime.stamp
 	$(BIN)/python -m benchmarks.endurance bags/sample/bag --map bags/map --body bags/body.yaml

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bodycam_ros.cli.settings_flags import add_settings_flags, settings_from_flags
+from bodycam_ros.cli.options import add_settings_flags, settings_from_flags
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.settings import SettingsGroups, describe, read_settings_file, setting, settings_from_mapping
 

@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from bodycam_ros.cli.options import add_output
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_file, check_output
 
@@ -23,9 +24,7 @@ as they say, give what you measured with --ruler-mm and --force: the board.yaml 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("board", description=__doc__, epilog=_EPILOG)
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="BOARD.pdf", help="page to write, and beside it BOARD.yaml"
-    )
+    add_output(parser, "BOARD.pdf", "page to write, and beside it BOARD.yaml", "BOARD.pdf and BOARD.yaml")
     parser.add_argument("--kind", choices=_KINDS, default="apriltag", help="what is on it (%(default)s)")
     parser.add_argument(
         "--page", default="A4", type=_page, metavar="A4|A3|letter|WxH", help="paper, or its width x height [mm] (A4)"
@@ -51,7 +50,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar=("ACROSS", "UPWARDS"),
         help="how long the printed rulers really are: board.yaml becomes right for that print",
     )
-    parser.add_argument("--force", action="store_true", help="replace BOARD.pdf and BOARD.yaml")
     parser.set_defaults(run=run)
 
 

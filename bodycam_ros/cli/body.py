@@ -1,83 +1,146 @@
 """bodycam body: a recorded range of motion in, a body out: skeleton and camera mounts, with a report.
 
-With --stations static cameras measure a person who wears none: lengths and girths, from a body that is about right.
+With --stations static cameras measure a person without body cameras: lengths and girths, from an approximate body.
 """
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import replace
+from math import degrees, hypot
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from bodycam_ros.cli import body_outside
-from bodycam_ros.cli.body_outside import check_suffix
-from bodycam_ros.cli.progress import shown_shares
-from bodycam_ros.cli.settings_flags import (
-    add_imu_flag,
-    add_recording_flags,
-    offer_settings,
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from bodycam_ros.cli.options import (
+    add_imu,
+    add_jobs,
+    add_map,
+    add_output,
+    add_pipeline_config,
+    add_recording,
+    add_start,
+    add_stations,
     pipeline_settings,
     settings_from_flags,
 )
-from bodycam_ros.errors import BodyError
+from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
+    from bodycam_ros.body.body_model import BodyModel
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
+    from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
+    from bodycam_ros.plots.report_tables import ReportTable
+    from bodycam_ros.static_cameras.body_from_outside import MeasuredBody
+    from bodycam_ros.static_cameras.body_shape import MeasureSettings
+
+_SUFFIXES = (".yaml", ".yml")
+_LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
+_MM_PER_M = 1000.0
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("body", description=__doc__)
-    add_recording_flags(parser, map_is_optional=True)
-    add_imu_flag(parser)
+    add_recording(parser)
+    add_imu(parser)
+    add_map(parser, required=False)
     parser.add_argument("--rig", type=Path, help="YAML: camera -> segment that it is strapped to, segment -> parent")
-    body_outside.add_flags(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="BODY", help="body YAML to write")
-    parser.add_argument(
-        "--report", type=Path, metavar="HTML", help="page with figures and a picture (default: BODY with .html)"
-    )
+    add_output(parser, "BODY", "body YAML to write, and beside it a report, BODY with .html", "BODY and its report")
     parser.add_argument("--name", help="name of the body (default: that of BODY)")
     parser.add_argument(
         "--facing",
         type=_degrees,
         metavar="DEGREES",
-        help="where the person faces in the N-pose, about the map's z from its x (default: by hips and shoulders)",
+        help="direction that the person faces in the N-pose, about the map's z from its x (default: by hips and "
+        "shoulders)",
     )
-    parser.add_argument("--force", action="store_true", help="replace BODY if it is there already")
-    offer_settings(parser, _settings)
-    offer_settings(parser, body_outside.measure_settings)
+    static = parser.add_argument_group("static cameras")
+    add_stations(
+        static,
+        "instead of --rig: where static cameras are; without --map its own frame is the world. Measures lengths of "
+        "bones and girths; body cameras measure the former better",
+    )
+    add_start(static, "where the segments are in the first image")
+    initial = static.add_mutually_exclusive_group()
+    initial.add_argument(
+        "--initial-body", type=Path, metavar="BODY.YAML", help="with --stations: a body with approximate lengths"
+    )
+    initial.add_argument(
+        "--height",
+        type=float,
+        metavar="METRES",
+        help="with --stations: begin with lengths of people of this height",
+    )
+    add_jobs(parser, "processes for the cameras")
+    add_pipeline_config(parser, _calibration_settings, _measure_settings)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.body.checked_fields import name_of
+
+    output: Path = arguments.output
+    if output.suffix.lower() not in _SUFFIXES:
+        raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
+    _check_flags(arguments)
+    inputs = [arguments.recording, arguments.map, arguments.rig, arguments.config]
+    inputs += [arguments.stations, arguments.start, arguments.initial_body, *arguments.imu]
+    page = output.with_suffix(".html")
+    written = [(output, b"segments:", "body file")]
+    written += [(page, b"<title>Body ", "report")] if arguments.stations is None else []
+    for path, mark, what in written:
+        check_output(path, inputs, makes_folders=False)
+        check_file(path, arguments.force, mark, what)
+    name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
+    if arguments.stations is None:
+        _calibrate(arguments, name, page)
+    else:
+        _measure(arguments, name)
+    return 0
+
+
+def _check_flags(arguments: argparse.Namespace) -> None:
+    """Refuse flags of body cameras with static ones, and the reverse.
+
+    Raises:
+        BodyError: such flags, or flags that are missing.
+        StationError: flags of static cameras without any.
+    """
     if arguments.stations is not None:
-        return body_outside.run(arguments)
-    body_outside.refuse_flags(arguments)
+        for flag in ("rig", "facing"):
+            if getattr(arguments, flag) is not None:
+                raise BodyError(f"--{flag} is for body cameras; static ones, of --stations, do without")
+        return
+    for flag in ("start", "initial_body", "height"):
+        if getattr(arguments, flag) is not None:
+            raise StationError(f"--{flag.replace('_', '-')} needs --stations, where the static cameras are")
     if arguments.map is None or arguments.rig is None:
         raise BodyError(
-            "a body is measured by worn cameras, with --map and --rig, or by static ones, with --stations, --start and "
-            "--from or --height"
+            "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
+            "--initial-body or --height"
         )
+
+
+def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     import numpy as np
 
     from bodycam_ros.body.body_file import write_body
-    from bodycam_ros.body.checked_fields import name_of
-    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.cli.lines import print_imus, print_report
     from bodycam_ros.offline.measure_body import calibrate
     from bodycam_ros.plots.body_report import write_html_report
     from bodycam_ros.plots.report_tables import body_report
 
-    output: Path = arguments.output
-    page = arguments.report or output.parent / f"{output.stem}.html"
-    _check_outputs(arguments, page)
-    name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
-    with shown_shares() as show:
+    settings = settings_from_flags(arguments, _calibration_settings(), arguments.config)
+    with shown_progress() as progress:
         calibrated = calibrate(
             arguments.recording,
             arguments.map,
@@ -87,22 +150,171 @@ def run(arguments: argparse.Namespace) -> int:
             settings,
             jobs=arguments.jobs,
             facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
-            on_progress=show,
+            on_progress=progress.show,
             imu_paths=arguments.imu,
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
-    write_body(body, output)
+    write_body(body, arguments.output)
     write_html_report(body, calibrated.diagnosis, page)
     print_report(calibrated.diagnosis)
-    print_imus(body)
-    Terminal().print(f"\nbody written to {output}, report to {page}", soft_wrap=True)
-    return 0
+    _print_imus(body)
+    Terminal().print(f"\nbody written to {arguments.output}, report to {page}", soft_wrap=True)
 
 
-def _settings() -> "type[CalibrationSettings]":
+def print_report(diagnosis: "CalibrationDiagnosis", console: Console | None = None) -> None:
+    """Print the tables of a diagnosis, then its warnings; rows with a warning are red."""
+    from bodycam_ros.plots.report_tables import report_tables, summary_line
+
+    console = console or widened(Terminal())
+    console.print(summary_line(diagnosis))
+    for table in report_tables(diagnosis):
+        console.print(Text.assemble("\n", (table.title, "bold"), "  ", (table.note, "dim")))
+        console.print(_report_table(table))
+    for number, warning in enumerate(diagnosis.warnings, start=1):
+        console.print(Text.assemble((f"warning {number}: ", "bold red"), warning))
+    if not diagnosis.warnings:
+        console.print(Text("no warnings", "green"))
+
+
+def _report_table(content: "ReportTable") -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for index, heading in enumerate(content.columns):
+        justify: Literal["left", "right"] = "left" if index in content.text_columns else "right"
+        # Text, not str: square brackets hold units here, not rich's markup. Folded, no letter is lost on any width.
+        table.add_column(
+            Text(heading.replace(" [", "\n[")),
+            justify=justify,
+            overflow="fold",
+            max_width=_LIST_WIDTH if heading == content.columns[-1] else None,
+        )
+    for index, row in enumerate(content.rows):
+        table.add_row(*map(Text, row), style="bold red" if index in content.flagged else None)
+    return table
+
+
+def _print_imus(body: "BodyModel") -> None:
+    """Print the calibrations of the cameras' inertial sensors, if there are any."""
+    imus = {camera: mount.imu for camera, mount in body.mounts.items() if mount.imu is not None}
+    if not imus:
+        return
+    table = Table(title="inertial sensors")
+    for heading in ("camera", "rotation +- [deg]", "time offset [ms]", "+-", "gyro bias [deg/s]", "+-"):
+        table.add_column(Text(heading), justify="left" if heading == "camera" else "right")
+    for camera, imu in imus.items():
+        numbers = (degrees(imu.rotation_sigma), 1e3 * imu.time_offset, 1e3 * imu.time_offset_sigma)
+        biases = (degrees(hypot(*imu.gyro_bias)), degrees(imu.gyro_bias_sigma))
+        table.add_row(camera, *(f"{number:.3f}" for number in (*numbers, *biases)))
+    Terminal().print(table)
+
+
+def _measure(arguments: argparse.Namespace, name: str) -> None:
+    from bodycam_ros.body.body_file import write_body
+    from bodycam_ros.offline.measure_body import measure_body
+    from bodycam_ros.static_cameras.start_file import OutsideInput
+
+    pipeline = pipeline_settings(arguments)
+    settings = settings_from_flags(arguments, _measure_settings(), arguments.config)
+    initial = _initial_body(arguments, name)
+    with shown_progress() as progress:
+        measured = measure_body(
+            arguments.recording,
+            arguments.map,
+            initial,
+            OutsideInput(arguments.stations, None, arguments.start),
+            pipeline,
+            settings.shape,
+            progress.show,
+        )
+    write_body(replace(measured.body, name=name, report=_measured_report(measured)), arguments.output)
+    terminal = Terminal()
+    for table in _measured_tables(measured):
+        terminal.print(table)
+    if vague := sorted({each.name for each in measured.lengths if not each.told}):
+        terminal.print(
+            f"the recording does not measure the lengths at {', '.join(vague)}: bend these joints widely, in view of "
+            "several cameras",
+            style="yellow",
+            soft_wrap=True,
+        )
+    if not measured.converged:
+        terminal.print(
+            f"lengths still changed after {measured.rounds} rounds; continue with --initial-body {arguments.output}",
+            style="yellow",
+            soft_wrap=True,
+        )
+    terminal.print(
+        f"{measured.instants} frames, {measured.rounds} rounds; {measured.seen:.0%} of the segments observed"
+    )
+    terminal.print(f"\nbody written to {arguments.output}", soft_wrap=True)
+
+
+def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
+    """The body with approximate lengths.
+
+    Raises:
+        BodyError: none is given, or nobody has this height.
+    """
+    from bodycam_ros.body.body_file import read_body
+    from bodycam_ros.static_cameras.body_from_outside import body_of_height
+
+    if arguments.initial_body is not None:
+        return read_body(arguments.initial_body)
+    if arguments.height is None:
+        raise BodyError("static cameras need an approximate body: give --height in metres, or --initial-body BODY")
+    return body_of_height(arguments.height, name)
+
+
+def _measured_report(measured: "MeasuredBody") -> dict[str, object]:
+    """Figures for the body file."""
+    return {
+        "source": "static cameras",
+        "instants": measured.instants,
+        "rounds": measured.rounds,
+        "converged": measured.converged,
+        "seen": round(measured.seen, 3),
+        "lengths": {
+            f"{each.name}_{each.axis}": {
+                "begun": round(each.begun, 4), "found": round(each.found, 4), "sigma": round(each.sigma, 4),
+                "told": each.told,
+            }
+            for each in measured.lengths
+        },
+        "girths": {
+            each.name: {"found": round(each.found, 3), "sigma": round(each.sigma, 3), "told": each.told}
+            for each in measured.girths
+        },
+    }  # fmt: skip
+
+
+def _measured_tables(measured: "MeasuredBody") -> Iterator[Table]:
+    caption = "from joint to joint; those not measured keep about their initial value"
+    lengths = Table("joint", "along", title="lengths", caption=caption)
+    for column in ("initial [mm]", "found [mm]", "sigma [mm]", "measured"):
+        lengths.add_column(column, justify="right")
+    for each in measured.lengths:
+        figures = [f"{_MM_PER_M * abs(value):.0f}" for value in (each.begun, each.found)]
+        figures += [f"{_MM_PER_M * each.sigma:.1f}", "yes" if each.told else "no"]
+        lengths.add_row(each.name, each.axis, *figures, style=None if each.told else "yellow")
+    yield lengths
+    girths = Table("segment", title="girths", caption="times as thick as people of this size")
+    for column in ("found", "sigma", "measured"):
+        girths.add_column(column, justify="right")
+    for girth in measured.girths:
+        figures = [f"{girth.found:.2f}", f"{girth.sigma:.2f}", "yes" if girth.told else "no"]
+        girths.add_row(girth.name, *figures, style=None if girth.told else "yellow")
+    yield girths
+
+
+def _calibration_settings() -> "type[CalibrationSettings]":
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 
     return CalibrationSettings
+
+
+def _measure_settings() -> "type[MeasureSettings]":
+    from bodycam_ros.static_cameras.body_shape import MeasureSettings
+
+    return MeasureSettings
 
 
 def _degrees(text: str) -> float:
@@ -110,18 +322,3 @@ def _degrees(text: str) -> float:
     if not -360.0 <= degrees <= 360.0:
         raise argparse.ArgumentTypeError("must be from -360 to 360 degrees")
     return degrees
-
-
-def _check_outputs(arguments: argparse.Namespace, page: Path) -> None:
-    """Refuse what cannot be written, or would cost an input, before the work is done.
-
-    Raises:
-        BodyError: the output is named as something else than a body.
-        OutputError: so it is.
-    """
-    check_suffix(arguments.output)
-    inputs = (arguments.recording, arguments.map, arguments.rig, arguments.config, *arguments.imu)
-    for path, mark, what in ((arguments.output, b"segments:", "body file"), (page, b"<title>Body ", "report")):
-        check_output(path, inputs, makes_folders=False)
-        check_file(path, arguments.force, mark, what)
-    check_output(page, (arguments.output,))

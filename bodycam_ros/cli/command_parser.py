@@ -1,4 +1,4 @@
-"""The parser of a command: its help is short, and what is heavy to know, the settings of stages, is asked for."""
+"""The parser of a command: short help, and flags of settings that are added only when one of them is used."""
 
 import argparse
 import sys
@@ -9,35 +9,31 @@ ALL_SETTINGS = "--help-settings"
 
 
 class CommandParser(argparse.ArgumentParser):
-    """Says in its usage what must be given, and loads the settings of stages only where one of them is named.
-
-    Settings of the whole pipeline are hundreds of lines of help, and take a second to import.
-    """
+    """Its usage line has what must be given; flags of settings, which take a second to import, are added when used."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._later: list[Callable[[], None]] = []
+        self._deferred: list[Callable[[], None]] = []
+        self.add_argument(
+            "-v", "--verbose", action="store_true", default=argparse.SUPPRESS, help="print more about what happens"
+        )
 
-    def add_later(self, add: Callable[[], None]) -> None:
-        """Add flags of settings (``--group.field``) once one is given, or all are asked for."""
-        if not self._later:
+    def defer(self, add: Callable[[], None]) -> None:
+        """Add flags of settings (``--group.field``) once one is given, or help about all is asked for."""
+        if not self._deferred:
             self.add_argument(
-                ALL_SETTINGS, action=_AllHelp, nargs=0, help="explain the settings of all stages too, and exit"
+                ALL_SETTINGS, action=_HelpWithSettings, nargs=0, help="explain the settings of all stages too, and exit"
             )
-        self._later.append(add)
-
-    def add_all(self) -> None:
-        """Add now what was to be added later."""
-        later, self._later = self._later, []
-        for add in later:
-            add()
+        self._deferred.append(add)
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """As argparse does."""
         words = list(sys.argv[1:] if args is None else args)
-        if any(_names_setting(word) for word in words):
-            self.add_all()
-        self.usage = self.usage or " ".join(("%(prog)s", *self._needed()))
+        if any(_is_setting(word) for word in words):
+            deferred, self._deferred = self._deferred, []
+            for add in deferred:
+                add()
+        self.usage = self.usage or " ".join(("%(prog)s", *self._required()))
         return super().parse_known_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
@@ -45,26 +41,24 @@ class CommandParser(argparse.ArgumentParser):
         self.print_usage(sys.stderr)
         self.exit(2, f"{self.prog}: error: {message}\n'{self.prog} --help' explains it\n")
 
-    def _needed(self) -> list[str]:
+    def _required(self) -> list[str]:
         """Flags and arguments that must be given, as they are written."""
-        places = [action for action in self._actions if not action.option_strings]
+        positional = [_argument(action) for action in self._actions if not action.option_strings]
         flags = [action for action in self._actions if action.option_strings and action.required]
-        written = [_place(action) for action in places]
-        written += [f"{action.option_strings[0]} {_value(action)}" for action in flags]
-        return [*written, "[options]"]
+        return [*positional, *(f"{action.option_strings[0]} {_value(action)}" for action in flags), "[options]"]
 
 
-class _AllHelp(argparse.Action):
+class _HelpWithSettings(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         parser.print_help()
         parser.exit()
 
 
-def _names_setting(word: str) -> bool:
+def _is_setting(word: str) -> bool:
     return word == ALL_SETTINGS or (word.startswith("--") and "." in word.partition("=")[0])
 
 
-def _place(action: argparse.Action) -> str:
+def _argument(action: argparse.Action) -> str:
     name = _value(action)
     return {"?": f"[{name}]", "*": f"[{name} ...]", "+": f"{name} ..."}.get(str(action.nargs), name)
 
@@ -72,13 +66,12 @@ def _place(action: argparse.Action) -> str:
 def _value(action: argparse.Action) -> str:
     if isinstance(action.metavar, tuple):
         return " ".join(action.metavar)
-    return action.metavar or (
-        "{" + ",".join(map(str, action.choices)) + "}" if action.choices is not None else action.dest.upper()
-    )
+    choices = None if action.choices is None else "{" + ",".join(map(str, action.choices)) + "}"
+    return action.metavar or choices or action.dest.upper()
 
 
-THE_WAY = """\
-bodycam: motion capture from body-mounted cameras. The way through:
+STEPS = """\
+bodycam: motion capture from body-mounted cameras. The steps:
 
   1. Photograph the place, an AprilTag board on its floor, and make a map of it:
        bodycam map REFERENCE_DIR -o MAP

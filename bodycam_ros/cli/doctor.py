@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_map, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
@@ -36,7 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="RECORDING",
         help="ros2 bag folder or .mcap file, or a video or a folder with videos",
     )
-    parser.add_argument("--map", type=Path, help="reference map: how many images will find themselves?")
+    add_map(parser, required=False)
     parser.add_argument("--body", type=Path, help="body YAML: are all its cameras there?")
     parser.add_argument(
         "--rig",
@@ -45,11 +45,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "with the N-pose, was every joint moved?",
     )
     parser.add_argument("--board", type=Path, help="AprilTag board, is it seen? (default: board.yaml beside RECORDING)")
-    parser.add_argument("--cameras", type=Path, metavar="DIR", help="lens YAMLs of videos (default: beside them)")
+    add_lenses(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_jobs(parser, "threads")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, _settings)
+    add_config(parser, _settings)
     parser.set_defaults(run=run)
 
 
@@ -61,10 +60,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     settings = settings_from_flags(arguments, _settings(), arguments.config)
     given = DoctorInput(
-        arguments.recording, arguments.map, arguments.body, arguments.rig, arguments.board, arguments.cameras
+        arguments.recording, arguments.map, arguments.body, arguments.rig, arguments.board, arguments.lenses
     )
     with shown_progress() as progress:
-        findings = examine(given, settings, max(1, arguments.jobs), progress)
+        findings = examine(given, settings, arguments.jobs, progress)
     light = worst(findings)
     if arguments.json:
         said = [{**asdict(finding), "light": finding.light.word} for finding in findings]

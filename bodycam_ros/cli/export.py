@@ -1,4 +1,4 @@
-"""bodycam export: what was solved, or a body, in the format of another program.
+"""bodycam export: a solved recording, or a body, in the format of another program.
 
 Several recordings are written into a folder, a file each.
 """
@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.cli.export_robot import ROBOT, run_robot
+from bodycam_ros.cli.options import add_config, add_output
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import offer_settings
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.axes import UP_AXES
 from bodycam_ros.formats.bone_names import BONE_NAMES
@@ -41,42 +41,43 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="bag that 'bodycam replay' wrote, or for urdf and mjcf a body file, YAML or URDF",
     )
     parser.add_argument("--to", choices=sorted([*FORMATS, ROBOT]), required=True, help="format to write")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help="file to write; of several recordings a folder"
-    )
-    parser.add_argument("--force", action="store_true", help="replace what is there already, if it is of this format")
+    add_output(parser, "FILE", "file to write; a folder for several recordings", "files of this format")
     parser.add_argument(
         "--rate",
         type=float,
         metavar="HZ",
-        help=f"instants a second, at most {HIGHEST_RATE:g}, interpolated on SO(3); without, those that were solved"
-        f"{_heeding('rate')}",
+        help=f"frames a second, at most {HIGHEST_RATE:g}, interpolated on SO(3) (default: the solved ones)"
+        f"{_formats_with('rate')}",
     )
     parser.add_argument(
         "--pose",
         choices=REST_POSES,
-        help=f"rest pose: arms down (N, else), out (T), between (A){_heeding('pose')}",
+        help=f"rest pose: arms down (N, the default), out (T), between (A){_formats_with('pose')}",
     )
-    parser.add_argument("--up", choices=UP_AXES, help=f"axis that is up{_heeding('up')}")
+    parser.add_argument("--up", choices=UP_AXES, help=f"axis that is up{_formats_with('up')}")
     parser.add_argument(
-        "--scale", type=float, metavar="UNITS", help=f"units to a metre, 100 for centimetres{_heeding('scale')}"
+        "--scale", type=float, metavar="UNITS", help=f"units per metre, 100 for centimetres{_formats_with('scale')}"
     )
-    parser.add_argument("--names", choices=BONE_NAMES, help=f"whose names bones have{_heeding('names')}")
+    parser.add_argument("--names", choices=BONE_NAMES, help=f"naming convention of bones{_formats_with('names')}")
     parser.add_argument(
-        "--segment", metavar="NAME", help=f"segment or camera to write, or all; without, the root{_heeding('segment')}"
+        "--segment",
+        metavar="NAME",
+        help=f"segment or camera, or all (default: the root){_formats_with('segment')}",
     )
     parser.add_argument(
         "--mass",
         type=float,
         metavar="KG",
-        help=f"mass of the whole person: links get an inertial, by de Leva 1996; without, none{_heeding('mass')}",
+        help=f"mass of the whole person: links get an inertial, by de Leva 1996 (default: none){_formats_with('mass')}",
     )
-    parser.add_argument("--urdf", type=Path, metavar="FILE", help=f"robot that is to follow ({ROBOT})")
+    parser.add_argument("--urdf", type=Path, metavar="FILE", help=f"the robot ({ROBOT})")
     parser.add_argument(
-        "--mapping", type=Path, metavar="YAML", help=f"which of its links follow what, see config/robot ({ROBOT})"
+        "--mapping",
+        type=Path,
+        metavar="YAML",
+        help=f"links of the robot and their segments, as in config/robot ({ROBOT})",
     )
-    parser.add_argument("--config", type=Path, help=f"ROS parameter YAML with settings; flags win over it ({ROBOT})")
-    offer_settings(parser, lambda: RobotSettings)
+    add_config(parser, lambda: RobotSettings)
     parser.set_defaults(run=run)
 
 
@@ -96,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
         return run_robot(arguments, options)
     of_robot = [name for name in vars(arguments) if name in ("urdf", "mapping", "config") or "." in name]
     if given := [f"--{name}" for name in of_robot if getattr(arguments, name) is not None]:
-        raise SettingsError(f"{', '.join(given)} says nothing to {arguments.to}; {ROBOT} heeds it")
+        raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
     check_output(output, sources, makes_folders=len(sources) > 1)
     if len(sources) == 1:
         written = export(sources[0], arguments.to, output, arguments.force, options, _Bars())
@@ -115,5 +116,5 @@ class _Bars:
             yield advance
 
 
-def _heeding(option: str) -> str:
+def _formats_with(option: str) -> str:
     return f" ({', '.join(name for name, form in FORMATS.items() if option in form.options)})"

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from rich.table import Table
 
+from bodycam_ros.cli.options import settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import settings_from_flags
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.options import MotionOptions
 from bodycam_ros.output_place import check_output
@@ -23,13 +23,17 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     """Run the command.
 
     Raises:
-        SettingsError: the robot or the mapping is not given, or something that says nothing to it is.
+        SettingsError: the robot or the mapping is missing, or an option of other formats is given.
         BodycamError: as of ``write_robot``.
     """
     if lacking := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is None]:
-        raise SettingsError(f"--to {ROBOT} needs {' and '.join(lacking)}: which robot, and which links follow what")
+        raise SettingsError(
+            f"--to {ROBOT} needs {' and '.join(lacking)}: the robot, and the segments that its links follow"
+        )
     if options.given:
-        raise SettingsError(f"{', '.join(f'--{name}' for name in options.given)} says nothing to {ROBOT}")
+        raise SettingsError(
+            f"{', '.join(f'--{name}' for name in options.given)} has no effect on {ROBOT}; leave it out"
+        )
     if len(arguments.sources) > 1:
         raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
     check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping, arguments.config))

@@ -1,15 +1,13 @@
 """bodycam ingest: videos of cameras in, one bag out, and a report of how their clocks go."""
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.table import Column, Table
 
-from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
+from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_output, settings_from_flags
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import OutputError
 from bodycam_ros.ingest.clock_settings import IngestSettings
 from bodycam_ros.output_place import check_output
@@ -17,9 +15,6 @@ from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
-
-Advance = Callable[[str, float], None]
-"""Called with the name of a step and the share of it that is done, 0 to 1."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -32,17 +27,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="FILES_OR_FOLDER",
         help="a video per camera, named after it (chapters of a camera are joined), or folders with videos or images",
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="BAG", help="ros2 bag folder to write")
-    parser.add_argument(
-        "--cameras",
-        type=Path,
-        metavar="DIR",
-        help="folder with each camera's lens YAML (default: beside its video)",
+    add_output(
+        parser,
+        "BAG",
+        "ros2 bag folder to write, and beside it BAG_timing with table and picture of the clocks",
+        "BAG, if an ingest wrote it, and its report",
     )
+    add_lenses(parser)
     parser.add_argument("--rig", type=Path, help="rig YAML: which cameras there should be, and on which segments")
-    parser.add_argument(
-        "--report", type=Path, metavar="DIR", help="folder for table and picture of the clocks (default: BAG_timing)"
-    )
     times = parser.add_mutually_exclusive_group()
     times.add_argument(
         "--synchronous", action="store_true", help="cameras are genlocked: all files start with the same frame"
@@ -55,10 +47,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--scale", type=float, default=1.0, help="reduce frames to this share of their size, lenses too (%(default)s)"
     )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
-    parser.add_argument("--force", action="store_true", help="replace BAG if an ingest wrote it, and its report")
     add_jobs(parser, "threads")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, lambda: IngestSettings)
+    add_config(parser, lambda: IngestSettings)
     parser.set_defaults(run=run)
 
 
@@ -71,32 +61,34 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
 
     settings = settings_from_flags(arguments, IngestSettings, arguments.config)
-    report: Path = arguments.report or arguments.output.with_name(f"{arguments.output.name}_timing")
+    report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
-    cameras, faults = find_cameras(arguments.videos, arguments.cameras, arguments.rate, arguments.scale)
+    cameras, faults = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
     if rig is not None:
         there = {camera.name for camera in cameras}
         lacking = [camera for camera in rig.cameras if camera not in there]
         faults += [f"camera {camera}: is in {arguments.rig}, but has no video that can be used" for camera in lacking]
-    with _shown_progress() as advance:
+    with shown_progress() as progress:
         if arguments.synchronous:
             offsets = synchronous_offsets([camera.name for camera in cameras])
         elif arguments.offsets is not None:
             offsets = read_offsets(arguments.offsets, [camera.name for camera in cameras])
         else:
-            offsets = find_offsets(cameras, rig, settings.clocks, lambda *of: advance(of[0], of[1] / max(1, of[2])))
+            offsets = find_offsets(
+                cameras, rig, settings.clocks, lambda step, n, total: progress.show(step, n / max(1, total))
+            )
         summary = ingest(
             cameras,
             offsets.times,
             arguments.output,
             as_jpeg=arguments.jpeg,
-            jobs=max(1, arguments.jobs),
+            jobs=arguments.jobs,
             force=arguments.force,
-            on_progress=lambda share: advance("writing", share),
+            on_progress=lambda share: progress.show("writing", share),
         )
         write_timing_report(offsets, report)
-        faults += lens_remarks(cameras, lambda done, of: advance("comparing lenses", done / max(1, of)))
+        faults += lens_remarks(cameras, lambda done, total: progress.show("comparing lenses", done / max(1, total)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
     console.print(timing_table(offsets))
@@ -116,7 +108,7 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     """Refuse what cannot be written, or must not be replaced, before the work."""
     from bodycam_ros.recording.bag_writer import INGEST, check_replaceable
 
-    inputs = (*arguments.videos, arguments.cameras, arguments.rig, arguments.config, arguments.offsets)
+    inputs = (*arguments.videos, arguments.lenses, arguments.rig, arguments.config, arguments.offsets)
     if not 0.05 <= arguments.scale <= 1.0:
         raise OutputError(f"--scale must be from 0.05 to 1, not {arguments.scale:g}")
     if arguments.rate is not None and not 0.0 < arguments.rate <= 1000.0:
@@ -126,22 +118,7 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
         check_replaceable(arguments.force, arguments.output, INGEST)
     check_output(report, (*inputs, arguments.output))
     if report.exists() and not (report.is_dir() and arguments.force):
-        raise OutputError(f"{report}: exists already; give another folder with --report, or replace it with --force")
-
-
-@contextmanager
-def _shown_progress() -> Iterator[Advance]:
-    """A progress bar on the terminal for each step."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Terminal(stderr=True), transient=True) as progress:
-        tasks: dict[str, TaskID] = {}
-
-        def advance(step: str, share: float) -> None:
-            if step not in tasks:
-                tasks[step] = progress.add_task(step, total=1.0)
-            progress.update(tasks[step], completed=share)
-
-        yield advance
+        raise OutputError(f"{report}: exists already; choose another BAG, or replace it with --force")
 
 
 def _table(summary: "IngestSummary") -> Table:

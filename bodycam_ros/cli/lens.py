@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
+from bodycam_ros.cli.options import add_config, add_output, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.errors import OutputError
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.output_place import check_file, check_output
@@ -37,8 +37,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--board", type=Path, required=True, metavar="YAML", help="what the board is; see docs/board.md"
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="LENS.yaml", help="file to write, and beside it LENS.png"
+    add_output(
+        parser,
+        "LENS.yaml",
+        "file to write, and beside it LENS.png",
+        "LENS.yaml of bodycam lens, and LENS.png",
     )
     parser.add_argument(
         "--model",
@@ -47,9 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="camera model; auto: the one that explains pictures left out best (%(default)s)",
     )
     parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
-    parser.add_argument("--force", action="store_true", help="replace LENS.yaml if bodycam lens wrote it, and LENS.png")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, lambda: LensCalibrationSettings)
+    add_config(parser, lambda: LensCalibrationSettings)
     parser.set_defaults(run=run)
 
 

@@ -1,26 +1,25 @@
 """bodycam map: photographs of a place in, or a video of a walk through it, a reference map out."""
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.map_from_bag import known_distances
-from bodycam_ros.cli.map_source import add_source_flags, check_source, photographs_of
+from bodycam_ros.cli.map_source import add_source_flags, check_source, known_distances, opened_photographs
+from bodycam_ros.cli.options import add_config, add_jobs, add_output, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import add_jobs, offer_settings, settings_from_flags
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.build import BuiltMap
-    from bodycam_ros.mapping.coverage import Coverage
     from bodycam_ros.mapping.map_settings import MapSettings
 
-_MORE = "'bodycam map check MAP' says what a map covers; a folder that is named check is given as ./check."
+_MORE = "'bodycam map check MAP' measures what a map covers; a folder that is named check is given as ./check."
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -33,13 +32,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="description of the AprilTag board (default: board.yaml in REFERENCE_DIR, or beside VIDEO or BAG)",
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="MAP", help="map folder to write")
-    parser.add_argument(
-        "--force", action="store_true", help="replace MAP, and DIR of --keep-frames, if it is there already"
-    )
+    add_output(parser, "MAP", "map folder to write", "MAP, and DIR of --keep-frames,")
     add_jobs(parser, "threads")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, _settings)
+    add_config(parser, _settings)
     parser.set_defaults(run=run)
 
 
@@ -47,40 +42,42 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # COLMAP and matplotlib take a second to load; the other commands and --help do without.
     from bodycam_ros.mapping.build import build_map
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, measure_coverage, with_coverage
-    from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import check_replaceable
 
-    settings = settings_from_flags(arguments, MapSettings, arguments.config)
+    output: Path = arguments.output
+    settings = settings_from_flags(arguments, _settings(), arguments.config)
     sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
-    inputs = (*sources, arguments.board, arguments.model, arguments.config)
-    check_output(arguments.output, inputs)
-    check_replaceable(arguments.output, arguments.force)
+    check_output(output, (*sources, arguments.board, arguments.colmap, arguments.config))
+    check_replaceable(output, arguments.force)
     check_source(arguments)
-    with (
-        shown_progress() as progress,
-        photographs_of(arguments, settings, progress) as photographs,
-    ):
+    with shown_progress() as progress, opened_photographs(arguments, settings, progress) as photographs:
         board_path = None if arguments.no_board else arguments.board or photographs.board_path
-        built = build_map(
-            photographs,
-            board_path,
-            arguments.model,
-            settings,
-            max(1, arguments.jobs),
-            progress,
-            known_distances(arguments),
-        )
+        distances = known_distances(arguments)
+        built = build_map(photographs, board_path, arguments.colmap, settings, arguments.jobs, progress, distances)
         coverage = measure_coverage(built.reference_map, progress)
     built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
-    name = f"Coverage of {printable(arguments.output.name)}"
+    title = f"Coverage of {printable(output.name)}"
     built.save(
-        arguments.output,
+        output,
         force=arguments.force,
-        also=lambda folder: draw_coverage(coverage, built.reference_map, folder / COVERAGE_FILE, name),
+        also=lambda folder: draw_coverage(coverage, built.reference_map, folder / COVERAGE_FILE, title),
     )
-    _report(built, coverage, arguments.output)
+    terminal = Terminal()
+    for table in _tables(built):
+        terminal.print(table)
+    reference_map = built.reference_map
+    lines = (
+        f"{sum(r.registered for r in built.registrations)} of {len(built.registrations)} photographs registered",
+        f"{len(reference_map.landmark_ids)} landmarks with {len(reference_map.descriptors)} descriptors",
+        ", ".join(f"{step} {took:.0f} s" for step, took in built.seconds.items()),
+        _scale_line(built),
+        _vertical_line(built),
+        *coverage_lines(coverage, reference_map),
+        f"written to {output}; coverage is drawn in {output / COVERAGE_FILE}",
+    )
+    terminal.print("\n".join(lines), soft_wrap=True)
     return 0
 
 
@@ -90,47 +87,20 @@ def _settings() -> "type[MapSettings]":
     return MapSettings
 
 
-def _report(built: "BuiltMap", coverage: "Coverage", path: Path) -> None:
-    """Print what a person wants to know before trusting a map."""
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines
-
-    console = Terminal()
+def _tables(built: "BuiltMap") -> Iterator[Table]:
     table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
-    for r in built.registrations:
-        table.add_row(
-            r.name,
-            "yes" if r.registered else "NO",
-            str(r.landmarks),
-            f"{r.error_px:.2f}" if r.landmarks else "",
-            str(r.tags),
-        )
-    console.print(table)
-    if built.residual is not None:
+    for each in built.registrations:
+        error = f"{each.error_px:.2f}" if each.landmarks else ""
+        table.add_row(each.name, "yes" if each.registered else "NO", str(each.landmarks), error, str(each.tags))
+    yield table
+    if (residual := built.residual) is not None:
         board = Table("tag", "photographs", "residual [px]", "residual [mm]", title="board")
-        for tag, views in built.residual.views_of_tag.items():
-            rms_mm = built.residual.rms_of_tag_mm.get(tag)
-            board.add_row(
-                str(tag),
-                str(views),
-                f"{built.residual.rms_of_tag_px[tag]:.3f}",
-                "" if rms_mm is None else f"{rms_mm:.2f}",
-            )
-        board.add_row("all", "", f"{built.residual.rms_px:.3f}", f"{built.residual.rms_mm:.2f}")
-        console.print(board)
-
-    m = built.reference_map
-    registered = sum(r.registered for r in built.registrations)
-    seconds = ", ".join(f"{step} {took:.0f} s" for step, took in built.seconds.items())
-    lines = [
-        f"{registered} of {len(built.registrations)} photographs registered",
-        f"{len(m.landmark_ids)} landmarks with {len(m.descriptors)} descriptors",
-        seconds,
-        _scale_line(built),
-        _upright_line(built),
-        *coverage_lines(coverage, m),
-        f"written to {path}; what it covers is drawn in {path / COVERAGE_FILE}",
-    ]
-    console.print("\n".join(lines), soft_wrap=True)
+        for tag, views in residual.views_of_tag.items():
+            rms_mm = residual.rms_of_tag_mm.get(tag)
+            text_mm = "" if rms_mm is None else f"{rms_mm:.2f}"
+            board.add_row(str(tag), str(views), f"{residual.rms_of_tag_px[tag]:.3f}", text_mm)
+        board.add_row("all", "", f"{residual.rms_px:.3f}", f"{residual.rms_mm:.2f}")
+        yield board
 
 
 def _scale_line(built: "BuiltMap") -> str:
@@ -140,14 +110,12 @@ def _scale_line(built: "BuiltMap") -> str:
     if known is None:
         return "metric, by the board"
     if built.residual is None:
-        return (
-            f"metric, by a known distance: lengths are known to +- {100 * known.sigma:.1f} %; a board tells them better"
-        )
+        return f"metric, by a known distance: scale +- {100 * known.sigma:.1f} %; a board is more accurate"
     share, sigma = 100 / known.scale, 100 * known.sigma
     return f"metric, by the board; in it the known distance is {share:.1f} % of what was measured, +- {sigma:.1f} %"
 
 
-def _upright_line(built: "BuiltMap") -> str:
+def _vertical_line(built: "BuiltMap") -> str:
     if built.floor is not None:
         return f"z is up, if the floor is level: {built.floor.landmarks} landmarks lie on it"
-    return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: no board says what is"
+    return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: there is no board"

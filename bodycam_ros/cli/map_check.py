@@ -17,7 +17,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser = subparsers.add_parser("map check", description=__doc__)
     parser.add_argument("map", type=Path, metavar="MAP", help="folder made by 'bodycam map'")
     parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="draw it: directions, and places from above")
-    parser.add_argument("--force", action="store_true", help="replace PNG if it is there already")
+    parser.add_argument("--force", action="store_true", help="replace PNG if it exists already")
     parser.set_defaults(run=run)
 
 

@@ -1,19 +1,19 @@
-"""What ``bodycam map`` makes a map of: photographs, or the sharp frames of a video or of one camera of a bag."""
+"""The images of ``bodycam map``: photographs, sharp frames of a video or of one camera of a bag, or body cameras."""
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.map_from_bag import add_worn_flags, check_worn, worn_photographs_of
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.output_place import check_output
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
+    from bodycam_ros.mapping.known_distance import KnownDistance
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
@@ -23,7 +23,7 @@ _BAG_FILE = "metadata.yaml"
 
 
 def add_source_flags(parser: argparse.ArgumentParser) -> None:
-    """Add SOURCE and what says how to read it."""
+    """Add SOURCE, --from-bag and their options."""
     parser.add_argument(
         "source",
         type=Path,
@@ -36,103 +36,160 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         "--camera",
         type=Path,
         metavar="YAML",
-        help="lens, as camera_info YAML (default: REFERENCE_DIR/camera.yaml, VIDEO with the suffix .yaml, or what the "
-        "bag says)",
+        help="lens, as camera_info YAML (default: REFERENCE_DIR/camera.yaml, VIDEO with the suffix .yaml, or the "
+        "camera_info of the bag)",
     )
     parser.add_argument(
         "--topic", help="images of the camera in BAG that was carried, as /hand/image_raw/compressed (the only one)"
     )
+    parser.add_argument("--keep-frames", type=Path, metavar="DIR", help="keep the frames, as a REFERENCE_DIR")
     parser.add_argument(
-        "--keep-frames", type=Path, metavar="DIR", help="keep the frames that were taken, as a REFERENCE_DIR to be"
-    )
-    parser.add_argument(
-        "--model",
+        "--colmap",
         type=Path,
         metavar="COLMAP_DIR",
-        help="take over this COLMAP model of the same photographs, and its camera where they have no camera.yaml",
+        help="use this COLMAP model of the same photographs, and its camera where they have no camera.yaml",
     )
-    add_worn_flags(parser)
+    body = parser.add_argument_group("a map from body cameras")
+    body.add_argument(
+        "--from-bag", type=Path, metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion"
+    )
+    body.add_argument("--rig", type=Path, help="with --from-bag: the body cameras (default: all in the bag)")
+    body.add_argument(
+        "--known-distance",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("CAMERA", "CAMERA", "METRES"),
+        help="with --from-bag: measured distance between the lenses of two cameras on one segment; it scales the map "
+        "where no board is in view. The farther apart the better; may be given several times",
+    )
 
 
 def check_source(arguments: argparse.Namespace) -> None:
     """Refuse flags that do not go together, before the work.
 
     Raises:
-        MapError: there is no source, or a flag that it has no use for.
+        MapError: there is no source, or a flag that does not apply to it.
         OutputError: the frames cannot be kept where they should.
     """
     from bodycam_ros.mapping.frame_choice import check_frames_replaceable
 
-    check_worn(arguments)
-    if arguments.source is not None and not arguments.source.exists():
+    source: Path | None = arguments.source
+    if arguments.from_bag is not None:
+        if source is not None:
+            raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
+        for flag in ("topic", "camera", "keep_frames", "colmap"):
+            if getattr(arguments, flag) is not None:
+                name = f"--{flag.replace('_', '-')}"
+                raise MapError(f"{name} does not go with --from-bag, which takes all body cameras as the bag has them")
+        known_distances(arguments)
+        return
+    for flag in ("rig", "known_distance"):
+        if getattr(arguments, flag):
+            raise MapError(f"--{flag.replace('_', '-')} is for the body cameras of a recording; give --from-bag")
+    if source is None:
+        raise MapError("give REFERENCE_DIR, VIDEO or BAG, or --from-bag BAG, to make a map of")
+    if not source.exists():
         raise MapError(
-            f"{arguments.source}: no such folder or file; expected a folder with photographs and camera.yaml, a video, "
-            "or a bag"
+            f"{source}: no such folder or file; expected a folder with photographs and camera.yaml, a video, or a bag"
         )
-    moving = arguments.source is not None and is_moving(arguments.source)
-    if arguments.topic is not None and not is_bag(arguments.source):
-        raise MapError(f"{arguments.source}: is no bag, so it has no topic {arguments.topic}; leave --topic out")
+    if arguments.topic is not None and not _is_bag(source):
+        raise MapError(f"{source}: is no bag, so it has no topic {arguments.topic}; leave --topic out")
     if arguments.keep_frames is not None:
-        if not moving:
-            raise MapError(f"{arguments.source}: is no video or bag; --keep-frames is for frames of these")
-        check_output(arguments.keep_frames, (arguments.source, arguments.camera, arguments.board, arguments.config))
+        if not _is_recording(source):
+            raise MapError(f"{source}: is no video or bag; --keep-frames is for frames of these")
+        check_output(arguments.keep_frames, (source, arguments.camera, arguments.board, arguments.config))
         check_output(arguments.output, (arguments.keep_frames,))
         check_frames_replaceable(arguments.keep_frames, arguments.force)
-    if arguments.model is not None:
-        if moving:
-            raise MapError("--model is of photographs; give their folder, not a video or bag")
-        if not arguments.model.is_dir():
-            raise MapError(f"{arguments.model}: is no folder; give that of a COLMAP model (cameras, images, points3D)")
+    if arguments.colmap is not None:
+        if _is_recording(source):
+            raise MapError("--colmap is a model of photographs; give their folder, not a video or bag")
+        if not arguments.colmap.is_dir():
+            raise MapError(f"{arguments.colmap}: is no folder; give that of a COLMAP model (cameras, images, points3D)")
+
+
+def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
+    """Those of --known-distance.
+
+    Raises:
+        MapError: one of them is no number, or between cameras on different segments.
+    """
+    from bodycam_ros.calibration.rig import Rig
+    from bodycam_ros.mapping.known_distance import KnownDistance
+
+    rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
+    distances = []
+    for first, second, text in arguments.known_distance:
+        try:
+            metres = float(text)
+        except ValueError as error:
+            raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
+        if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
+            raise MapError(
+                f"--known-distance {first} {second}: {arguments.rig} has no camera {unknown[0]}; it has "
+                f"{', '.join(sorted(rig.cameras))}"
+            )
+        if rig and rig.cameras[first] != rig.cameras[second]:
+            raise MapError(
+                f"--known-distance {first} {second}: they are on different segments by {arguments.rig}, so their "
+                "distance changes; measure one between cameras on the same segment"
+            )
+        distances.append(KnownDistance(first, second, metres))
+    return tuple(distances)
 
 
 @contextmanager
-def photographs_of(
+def opened_photographs(
     arguments: argparse.Namespace, settings: "MapSettings", progress: Progress
 ) -> "Iterator[Photographs]":
-    """The photographs, whatever they come from; those that were taken of a recording are gone when the block ends.
+    """The photographs; frames of a recording are removed when the block ends, unless they are kept.
 
     Raises:
-        BodycamError: the source cannot be read, or makes no photographs.
+        BodycamError: the source cannot be read, or has no usable images.
     """
+    from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.lens.compared_lens import compare_lens
     from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-    from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera
+    from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera, open_body_cameras
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
 
+    source: Path = arguments.from_bag or arguments.source
+    if not _is_recording(source):
+        yield find_photographs(source, arguments.camera, arguments.colmap)
+        return
+    board = source.resolve().parent / BOARD_FILE
+    pairs: list[tuple[str, str]] = []
+    cameras: Mapping[str, MovingCamera]
     if arguments.from_bag is not None:
-        with worn_photographs_of(arguments, settings, progress) as worn:
-            yield worn
-        return
-    source: Path = arguments.source
-    if not is_moving(source):
-        yield find_photographs(source, arguments.camera, arguments.model)
-        return
-    camera: MovingCamera
-    if is_bag(source):
-        camera = BagCamera(source, arguments.topic, arguments.camera)
+        body_cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
+        pairs = [(known.first, known.second) for known in known_distances(arguments)]
+        cameras = open_body_cameras(source, body_cameras, [camera for pair in pairs for camera in pair])
+        name = source.resolve().name
     else:
-        camera = VideoCamera(source, arguments.camera)
-    compare_lens(camera)
+        is_bag = _is_bag(source)
+        camera = (
+            BagCamera(source, arguments.topic, arguments.camera) if is_bag else VideoCamera(source, arguments.camera)
+        )
+        compare_lens(camera)
+        cameras, name = {camera.name: camera}, camera.name
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        folder: Path = arguments.keep_frames or scratch / "frames"
-        board = source.resolve().parent / BOARD_FILE
         yield keep_sharp_frames(
-            {camera.name: camera},
-            folder,
-            camera.name,
+            cameras,
+            arguments.keep_frames or scratch / "frames",
+            name,
             settings.frames,
-            max(1, arguments.jobs),
+            arguments.jobs,
             progress,
             board if board.is_file() else None,
+            pairs,
             force=arguments.force,
         )
 
 
-def is_bag(source: Path) -> bool:
+def _is_bag(source: Path) -> bool:
     """Whether a path is a ros2 bag: a folder with its metadata, or one of its files."""
     return source.suffix.lower() in _BAG_SUFFIXES or (source / _BAG_FILE).is_file()
 
 
-def is_moving(source: Path) -> bool:
-    """Whether a path is a recording, and no folder of photographs."""
-    return is_bag(source) or source.is_file()
+def _is_recording(source: Path) -> bool:
+    return _is_bag(source) or source.is_file()

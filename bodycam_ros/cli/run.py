@@ -1,29 +1,26 @@
-"""bodycam run: all steps for a folder of recordings; what is done is left alone."""
+"""bodycam run: all steps for a folder of recordings; steps that are done are left alone."""
 
 import argparse
-import shlex
 from pathlib import Path
 
-from bodycam_ros.cli.settings_flags import add_jobs
-from bodycam_ros.shown import printable
-from bodycam_ros.study.steps import LAYOUT, DoneSteps, RecordingFolder, Step, state_of, steps_of
+from bodycam_ros.cli.options import add_jobs
+from bodycam_ros.cli.study import run_steps
+from bodycam_ros.study.recording_folder import LAYOUT, SOLVED, list_missing, read_recording_folder
+from bodycam_ros.study.step_runner import WRONG_RESULT
 from bodycam_ros.terminal import Terminal
 
 _END = f"""
 A RECORDING_DIR holds
 
 {LAYOUT}
-It runs the same commands that you could run by hand, and says which. It may be
-interrupted, and goes on with the step it was at. A step is done again where its
-command, a setting, or what it reads has changed. The picture of a take to look
-at is solved/takes/NAME/report/summary.png.
+It runs the same commands that you could run by hand, and prints them. It may be
+interrupted, and continues with the step it was at. A step runs again where its
+command, a setting, or an input has changed. The picture of a take to look at is
+solved/takes/NAME/report/summary.png.
 
 Exit code: 0 if all is done, 3 if a result should not be used, 1 if a step failed
 or something is missing, 128 + the number of the signal that ended it.
 """
-
-_SIGNALLED = 128
-_WRONG_RESULT = 3
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -32,55 +29,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "run", description=__doc__, epilog=_END, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", type=Path, metavar="RECORDING_DIR", help="folder with the recordings, as below")
-    parser.add_argument("--dry-run", action="store_true", help="only say which steps would be taken")
+    parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
     add_jobs(parser, "processes and threads")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    folder = RecordingFolder.look_into(arguments.folder)
-    done = DoneSteps(folder.solved / "steps")
+    from bodycam_ros.study.study import study_steps
+
+    study = read_recording_folder(arguments.folder)
+    solved = arguments.folder / SOLVED
+    steps = study_steps(study, solved)
+    notes, failures = run_steps(steps, solved, arguments.jobs, arguments.dry_run, logs=None)
     terminal = Terminal()
-    codes: list[int] = []
-    made: set[Path] = set()
-    failed: set[Path] = set()
-    for step in steps_of(folder):
-        if failed & set(step.inputs):
-            terminal.print(f"{step.name}: not possible, because a step before it failed", style="red")
-            failed.add(step.output)
-            continue
-        code = done.exit_code(step, anew=bool(made & set(step.inputs)))
-        if code is not None:
-            terminal.print(f"{step.name}: is done", style="green")
-        else:
-            made.add(step.output)
-            terminal.print(printable(f"{step.name}: bodycam {shlex.join(step.words)}"), style="bold", soft_wrap=True)
-            code = 0 if arguments.dry_run else _run(step, done, max(1, arguments.jobs))
-        if code >= _SIGNALLED:
-            return code
-        if code not in (0, _WRONG_RESULT):
-            failed.add(step.output)
-        codes.append(code)
-    for lack in folder.missing():
-        terminal.print(f"missing in {folder.path}: {lack}", style="red", soft_wrap=True)
-    if failed or folder.missing():
+    missing = list_missing(study)
+    for lack in missing:
+        terminal.print(f"missing in {arguments.folder}: {lack}", style="red", soft_wrap=True)
+    if failures or missing:
         return 1
-    if not arguments.dry_run:
-        for take in folder.takes:
-            terminal.print(
-                f"{take.name}: {folder.solved / 'takes' / take.name / 'report' / 'summary.png'}", soft_wrap=True
-            )
-    return _WRONG_RESULT if _WRONG_RESULT in codes else 0
-
-
-def _run(step: Step, done: DoneSteps, jobs: int) -> int:
-    """Run a step's command, as a person would, and note it if it came to its end."""
-    from bodycam_ros.cli.main import main
-
-    state = state_of(step)
-    step.output.parent.mkdir(parents=True, exist_ok=True)
-    code = main([*step.words, *(("--jobs", str(jobs)) if step.is_parallel else ())])
-    if code in (0, _WRONG_RESULT):
-        done.note(step, state, code)
-    return code
+    if arguments.dry_run:
+        return 0
+    for step in steps:
+        if step.stage == "evaluate":
+            terminal.print(f"{step.name.partition(':')[0]}: {step.output / 'summary.png'}", soft_wrap=True)
+    return WRONG_RESULT if any(notes.exit_code(step) == WRONG_RESULT for step in steps) else 0

@@ -1,14 +1,13 @@
-"""bodycam stations: where the static cameras of a recording stand in a map, found by what they see of the place."""
+"""bodycam stations: poses of a recording's static cameras in a map, by the landmarks that they see."""
 
 import argparse
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.settings_flags import offer_settings, settings_from_flags
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
@@ -22,13 +21,11 @@ if TYPE_CHECKING:
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("stations", description=__doc__)
-    parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
-    parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="YAML", help="file of cameras to write")
-    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="those that stand (default: all that do not move)")
-    parser.add_argument("--force", action="store_true", help="replace YAML if this command wrote it")
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    offer_settings(parser, _settings)
+    add_recording(parser)
+    add_map(parser)
+    add_output(parser, "YAML", "file of cameras to write")
+    parser.add_argument("--cameras", nargs="+", metavar="NAME", help="static cameras (default: all that do not move)")
+    add_config(parser, _settings)
     parser.set_defaults(run=run)
 
 
@@ -37,9 +34,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.offline.outside_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-    from bodycam_ros.static_cameras.stations_file import MARK, StationsSettings, write_stations
+    from bodycam_ros.static_cameras.stations_file import MARK, write_stations
 
-    settings = settings_from_flags(arguments, StationsSettings, arguments.config)
+    settings = settings_from_flags(arguments, _settings(), arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
     check_file(arguments.output, arguments.force, MARK.encode(), "file of static cameras that this command wrote")
     reference_map = ReferenceMap.load(arguments.map)
@@ -49,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     with open_recording(arguments.recording) as recording, shown_progress() as progress:
         cameras = list(dict.fromkeys(arguments.cameras or recording.cameras))
         for name in cameras:
-            recording.image_count(name)  # or it is none of the recording's
+            recording.image_count(name)  # raises if the recording has no such camera
         with progress.step("cameras", len(cameras)) as advance:
             for camera in place_stations(recording, cameras, reference_map, settings):
                 if isinstance(camera, UnplacedCamera):
@@ -83,12 +80,6 @@ def _table(found: "Iterable[RegisteredStation]") -> Table:
     for column in ("images", "landmarks", "error [px]", "sigma [mm]", "sigma [deg]"):
         table.add_column(column, justify="right")
     for camera in found:
-        table.add_row(
-            camera.station.name,
-            f"{camera.images} of {camera.asked}",
-            str(camera.landmarks),
-            f"{camera.error_px:.2f}",
-            f"{camera.sigma_mm:.1f}",
-            f"{camera.sigma_deg:.3f}",
-        )
+        cells = (f"{camera.images} of {camera.asked}", str(camera.landmarks), f"{camera.error_px:.2f}")
+        table.add_row(camera.station.name, *cells, f"{camera.sigma_mm:.1f}", f"{camera.sigma_deg:.3f}")
     return table

@@ -1,8 +1,7 @@
-"""bodycam study: all steps for many recordings, as a Snakemake workflow; what is done is left alone."""
+"""bodycam study: all steps for many recordings, on all cores; steps that are done are left alone."""
 
 import argparse
-import os
-import time
+import shlex
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -11,31 +10,30 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from bodycam_ros.cli.settings_flags import positive
+from bodycam_ros.cli.options import add_jobs
+from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
-    from bodycam_ros.study.corrected_bodies import CorrectedBodies
-    from bodycam_ros.study.snakemake_process import SnakemakeProcess
+    from bodycam_ros.study.done_steps import DoneSteps
+    from bodycam_ros.study.step_runner import StepEnd
     from bodycam_ros.study.study import StudySteps
     from bodycam_ros.study.study_report import RecordingResult
-    from bodycam_ros.study.workflow_folder import WorkflowFolder
 
 _END = """
-STUDY.yaml says who was recorded where, as docs/study.md describes. The commands of
-each step, in DIR/steps.json, are those that 'bodycam run' takes for one folder;
-DIR/Snakefile runs them, also without this command. It may be interrupted, and goes
-on where it was. A step is done again where its command, a setting, this software
-or what it reads has changed. A recording that fails is named, the others go on.
+STUDY.yaml lists who was recorded where, as docs/study.md describes. The commands
+are those of 'bodycam run'; --dry-run prints them, for a cluster say. It may be
+interrupted, and continues where it was. A step runs again where its command, a
+setting, this software or an input has changed. A recording that fails is named,
+the others go on.
 
-DIR/study.html is the page to look at first; DIR/logs says what each step said.
+DIR/study.html is the page to look at first; DIR/logs has what each step printed.
 
 Exit code: 0 if all is done, 3 if a result should not be used, 1 if a recording
 failed, 128 + the number of the signal that ended it.
 """
 
-_WRONG_RESULT = 3
-_STYLES = {"good": "green", "doubtful": "yellow", "wrong": "bold red", "failed": "bold red", "not done": "red"}
+_STYLES = {"good": "green", "doubtful": "yellow", "wrong": "bold red", "failed": "bold red"}
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -45,125 +43,97 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("study", type=Path, metavar="STUDY.YAML", help="which recordings, of whom, where")
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="folder for all that is made (default: STUDY, beside the file)"
+        "-o", "--output", type=Path, metavar="DIR", help="folder for all results (default: STUDY, beside the file)"
     )
-    parser.add_argument("--cores", type=positive, default=os.cpu_count() or 1, help="to be used (default: all)")
-    parser.add_argument(
-        "--profile",
-        metavar="slurm|DIR",
-        help="run the steps on a cluster: slurm writes DIR/profiles/slurm/config.yaml, to be completed by partition "
-        "and account; or a folder with a Snakemake profile",
-    )
-    parser.add_argument("--dry-run", action="store_true", help="only say which steps would be taken")
-    parser.add_argument("--report-only", action="store_true", help="only write the page of what is done by now")
+    parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
+    add_jobs(parser, "processes at a time")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.study.corrected_bodies import CorrectedBodies
-    from bodycam_ros.study.job_resources import JobResources
-    from bodycam_ros.study.snakemake_process import SnakemakeProcess, check_snakemake, profile_folder
+    from bodycam_ros.study.step_runner import WRONG_RESULT
     from bodycam_ros.study.study import study_steps
-    from bodycam_ros.study.study_file import read_study
-    from bodycam_ros.study.workflow_folder import WorkflowFolder, folder_of, stages_of, study_lock
+    from bodycam_ros.study.study_file import check_results_folder, read_study
+    from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report
 
     study = read_study(arguments.study)
-    folder = WorkflowFolder.at(arguments.output or folder_of(arguments.study), study)
-    steps = study_steps(study, folder.path)
-    if arguments.report_only:
-        return _report(folder, steps)
-    check_snakemake("snakemake_executor_plugin_slurm" if arguments.profile == "slurm" else None)
-    if arguments.profile is None:
-        resources = JobResources.on_this_machine(arguments.cores, stages_of(steps), study.resources)
-        words = ["--cores", str(arguments.cores), "--resources", f"mem_mb={resources.limit_mb}"]
-    else:
-        resources = JobResources.on_a_cluster(study.resources)
-        words = ["--profile", str(profile_folder(arguments.profile, folder.path))]
-    folder.path.mkdir(parents=True, exist_ok=True)
-    with study_lock(folder.path) as lock:
-        folder.write(steps, resources)
-        process = SnakemakeProcess(folder.path, words, lock.descriptor)
-        if lock.is_left:
-            process.unlock()
-            Terminal(stderr=True).print(f"{folder.path}: unlocked, because a run before was killed", style="yellow")
-        bodies = CorrectedBodies(folder.path)
-        bodies.check(steps)
-        if arguments.dry_run:
-            return _tell_plan(process)
-        if bodies.changed(steps):
-            bodies.check_planned(steps, _plan(process))
-        _run(process, folder, steps, bodies)
-    return _report(folder, steps)
-
-
-def _plan(process: "SnakemakeProcess") -> list[str]:
-    """Names of the steps that would be taken."""
-    with closing(process.run(dry=True)) as all_news:
-        return [news.name for news in all_news]
-
-
-def _tell_plan(process: "SnakemakeProcess") -> int:
-    """Say what would be done."""
-    planned = _plan(process)
-    for name in planned:
-        Terminal().print(name, soft_wrap=True)
-    Terminal().print(f"{len(planned)} steps would be taken" if planned else "everything is done")
-    return 0
-
-
-def _run(process: "SnakemakeProcess", folder: "WorkflowFolder", steps: "StudySteps", bodies: "CorrectedBodies") -> None:
-    """Run it, with a line a job that has ended."""
-    from bodycam_ros.study.study_report import failure_of
-
-    by_name = {step.name: step for step in steps}
-    begun: dict[str, float] = {}
-    terminal = Terminal(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with (
-        Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as bars,
-        closing(process.run()) as all_news,
-    ):
-        task = bars.add_task("steps", total=len(by_name))
-        for news in all_news:
-            step, now = by_name[news.name], time.monotonic()
-            if news.state == "begun":
-                begun[news.name] = now
-                bars.update(task, total=process.jobs)
-                continue
-            if news.state == "done":
-                bodies.note(step)
-                line, style = f"done in {now - begun[news.name]:.0f} s", "green"
-            else:
-                line, style = f"FAILED: {failure_of(folder, step)}", "bold red"
-            terminal.print(f"{news.name}: {line}", style=style, soft_wrap=True)
-            bars.advance(task)
-
-
-def _report(folder: "WorkflowFolder", steps: "StudySteps") -> int:
-    """Write the page and print its table."""
-    from bodycam_ros.study.study_report import PAGE, counted, results_of, told_failure, write_study_report
-
-    results = results_of(folder.study, folder, steps)
-    write_study_report(folder.study.path.stem, results, folder.path)
+    path: Path = arguments.study
+    beside = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_study")
+    folder = check_results_folder(arguments.output or beside, study)
+    steps = study_steps(study, folder)
+    notes, failures = run_steps(steps, folder, arguments.jobs, arguments.dry_run, logs=folder / "logs")
+    if arguments.dry_run:
+        return 0
+    results = read_results(study, steps, notes, failures)
+    write_study_report(path.stem, results, folder)
     terminal = widened(Terminal())
     terminal.print(_table(results))
     for result in results:
-        if result.failed is not None:
-            step, why = told_failure(result)
-            terminal.print(f"{result.recording.name}: {step}: {why}", style="red", soft_wrap=True)
-    terminal.print(f"{counted(results)}; written to {folder.path / PAGE}", soft_wrap=True)
-    if any(result.failed is not None for result in results):
+        if result.failure is not None:
+            line = f"{result.recording.name}: {result.failure.step.name}: {result.failure.failure}"
+            terminal.print(line, style="red", soft_wrap=True)
+    terminal.print(f"{count_verdicts(results)}; written to {folder / PAGE}", soft_wrap=True)
+    if any(result.failure is not None for result in results):
         return 1
-    return _WRONG_RESULT if any(result.verdict == "wrong" for result in results) else 0
+    return WRONG_RESULT if any(result.verdict == "wrong" for result in results) else 0
+
+
+def run_steps(
+    steps: "StudySteps", folder: Path, jobs: int, dry_run: bool, logs: Path | None
+) -> "tuple[DoneSteps, dict[str, StepEnd]]":
+    """Run the steps that are not done, with a line for each.
+
+    Args:
+        folder: of the results.
+        logs: folder for what the steps print; without it they print to the terminal, one after another.
+
+    Returns:
+        Notes of the steps that are done, and name -> end of those that failed.
+    """
+    from bodycam_ros.study.done_steps import DoneSteps
+    from bodycam_ros.study.step_runner import StepEnd, StepRunner, study_lock
+
+    notes, terminal = DoneSteps(folder / "steps"), Terminal()
+    planned = notes.steps_to_run(steps)
+    names = {step.name for step in planned}
+    for step in steps:
+        if step.name not in names:
+            terminal.print(f"{step.name}: is done", style="green")
+        elif dry_run:
+            terminal.print(printable(f"{step.name}: bodycam {shlex.join(step.words)}"), soft_wrap=True)
+    failures: dict[str, StepEnd] = {}
+    if dry_run or not planned:
+        return notes, failures
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    hidden = logs is None or not Terminal(stderr=True).is_terminal
+    with (
+        study_lock(folder) as lock,
+        Progress(*columns, console=Terminal(stderr=True), transient=True, disable=hidden) as bars,
+        closing(StepRunner(notes, jobs, logs, lock).run(planned)) as events,
+    ):
+        task = bars.add_task("steps", total=len(planned))
+        for event in events:
+            if not isinstance(event, StepEnd):
+                if logs is None:
+                    line = printable(f"{event.name}: bodycam {shlex.join(event.words)}")
+                    terminal.print(line, style="bold", soft_wrap=True)
+                continue
+            bars.advance(task)
+            if event.failure is None:
+                terminal.print(f"{event.step.name}: done in {event.seconds:.0f} s", style="green")
+            else:
+                failures[event.step.name] = event
+                terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red", soft_wrap=True)
+    return notes, failures
 
 
 def _table(results: "Sequence[RecordingResult]") -> Table:
-    from bodycam_ros.study.study_report import shown_columns
+    from bodycam_ros.study.study_report import known_columns
 
-    columns = shown_columns(results)
+    columns = known_columns(results)
     table = Table("recording", "subject", "place", "verdict", *(column.heading for column in columns))
     for result in results:
-        cells = (result.recording.name, result.recording.subject, result.recording.place, result.verdict)
-        table.add_row(*cells, *(column.cell(result) for column in columns), style=_STYLES.get(result.verdict))
+        cells = (column.cell(result) for column in columns)
+        table.add_row(*result.names, *cells, style=_STYLES.get(result.verdict))
     return table

@@ -1,6 +1,7 @@
-"""Tables that 'bodycam evaluate' prints of a recording's figures."""
+"""Tables of an evaluation's figures, and the verdict, on the terminal."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
@@ -9,216 +10,217 @@ from rich.text import Text
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import Level, Verdict
 
+if TYPE_CHECKING:
+    from bodycam_ros.evaluate.gait import Gait
 
-def camera_table(cameras: Mapping[str, Any], styles: Mapping[str, str]) -> Table:
-    """What worn cameras knew; of those the verdict names, in its style."""
-    with_pixels = any("reprojection_px" in camera for camera in cameras.values())
-    with_light = any("brightness" in camera for camera in cameras.values())
-    caption = (
-        "lost: the longest time without a pose; motion: of the picture from image to image, 95th percentile; "
-        "gap: from the registered to the solved pose, median"
-    )
-    if with_pixels:
-        caption += "; error: of landmarks in the solved pose, median"
-    if with_light:
-        caption += "; light: the brightest over the darkest"
-    table = Table(title="cameras", caption=caption)
-    table.add_column("camera", no_wrap=True)
-    columns = ("images", "registered", "lost [s]", "tracks", "landmarks", "motion [px]", "gap [mm]", "gap [deg]")
-    for column in (*columns, *(("error [px]",) if with_pixels else ()), *(("light",) if with_light else ())):
-        table.add_column(column, justify="right")
-    for name, camera in cameras.items():
-        lost_s = camera["longest_lost_s"]
-        row = [
-            str(camera["images"]),
-            f"{camera['registered']:.1%}",
-            f"{lost_s:.2f}" if lost_s else "",
-            _number(camera["tracks"], 0),
-            _number(camera["landmarks"], 0),
-            _number(camera["image_motion_px"]["p95"], 1),
-            _number(camera["position_gap_mm"]["median"], 1),
-            _number(camera["rotation_gap_deg"]["median"], 2),
-        ]
-        if with_pixels:
-            row.append(_number(camera.get("reprojection_px", {}).get("median"), 2))
-        if with_light:
-            row.append(_number(camera.get("brightness", {}).get("range"), 2))
-        table.add_row(name, *row, style=styles.get(name, None if camera["registered"] > 0.0 else "red"))
-    return table
+Rows = Mapping[str, Mapping[str, Any]]
 
 
-def station_table(stations: Mapping[str, Any]) -> Table:
-    """What static cameras saw."""
-    table = Table(
-        title="static cameras",
-        caption="seen: share of the images that tell where a segment is; confidence: share of the contour that does",
-    )
-    table.add_column("camera", no_wrap=True)
-    for column in ("images", "seen", "segments", "confidence"):
-        table.add_column(column, justify="right")
-    for name, station in stations.items():
-        seen, segments, confidence = (station[key] for key in ("seen", "segments", "confidence"))
-        row = (str(station["images"]), f"{seen:.1%}", f"{segments:.1f}", f"{confidence:.1%}")
-        table.add_row(name, *row, style=None if seen else "red")
-    return table
+@dataclass(frozen=True)
+class FigureTable:
+    """A table whose rows are figures by name.
+
+    Attributes:
+        heading: of the column with the names.
+        columns: heading, path of the figure ("image_motion_px.p95") and format of each; one without figures is left
+            out.
+    """
+
+    title: str
+    heading: str
+    columns: Sequence[tuple[str, str, str]]
+    caption: str | None = None
+
+    def fill(self, rows: Rows, styles: Mapping[str, str | None] | None = None) -> Table:
+        """The table of some rows; figures that are None or NaN are empty cells."""
+        table = Table(title=self.title, caption=self.caption)
+        table.add_column(self.heading, no_wrap=True)
+        columns = [[_cell(row, path, form) for row in rows.values()] for _, path, form in self.columns]
+        shown = [index for index, cells in enumerate(columns) if any(cells)]
+        for index in shown:
+            table.add_column(self.columns[index][0], justify="right")
+        for number, name in enumerate(rows):
+            table.add_row(name, *(columns[index][number] for index in shown), style=(styles or {}).get(name))
+        return table
 
 
-def clock_table(cameras: Mapping[str, Any]) -> Table:
-    """How far clocks were off."""
-    table = Table(title="clocks", caption="ahead of the recording's time (+) or behind, as corrected; at last if set")
-    table.add_column("camera", no_wrap=True)
-    for column in ("clock [ms]", "+-", "drift [ppm]", "+-", "became another at [s]", "read-out [ms]", "+-"):
-        table.add_column(column, justify="right")
-    for name, camera in cameras.items():
-        if (clock := camera.get("clock")) is None:
-            continue
-        table.add_row(
-            name,
-            _number(clock["ahead_ms"], 1),
-            _number(clock["ahead_sigma_ms"], 1),
-            _number(clock["drift_ppm"], 0),
-            _number(clock["drift_sigma_ppm"], 0),
-            " ".join(_number(seconds, 1) for seconds in clock["held_from_s"]),
-            _number(clock["readout_ms"], 2),
-            _number(clock["readout_sigma_ms"], 2),
-            style="bold" if clock["is_off"] else None,
-        )
-    return table
+def _cell(row: Mapping[str, Any], path: str, form: str) -> str:
+    value: Any = row
+    for key in path.split("."):
+        value = value.get(key) if isinstance(value, Mapping) else None
+    if value is None or value != value:
+        return ""
+    return value if isinstance(value, str) else f"{value:{form}}"
 
 
-def body_table(figures: Mapping[str, Any]) -> Table:
-    """What the solver itself believes."""
-    table = _spread_table("body")
-    for name, key in (
-        ("root position sigma [mm]", "root_position_sigma_mm"),
-        ("root rotation sigma [deg]", "root_rotation_sigma_deg"),
-        ("jitter of segments [mm]", "jitter_mm"),
-    ):
-        _add_spread(table, name, figures[key])
-    return table
+_CAMERAS = FigureTable(
+    "cameras",
+    "camera",
+    (
+        ("images", "images", "d"),
+        ("registered", "registered", ".1%"),
+        ("lost [s]", "longest_lost_s", ".2f"),
+        ("tracks", "tracks", ".0f"),
+        ("landmarks", "landmarks", ".0f"),
+        ("motion [px]", "image_motion_px.p95", ".1f"),
+        ("gap [mm]", "position_gap_mm.median", ".1f"),
+        ("gap [deg]", "rotation_gap_deg.median", ".2f"),
+        ("error [px]", "reprojection_px.median", ".2f"),
+        ("light", "brightness.range", ".2f"),
+    ),
+    "lost: the longest time without a pose; motion: of the picture from image to image, 95th percentile; gap: from the "
+    "registered to the solved pose, median; error: of landmarks in the solved pose, median; light: brightest over "
+    "darkest",
+)
+_STATIONS = FigureTable(
+    "static cameras",
+    "camera",
+    (
+        ("images", "images", "d"),
+        ("observed", "seen", ".1%"),
+        ("segments", "segments", ".1f"),
+        ("confidence", "confidence", ".1%"),
+    ),
+    "observed: share of the images that measure a segment's pose; confidence: share of the contour that does",
+)
+_CLOCKS = FigureTable(
+    "clocks",
+    "camera",
+    (
+        ("offset [ms]", "clock.ahead_ms", ".1f"),
+        ("+-", "clock.ahead_sigma_ms", ".1f"),
+        ("drift [ppm]", "clock.drift_ppm", ".0f"),
+        ("+-", "clock.drift_sigma_ppm", ".0f"),
+        ("set at [s]", "clock.set", ""),
+        ("read-out [ms]", "clock.readout_ms", ".2f"),
+        ("+-", "clock.readout_sigma_ms", ".2f"),
+    ),
+    "offset: ahead of the recording's time (+) or behind, corrected; the last one if the clock was set",
+)
+_SPREAD = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
+_SLIDING = FigureTable(
+    "sliding of feet in stance",
+    "foot",
+    (
+        ("stances", "stances", "d"),
+        ("stance [s]", "standing_s", ".2f"),
+        ("mean [mm]", "mean_mm", ".2f"),
+        ("max [mm]", "max_mm", ".2f"),
+        ("path [mm]", "way_mm", ".2f"),
+    ),
+    "horizontal distance of heel or ball from its mean position in a stance; path: its length in a stance",
+)
+_CONSTRAINTS = FigureTable(
+    "with and without equipment",
+    "",
+    (
+        ("with: mean", "with.mean", ".2f"),
+        ("max", "with.max", ".2f"),
+        ("without: mean", "without.mean", ".2f"),
+        ("max", "without.max", ".2f"),
+    ),
+    "distance from where the equipment holds a point",
+)
+_ATTACHMENTS = (
+    ("active", "held", ".1%"),
+    ("mean [mm]", "deviation_mm.mean", ".1f"),
+    ("p95 [mm]", "deviation_mm.p95", ".1f"),
+    ("max [mm]", "deviation_mm.max", ".1f"),
+    ("apart [mm]", "apart_mm.median", ".1f"),
+    ("released [s]", "released", ""),
+)
+_LENGTHS = FigureTable(
+    "estimated lengths of the equipment", "length", (("value [mm]", "value_mm", ".1f"), ("+-", "sigma_mm", ".1f"))
+)
+_JOINTS = FigureTable(
+    "joints against the truth, mean",
+    "segment",
+    (
+        ("position [cm]", "position_cm", ".3f"),
+        ("angle [deg]", "angle_deg", ".3f"),
+        ("rotation [deg]", "rotation_deg", ".3f"),
+    ),
+)
+_AGREEMENT = tuple((name, name, ".2f") for name in ("mean", "median", "sd", "min", "max"))
+_MAX_STRETCHES = 3
 
 
-def sliding_table(figures: Mapping[str, Any]) -> Table:
-    """Feet by stances of their own, and by those of the truth."""
-    table = Table(
-        title="sliding of standing feet",
-        caption="horizontal distance of heel or ball from its mean place in a stance; way: how long it is in a stance",
-    )
-    table.add_column("foot", no_wrap=True)
-    for column in ("stances", "standing [s]", "mean [mm]", "max [mm]", "way [mm]"):
-        table.add_column(column, justify="right")
+def figure_tables(figures: Mapping[str, Any], verdict: Verdict) -> Iterator[Table]:
+    """Tables of the figures of ``evaluate.summary``, those of cameras coloured by the verdict."""
+    if cameras := figures["cameras"]:
+        unregistered = {name: None if camera["registered"] > 0.0 else "red" for name, camera in cameras.items()}
+        yield _CAMERAS.fill(cameras, unregistered | camera_styles(verdict))
+    if stations := figures.get("stations"):
+        yield _STATIONS.fill(stations, {name: None if each["seen"] else "red" for name, each in stations.items()})
+    clocks = {name: dict(camera["clock"]) for name, camera in cameras.items() if camera.get("clock") is not None}
+    if clocks:
+        for clock in clocks.values():
+            clock["set"] = " ".join(f"{seconds:.1f}" for seconds in clock["held_from_s"])
+        styles = {name: "bold" if clock["is_off"] else None for name, clock in clocks.items()}
+        yield _CLOCKS.fill({name: {"clock": clock} for name, clock in clocks.items()}, styles)
+    body = ("root_position_sigma_mm", "root_rotation_sigma_deg", "jitter_mm")
+    yield FigureTable("body", "measure", _SPREAD).fill({_words(name): figures[name] for name in body})
+    if "equipment" in figures:
+        yield from equipment_tables(figures["equipment"])
+    if figures["sliding"].get("all", {"stances": 0})["stances"]:
+        yield _SLIDING.fill(_sliding_rows(figures))
+    if "truth" in figures:
+        truth = figures["truth"]
+        yield _JOINTS.fill(truth["per_joint"])
+        errors = ("position_cm", "sim_position_cm", "angle_deg", "rotation_deg")
+        rows = {_words(name).replace("sim position", "position, scale fitted"): truth[name] for name in errors}
+        yield FigureTable("against the truth", "measure", _SPREAD).fill(rows)
+    elif "agreement" in figures:
+        yield _agreement_table(figures["agreement"])
+    if "constraints" in figures:
+        yield _CONSTRAINTS.fill(figures["constraints"]["measures"])
+
+
+def _words(name: str) -> str:
+    what, _, unit = name.rpartition("_")
+    return f"{what.replace('_', ' ')} [{unit}]"
+
+
+def _sliding_rows(figures: Mapping[str, Any]) -> Rows:
     rows = dict(figures["sliding"])
-    for foot, of in figures.get("sliding_against_truth", {}).items():
-        rows |= {
-            f"{foot} while the true one stands": of["solved"],
-            f"{foot}, the true one": of["true"],
-            f"{foot} beyond the true one": of["beyond"],
-        }
-    for name, sliding in rows.items():
-        lengths = (_number(sliding[key], 2) for key in ("mean_mm", "max_mm", "way_mm"))
-        table.add_row(name, str(sliding["stances"]), _number(sliding["standing_s"], 2), *lengths)
-    return table
+    for foot, against in figures.get("sliding_against_truth", {}).items():
+        rows[f"{foot}, in the true stances"] = against["solved"]
+        rows[f"{foot}, the true one"] = against["true"]
+        rows[f"{foot}, beyond the true one"] = against["beyond"]
+    return rows
 
 
-def constraint_table(constraints: Mapping[str, Any]) -> Table:
-    """What is held, with the equipment and without."""
-    table = Table(title="with and without equipment", caption="distance from where the equipment holds a point")
-    table.add_column("")
-    for column in ("with: mean", "max", "without: mean", "max"):
-        table.add_column(column, justify="right")
-    for name, both in constraints["measures"].items():
-        cells = (_number(both[which][of], 2) for which in ("with", "without") for of in ("mean", "max"))
-        table.add_row(name, *cells)
-    return table
-
-
-def joint_table(truth: Mapping[str, Any]) -> Table:
-    """Errors per joint."""
-    table = Table(title="joints against the truth, mean")
-    table.add_column("segment")
-    for column in ("position [cm]", "angle [deg]", "rotation [deg]"):
-        table.add_column(column, justify="right")
-    for name, joint in truth["per_joint"].items():
-        table.add_row(name, *(_number(joint.get(key), 3) for key in ("position_cm", "angle_deg", "rotation_deg")))
-    return table
-
-
-def truth_table(truth: Mapping[str, Any]) -> Table:
-    """Errors overall."""
-    table = _spread_table("against the truth")
-    for name, key in (
-        ("position [cm]", "position_cm"),
-        ("position, scale fitted [cm]", "sim_position_cm"),
-        ("angle [deg]", "angle_deg"),
-        ("rotation [deg]", "rotation_deg"),
-    ):
-        _add_spread(table, name, truth[key])
-    return table
-
-
-def _spread_table(title: str) -> Table:
-    table = Table(title=title)
-    table.add_column("measure")
-    for column in ("mean", "median", "p95", "max"):
-        table.add_column(column, justify="right")
-    return table
-
-
-def _add_spread(table: Table, name: str, spread: Mapping[str, float | None]) -> None:
-    table.add_row(name, *(_number(spread[column], 3) for column in ("mean", "median", "p95", "max")))
-
-
-def _number(value: float | None, decimals: int) -> str:
-    return "" if value is None else f"{value:.{decimals}f}"
-
-
-_MOST_STRETCHES = 3
+def _agreement_table(agreement: Mapping[str, Any]) -> Table:
+    """Errors as the paper states them; the report has those per plane."""
+    rows = {"joint position [cm]": agreement["position_cm"], "joint angle [deg]": agreement["angle_deg"]}
+    rows |= {f"{name} [cm]": point["position_cm"] for name, point in agreement["points"].items()}
+    caption = "per joint and plane, with pictures, in report.html"
+    table = FigureTable(f"against {agreement['with']}", "error", _AGREEMENT, caption)
+    return table.fill({name: spread for name, spread in rows.items() if spread is not None})
 
 
 def equipment_tables(figures: Mapping[str, Any]) -> Iterator[Table]:
     """A table of the attachments, and one of the lengths that were estimated, if any.
 
     Args:
-        figures: of ``equipment_figures``; what is unknown may be None or NaN.
+        figures: of ``equipment_figures``.
     """
     placed_s = figures["placed_from_s"]
     placed = "never placed" if placed_s is None else f"placed from {placed_s:.2f} s"
-    table = Table(
-        title=f"equipment {figures['name']}",
-        caption=f"{placed}; held: share of the instants; mean, p95, max: distance between the points while it held; "
-        "apart: while it did not, median",
+    caption = (
+        f"{placed}; active: share of the frames; mean, p95, max: distance of the points while active; apart: while "
+        "released, median"
     )
-    table.add_column("attachment", no_wrap=True)
-    for column in ("held", "mean [mm]", "p95 [mm]", "max [mm]", "apart [mm]", "let go [s]"):
-        table.add_column(column, justify="right")
-    for name, each in figures["attachments"].items():
-        deviation = (_equipment_number(each["deviation_mm"][key]) for key in ("mean", "p95", "max"))
-        apart = _equipment_number(each["apart_mm"]["median"])
-        table.add_row(name, f"{each['held']:.1%}", *deviation, apart, _stretches(each["let_go_s"]))
-    yield table
+    rows = {name: {**each, "released": _stretches(each["let_go_s"])} for name, each in figures["attachments"].items()}
+    yield FigureTable(f"equipment {figures['name']}", "attachment", _ATTACHMENTS, caption).fill(rows)
     if figures["lengths"]:
-        table = Table(title="lengths of it that were unknown")
-        table.add_column("length", no_wrap=True)
-        for column in ("value [mm]", "+-"):
-            table.add_column(column, justify="right")
-        for name, length in figures["lengths"].items():
-            table.add_row(name, _equipment_number(length["value_mm"]), _equipment_number(length["sigma_mm"]))
-        yield table
+        yield _LENGTHS.fill(figures["lengths"])
 
 
 def _stretches(stretches: Sequence[Sequence[float]]) -> str:
-    told = [f"{start:.2f} to {end:.2f}" for start, end in stretches[:_MOST_STRETCHES]]
-    more = len(stretches) - len(told)
-    return ", ".join(told) + (f" and {more} more" if more else "")
-
-
-def _equipment_number(value: float | None) -> str:
-    # NaN alone differs from itself.
-    return "" if value is None or value != value else f"{value:.1f}"
-
-
-if TYPE_CHECKING:
-    from bodycam_ros.evaluate.gait import Gait
+    shown = [f"{start:.2f} to {end:.2f}" for start, end in stretches[:_MAX_STRETCHES]]
+    more = len(stretches) - len(shown)
+    return ", ".join(shown) + (f" and {more} more" if more else "")
 
 
 def gait_table(gait: "Gait", true: "Gait | None") -> Table:
@@ -242,7 +244,7 @@ _STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red
 
 
 def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
-    """Print the verdict and a line for each finding, coloured where the terminal can."""
+    """Print a line for each finding and the verdict."""
     for finding in verdict.findings:
         line = Text.assemble((f"{finding.level.word}: ", _STYLES[finding.level]), finding.text)
         terminal.print(line, soft_wrap=True)
@@ -250,7 +252,7 @@ def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
 
 
 def camera_styles(verdict: Verdict) -> dict[str, str]:
-    """Camera that was found at fault -> the style of its row in a table."""
+    """Camera with a finding -> the style of its row in a table."""
     # The worst comes first and stays.
     return {finding.camera: _STYLES[finding.level] for finding in reversed(verdict.findings)}
 

@@ -130,7 +130,7 @@ class Agreement:
             found.append(
                 f"the scale is {100.0 * (self.scale - 1.0):+.1f} %, expected {100.0 * _LARGEST_SCALE:.0f} % or less"
             )
-        remedy = "is it of the same recording and person, and is each point the right one (--names)?"
+        remedy = "is it of the same recording and person, and is each point the right one (--points)?"
         return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in found)
 
     @property

@@ -87,7 +87,7 @@ def agreement_lines(agreement: Agreement) -> list[str]:
         lines.append(f"The file does not say its unit; by the size of the body it is {unit}.")
     if agreement.left_out:
         some = ", ".join(agreement.left_out[:12]) + (" ..." if len(agreement.left_out) > 12 else "")
-        lines.append(f"Not compared, because nobody knows where they are (--names says it): {some}.")
+        lines.append(f"Not compared, because their position is unknown (give it with --points): {some}.")
     return lines
 
 

@@ -212,7 +212,7 @@ def _searched(used: Tracked, captured: CapturedMotion, with_distances: bool) -> 
     if found is None:
         raise RecordingError(
             f"{captured.path}: at no offset in time it shows the motion of this recording (of points "
-            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --names MAP.yaml says "
+            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml says "
             "which point is which, --clock shared that stamps are of one clock"
         )
     return found

@@ -182,7 +182,7 @@ def check_station(scene: OutsideScene, station: str) -> None:
     """
     if station not in scene.stations:
         raise StationError(
-            f"--video {shown(station)}: is no static camera that the recording has images of; there are "
+            f"--overlay-video {shown(station)}: is no static camera that the recording has images of; there are "
             f"{', '.join(scene.stations)}"
         )
 

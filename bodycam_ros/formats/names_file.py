@@ -155,7 +155,7 @@ def places_of(
         found = {name: place for name, place in (found | _told(names, captured, links, joints)).items() if place}
     if not found:
         raise RecordingError(
-            f"{captured.path}: none of its names is known ({_some(captured.points)}); say with --names MAP.yaml which "
+            f"{captured.path}: none of its names is known ({_some(captured.points)}); --points POINTS.yaml says which "
             f"of our segments each is: {_some(link for link in links if not link.endswith(CAMERA_SUFFIX))}"
         )
     return found

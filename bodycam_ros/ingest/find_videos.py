@@ -49,7 +49,7 @@ class CameraFiles:
                 return path
         raise LensError(
             f"there is no lens YAML for {self.paths[0]}; expected {' or '.join(map(str, searched))} (camera_info "
-            "YAML, as ROS calibration tools write it), or another folder with --cameras"
+            "YAML, as ROS calibration tools write it), or another folder with --lenses"
         )
 
 

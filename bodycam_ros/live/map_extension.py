@@ -50,7 +50,7 @@ class MapExtension(threading.Thread):
         config = Path(self._folder.name) / "settings.yaml"
         plain = json.loads(json.dumps(settings))  # lists instead of tuples
         config.write_text(yaml.safe_dump({"/**": {"ros__parameters": plain}}))
-        command = ["map", "extend", str(map_path), recording, "-o", output, "--config", str(config), "--tell"]
+        command = ["map", "extend", recording, "--map", str(map_path), "-o", output, "--config", str(config), "--json"]
         self._process = subprocess.Popen(
             [sys.executable, "-m", "bodycam_ros.cli.main", *command],
             stdin=subprocess.DEVNULL,

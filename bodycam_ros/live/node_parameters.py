@@ -24,9 +24,7 @@ class CommonParameters:
         reason="before the names of all frames but the map's, such as 'anna/', as robot_state_publisher has it: so "
         "several people share one map and one /tf; the node's namespace and a slash if empty, '/' for none",
     )
-    moments: str = setting(
-        "", reason="CSV file to be, of when each frame came and went; 'bodycam latency' tells from it what takes long"
-    )
+    moments: str = setting("", reason="CSV file to be, of when each frame came and went; benchmarks.latency reads it")
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Many recordings as one workflow: the same commands as by hand, run by Snakemake, and a page over all of them."""
+"""All steps for a folder of recordings, or for many recordings; what is done for the present inputs is left alone."""

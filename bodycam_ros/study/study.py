@@ -1,12 +1,10 @@
-"""A study: who was recorded where, and what is to be made of it. ``docs/study.md`` describes the file that says it."""
+"""A study: which people were recorded where, and the steps from there to reports and exports."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from bodycam_ros.study.steps import (
-    Source,
     Step,
     body_step,
     evaluate_step,
@@ -16,52 +14,76 @@ from bodycam_ros.study.steps import (
     replay_step,
 )
 
-STAGES = ("map", "ingest", "body", "replay", "evaluate", "export")
-"""In their order; each is a command of ``bodycam`` and a rule of the workflow."""
+_BAG_FILE, _BAG_SUFFIXES = "metadata.yaml", (".mcap", ".db3")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording as it was made.
+
+    Attributes:
+        path: bag, or folder of videos.
+        is_bag: it needs no ingest.
+    """
+
+    name: str
+    path: Path
+    is_bag: bool
+
+
+def find_source(path: Path) -> Source | None:
+    """The recording at a path; None if there is none, or it is hidden."""
+    if not path.exists() or path.name.startswith("."):
+        return None
+    is_bag = path.suffix in _BAG_SUFFIXES or (path / _BAG_FILE).is_file()
+    return Source(path.stem if path.is_file() else path.name, path, is_bag) if is_bag or path.is_dir() else None
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where people were recorded; one of the two is given.
+    """Where people were recorded.
 
     Attributes:
-        map: that is ready.
-        reference: photographs to make a map of.
+        map: an existing map.
+        reference: photographs to make a map of, where there is no ``map``.
+        folder: for the map, within that of the results.
     """
 
     name: str
     map: Path | None
     reference: Path | None
+    folder: Path
 
 
 @dataclass(frozen=True)
 class Subject:
-    """Who was recorded.
+    """A recorded person.
 
     Attributes:
-        body: that is ready.
-        rig: which camera is on which segment; where there is no body it is needed.
-        rom: the range of motion to make a body of.
+        body: an existing body.
+        rig: which camera is on which segment; needed to make a body.
+        rom: the range of motion to make a body of, where there is no ``body``.
         place: name of the place where that was recorded.
+        folder: for the body, within that of the results.
     """
 
     name: str
     body: Path | None
     rig: Path | None
     rom: Source | None
-    place: str | None
+    place: str
+    folder: Path
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What is to be solved.
+    """A recording to solve.
 
     Attributes:
-        source: bag, or folder of videos; its name is that of the recording.
-        subject: name of who it is.
-        place: name of where it is.
-        truth: what it is to be measured against.
-        equipment: file, or name of what is supplied.
+        source: bag, or folder of videos; its name is that of the recording, unique in the study.
+        subject, place: names.
+        truth: reference for the evaluation.
+        equipment: file, or name of a supplied one.
     """
 
     source: Source
@@ -72,148 +94,114 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """Of the recording, unique in the study."""
+        """Of the recording."""
         return self.source.name
 
 
 @dataclass(frozen=True)
-class StageResources:
-    """What one job of a stage gets; None: what is usual.
-
-    Attributes:
-        threads: processes or threads.
-        memory_mb: [MB].
-    """
-
-    threads: int | None = None
-    memory_mb: int | None = None
-
-
-@dataclass(frozen=True)
 class Study:
-    """All of it.
+    """Everything that a study file, or the layout of a folder, describes.
 
     Attributes:
-        path: of the file.
-        places: by name.
-        subjects: by name.
-        recordings: in the order of the file.
-        settings: a ROS parameter file, or group -> setting -> value; None: defaults.
-        lenses: folder of lens files of videos.
+        path: of the file or folder.
+        places, subjects: by name; a single one without a name is "".
+        settings: ROS parameter file.
+        lenses: folder with lens files of the videos.
         exports: formats.
-        resources: stage -> what is said of it.
     """
 
     path: Path
     places: Mapping[str, Place]
     subjects: Mapping[str, Subject]
     recordings: tuple[Recording, ...]
-    settings: Path | Mapping[str, Any] | None
+    settings: Path | None
     lenses: Path | None
-    exports: tuple[str, ...]
-    resources: Mapping[str, StageResources]
+    exports: tuple[str, ...] = ()
 
     @property
     def inputs(self) -> tuple[Path, ...]:
         """Files and folders that are only read."""
-        found: list[Path | None] = [self.path, self.lenses, self.settings if isinstance(self.settings, Path) else None]
+        found: list[Path | str | None] = [self.path, self.lenses, self.settings]
         for place in self.places.values():
             found += [place.map, place.reference]
         for subject in self.subjects.values():
             found += [subject.body, subject.rig, subject.rom.path if subject.rom else None]
         for recording in self.recordings:
-            equipment = recording.equipment
-            found += [recording.source.path, recording.truth, equipment if isinstance(equipment, Path) else None]
-        return tuple(dict.fromkeys(path for path in found if path is not None))
-
-
-PLACES, SUBJECTS, TAKES, EXPORTS = "places", "subjects", "takes", "exports"
-"""Folders of the output: a folder each of places, subjects and recordings in them; of exports one a format."""
-
-SETTINGS = "settings.yaml"
-"""Name of the file that settings of the study file are written to."""
+            found += [recording.source.path, recording.truth, recording.equipment]
+        return tuple(dict.fromkeys(path for path in found if isinstance(path, Path)))
 
 
 @dataclass(frozen=True)
 class StudySteps:
-    """What is to be done.
+    """The steps by what they make: name -> steps, each after those whose outputs it reads."""
 
-    Attributes:
-        of_places: name -> its steps.
-        of_subjects: name -> its steps.
-        of_recordings: name -> its steps.
-    """
-
-    of_places: dict[str, list[Step]]
-    of_subjects: dict[str, list[Step]]
-    of_recordings: dict[str, list[Step]]
+    maps: dict[str, list[Step]]
+    bodies: dict[str, list[Step]]
+    recordings: dict[str, list[Step]]
 
     def __iter__(self) -> Iterator[Step]:
-        """All of them, each after those that it needs."""
-        for kind in (self.of_places, self.of_subjects, self.of_recordings):
+        """All of them, in an order in which they can run."""
+        for kind in (self.maps, self.bodies, self.recordings):
             for steps in kind.values():
                 yield from steps
 
-    def way_to(self, recording: Recording, subject: Subject) -> list[Step]:
-        """All steps that a recording needs, in their order."""
-        places = dict.fromkeys((*([subject.place] if subject.place else []), recording.place))
-        shared = [step for place in places for step in self.of_places[place]]
-        return [*shared, *self.of_subjects[subject.name], *self.of_recordings[recording.name]]
+    def path_to(self, recording: Recording, subject: Subject) -> list[Step]:
+        """All steps that a recording depends on, and its own, in their order."""
+        maps = [step for place in {subject.place, recording.place} for step in self.maps.get(place, ())]
+        return [*maps, *self.bodies[subject.name], *self.recordings[recording.name]]
 
 
 def study_steps(study: Study, folder: Path) -> StudySteps:
-    """The steps.
+    """Every step whose inputs exist or are the outputs of earlier steps.
 
     Args:
-        study: what is said.
-        folder: where everything goes that is made.
+        folder: for all results.
     """
-    settings = study.settings if study.settings is None or isinstance(study.settings, Path) else folder / SETTINGS
-    maps: dict[str, Path] = {}
     steps = StudySteps({}, {}, {})
+    maps: dict[str, Path | None] = {}
     for place in study.places.values():
-        made = steps.of_places[place.name] = []
-        if place.reference is not None:
-            made.append(map_step(f"{place.name}: map", place.reference, folder / PLACES / place.name / "map"))
-        maps[place.name] = made[0].output if made else place.map or Path()
-    bodies: dict[str, Path] = {}
+        made = steps.maps[place.name] = []
+        maps[place.name] = place.map
+        if place.map is None and place.reference is not None:
+            maps[place.name] = output = folder / place.folder / "map"
+            made.append(map_step(_named(place.name, "map"), place.reference, output))
+    bodies: dict[str, Path | None] = {}
     for subject in study.subjects.values():
-        made = steps.of_subjects[subject.name] = []
-        at = folder / SUBJECTS / subject.name
-        if subject.rom is not None and subject.rig is not None and subject.place is not None:
-            bag = _bag(
-                made, subject.rom, f"{subject.name}: ingest range of motion", at, study.lenses, subject.rig, settings
+        made = steps.bodies[subject.name] = []
+        bodies[subject.name] = subject.body
+        if subject.body is None and subject.rom is not None:
+            bag = folder / subject.folder / "rom"
+            bag = _add_ingest(
+                made, study, subject.rom, _named(subject.name, "ingest range of motion"), bag, subject.rig
             )
-            made.append(
-                body_step(f"{subject.name}: body", bag, maps[subject.place], subject.rig, at / "body.yaml", settings)
-            )
-        bodies[subject.name] = made[-1].output if made else subject.body or Path()
+            map_path = maps.get(subject.place)
+            if map_path is not None and subject.rig is not None:
+                bodies[subject.name] = output = folder / subject.folder / "body.yaml"
+                name = _named(subject.name, "body")
+                made.append(body_step(name, bag, map_path, subject.rig, output, study.settings))
     for recording in study.recordings:
-        name, at = recording.name, folder / TAKES / recording.name
-        made = steps.of_recordings[name] = []
+        name, results = recording.name, folder / "takes" / recording.name
+        made = steps.recordings[name] = []
         rig = study.subjects[recording.subject].rig
-        bag = _bag(made, recording.source, f"{name}: ingest", at, study.lenses, rig, settings)
-        body, out = bodies[recording.subject], at / "out"
-        made.append(
-            replay_step(f"{name}: replay", bag, maps[recording.place], body, out, settings, recording.equipment)
-        )
-        made.append(evaluate_step(f"{name}: evaluate", out, bag, at / "report", recording.truth))
+        bag = _add_ingest(made, study, recording.source, f"{name}: ingest", results / "bag", rig)
+        map_path, body, out = maps.get(recording.place), bodies[recording.subject], results / "out"
+        if map_path is None or body is None:
+            continue
+        made.append(replay_step(f"{name}: replay", bag, map_path, body, out, study.settings, recording.equipment))
+        made.append(evaluate_step(f"{name}: evaluate", out, bag, results / "report", recording.truth))
         for form in study.exports:
-            made.append(export_step(f"{name}: export {form}", out, folder / EXPORTS / form / f"{name}.{form}", form))
+            file = folder / "exports" / form / f"{name}.{form}"
+            made.append(export_step(f"{name}: export {form}", out, file, form))
     return steps
 
 
-def _bag(
-    made: list[Step],
-    source: Source,
-    name: str,
-    at: Path,
-    lenses: Path | None,
-    rig: Path | None,
-    settings: Path | None,
-) -> Path:
-    """The bag of a recording; where it is videos, the step that makes it is added."""
+def _named(name: str, what: str) -> str:
+    return f"{name}: {what}" if name else what
+
+
+def _add_ingest(made: list[Step], study: Study, source: Source, name: str, bag: Path, rig: Path | None) -> Path:
+    """The bag of a recording; a step that makes it is added where the recording is videos."""
     if source.is_bag:
         return source.path
-    made.append(ingest_step(name, source.path, at / "bag", lenses, rig, settings))
-    return made[-1].output
+    made.append(ingest_step(name, source.path, bag, study.lenses, rig, study.settings))
+    return bag

@@ -1,171 +1,243 @@
 """Reads a study file, whose format ``docs/study.md`` describes, and checks all of it before anything is run."""
 
+import os
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, NoReturn
 
-from bodycam_ros.errors import BodyError, SettingsError, StudyError
-from bodycam_ros.study.corrected_bodies import recordings_at
-from bodycam_ros.study.steps import Source, source_at
-from bodycam_ros.study.study import STAGES, Place, Recording, StageResources, Study, Subject
-from bodycam_ros.study.study_field import PLAIN_NAME, StudyField
+import msgspec
+
+from bodycam_ros.errors import BodyError, OutputError, StudyError
+from bodycam_ros.output_place import check_output
+from bodycam_ros.study.step_runner import LOCK
+from bodycam_ros.study.study import Place, Recording, Source, Study, Subject, find_source
 from bodycam_ros.yaml_file import read_yaml
 
-_KEYS = ("places", "subjects", "recordings", "settings", "lenses", "equipment", "exports", "resources")
-_OF_RECORDING = ("path", "name", "subject", "place", "truth", "equipment")
-_MOST_THREADS, _MOST_MEMORY_MB = 1024, 4_000_000
+_Name = Annotated[str, msgspec.Meta(pattern=r"^[\w-][\w.-]{0,99}$")]
+"""A folder's name on every system, which needs no quotes in a shell."""
+_Text = Annotated[str, msgspec.Meta(min_length=1)]
+
+
+class _Entry(msgspec.Struct, forbid_unknown_fields=True):
+    pass
+
+
+class _PlaceEntry(_Entry):
+    map: _Text | None = None
+    reference: _Text | None = None
+
+
+class _SubjectEntry(_Entry):
+    body: _Text | None = None
+    rig: _Text | None = None
+    range_of_motion: _Text | None = None
+    place: str | None = None
+
+
+class _RecordingEntry(_Entry):
+    path: _Text
+    name: _Name | None = None
+    subject: str | None = None
+    place: str | None = None
+    truth: _Text | None = None
+    equipment: _Text | None = None
+
+
+class _StudyEntry(_Entry):
+    places: Annotated[dict[_Name, _PlaceEntry], msgspec.Meta(min_length=1)]
+    subjects: Annotated[dict[_Name, _SubjectEntry], msgspec.Meta(min_length=1)]
+    recordings: Annotated[list[_RecordingEntry], msgspec.Meta(min_length=1)]
+    settings: _Text | None = None
+    lenses: _Text | None = None
+    equipment: _Text | None = None
+    exports: list[str] = []
 
 
 def read_study(path: Path) -> Study:
     """The study that a file describes.
 
     Raises:
-        StudyError: it cannot be read, or says something that cannot be done; the message names file and key.
+        StudyError: it cannot be read, or describes something impossible; the message names file and key.
     """
-    # Absolute, as all paths in it then are: no path is mistaken for a command or a name in the words of a step.
-    path = path.absolute()
-    document = StudyField(path, "", read_yaml(path, "study file", StudyError))
-    fields = document.table(_KEYS, needed=("places", "subjects", "recordings"))
-    places = {name: _place(name, field) for name, field in _named(fields["places"])}
-    subjects = {name: _subject(name, field, places) for name, field in _named(fields["subjects"])}
-    equipment = _equipment(fields.get("equipment"))
-    recordings: dict[str, Recording] = {}
-    for field in fields["recordings"].listed():
-        for recording in _recordings(field, subjects, places, equipment):
-            if (other := recordings.setdefault(recording.name, recording)) is not recording:
-                field.refuse(
-                    f"{recording.source.path} and {other.source.path} would both have the name {recording.name}; list "
-                    "them apart, with a name each"
-                )
-    return Study(
-        path,
-        places,
-        subjects,
-        tuple(recordings.values()),
-        _settings(fields.get("settings")),
-        fields["lenses"].place() if "lenses" in fields else None,
-        _exports(fields.get("exports")),
-        _resources(fields.get("resources")),
-    )
+    # Absolute, as all paths in it then are: no path is taken for a command or a name in the words of a step.
+    return _StudyReader(path.absolute()).read()
 
 
-def _named(field: StudyField) -> Iterator[tuple[str, StudyField]]:
-    fields = dict(field.named())
-    if not fields:
-        field.refuse("is empty; say one at least")
-    for name, each in fields.items():
-        if not PLAIN_NAME.fullmatch(name):
-            each.refuse("names here are of letters, digits, '_', '-' and '.', because folders are named so")
-        yield name, each
+class _StudyReader:
+    """Resolves the paths and names of one file."""
 
+    def __init__(self, path: Path) -> None:
+        self._path = path
 
-def _place(name: str, field: StudyField) -> Place:
-    given = field.table(("map", "reference"))
-    if len(given) != 1:
-        field.refuse("needs either map, which is ready, or reference, a folder of photographs to make one of")
-    return Place(name, *(given[key].place() if key in given else None for key in ("map", "reference")))
-
-
-def _subject(name: str, field: StudyField, places: Mapping[str, Place]) -> Subject:
-    given = field.table(("body", "rig", "range_of_motion", "place"))
-    if ("body" in given) == ("range_of_motion" in given):
-        field.refuse("needs either body, which is ready, or range_of_motion, a recording to make one of")
-    rig = given["rig"].place() if "rig" in given else None
-    if "body" in given:
-        return Subject(name, given["body"].place(), rig, None, None)
-    if rig is None:
-        field.refuse("lacks rig, which says on which segment each camera is: without it no body can be made")
-    source = _source(given["range_of_motion"], name)
-    return Subject(name, None, rig, source, _of_names(field, given.get("place"), places, "place"))
-
-
-def _source(field: StudyField, name: str) -> Source:
-    path = field.place()
-    if (found := source_at(path)) is None:
-        field.refuse(f"{path} is neither a ros2 bag nor a folder of videos")
-    return Source(name, path, found.is_bag)
-
-
-def _recordings(
-    field: StudyField, subjects: Mapping[str, Subject], places: Mapping[str, Place], equipment: Path | str | None
-) -> Iterator[Recording]:
-    given = field.table(_OF_RECORDING, needed=("path",))
-    subject = _of_names(field, given.get("subject"), subjects, "subject")
-    place = _of_names(field, given.get("place"), places, "place")
-    own = _equipment(given["equipment"]) if "equipment" in given else equipment
-    name = given["name"].name() if "name" in given else None
-    for source in recordings_at(given["path"], name):
-        truth = _truth(given["truth"], source) if "truth" in given else None
-        yield Recording(source, subject, place, truth, own)
-
-
-def _truth(field: StudyField, source: Source) -> Path:
-    """What a recording is measured against; ``{name}`` and ``{path}`` in it are the recording's."""
-    text = field.text().replace("{name}", source.name).replace("{path}", str(source.path.absolute()))
-    return StudyField(field.file, field.key, text).place()
-
-
-def _of_names(field: StudyField, given: StudyField | None, known: Mapping[str, Any], what: str) -> str:
-    """One of the study's places or subjects, which need not be said where there is one only."""
-    if given is not None:
-        return given.one_of(known, f"{what} of this study")
-    if len(known) != 1:
-        field.refuse(f"lacks {what}; there are {', '.join(known)}")
-    return next(iter(known))
-
-
-def _equipment(field: StudyField | None) -> Path | str | None:
-    """A file, or the name of what is supplied."""
-    from bodycam_ros.body.equipment_yaml import equipment_path, supplied_equipment
-
-    if field is None:
-        return None
-    if field.text() in supplied_equipment():
-        return field.text()
-    try:
-        equipment_path(field.text())
-    except BodyError as error:
-        field.refuse(str(error))
-    return field.place()
-
-
-def _settings(field: StudyField | None) -> Path | Mapping[str, Any] | None:
-    """A parameter file, or a table of groups, of which every setting is checked."""
-    from bodycam_ros.all_settings import all_groups
-    from bodycam_ros.settings import read_settings_file, settings_from_mapping
-
-    if field is None:
-        return None
-    settings = field.place() if isinstance(field.value, str) else None
-    try:
-        table = field.value if settings is None else read_settings_file(settings)
-        source = f"{field.file}: {field.key}" if settings is None else str(settings)
-        checked = StudyField(field.file if settings is None else settings, field.key, table)
-        known = all_groups()
-        for group, values in checked.named():
-            values.refuse("is no group of settings") if group not in known else None
-            settings_from_mapping(known[group], {n: f.value for n, f in values.named()}, f"{source}: {group}")
-    except SettingsError as error:
-        raise StudyError(str(error)) from error
-    return settings if settings is not None else field.value
-
-
-def _exports(field: StudyField | None) -> tuple[str, ...]:
-    from bodycam_ros.formats.formats import FORMATS
-
-    if field is None:
-        return ()
-    return tuple(dict.fromkeys(each.one_of(FORMATS, "format of 'bodycam export'") for each in field.listed()))
-
-
-def _resources(field: StudyField | None) -> Mapping[str, StageResources]:
-    if field is None:
-        return {}
-    found = {}
-    for stage, each in field.table(STAGES).items():
-        given = each.table(("threads", "memory_mb"))
-        found[stage] = StageResources(
-            given["threads"].number(_MOST_THREADS) if "threads" in given else None,
-            given["memory_mb"].number(_MOST_MEMORY_MB) if "memory_mb" in given else None,
+    def read(self) -> Study:
+        document = read_yaml(self._path, "study file", StudyError)
+        try:
+            entry = msgspec.convert(document, _StudyEntry)
+        except msgspec.ValidationError as error:
+            raise StudyError(f"{self._path}: {str(error).replace('`', '')}") from error
+        places = {name: self._place(name, each) for name, each in entry.places.items()}
+        subjects = {name: self._subject(name, each, places) for name, each in entry.subjects.items()}
+        recordings: dict[str, Recording] = {}
+        for number, each in enumerate(entry.recordings):
+            key = f"recordings[{number}]"
+            for recording in self._recordings(key, each, subjects, places, entry.equipment):
+                if (other := recordings.setdefault(recording.name, recording)) is not recording:
+                    self._refuse(
+                        key,
+                        f"{recording.source.path} and {other.source.path} would both have the name {recording.name}; "
+                        "list them apart, with a name each",
+                    )
+        settings, lenses = self._existing("settings", entry.settings), self._existing("lenses", entry.lenses)
+        return Study(
+            self._path, places, subjects, tuple(recordings.values()), settings, lenses, self._exports(entry.exports)
         )
-    return found
+
+    def _place(self, name: str, entry: _PlaceEntry) -> Place:
+        key = f"places.{name}"
+        if (entry.map is None) == (entry.reference is None):
+            self._refuse(key, "needs either map, an existing one, or reference, a folder of photographs")
+        existing, reference = (self._existing(f"{key}.{k}", getattr(entry, k)) for k in ("map", "reference"))
+        return Place(name, existing, reference, Path("places", name))
+
+    def _subject(self, name: str, entry: _SubjectEntry, places: Mapping[str, Place]) -> Subject:
+        key = f"subjects.{name}"
+        if (entry.body is None) == (entry.range_of_motion is None):
+            self._refuse(key, "needs either body, an existing one, or range_of_motion, a recording to make one of")
+        body, rig = (self._existing(f"{key}.{k}", getattr(entry, k)) for k in ("body", "rig"))
+        folder = Path("subjects", name)
+        rom = self._existing(f"{key}.range_of_motion", entry.range_of_motion)
+        if rom is None:
+            return Subject(name, body, rig, None, "", folder)
+        if rig is None:
+            self._refuse(key, "lacks rig, which says on which segment each camera is: without it no body can be made")
+        return Subject(
+            name,
+            None,
+            rig,
+            Source(name, rom, self._source(f"{key}.range_of_motion", rom).is_bag),
+            self._chosen(key, "place", entry.place, places),
+            folder,
+        )
+
+    def _recordings(
+        self,
+        key: str,
+        entry: _RecordingEntry,
+        subjects: Mapping[str, Subject],
+        places: Mapping[str, Place],
+        equipment: str | None,
+    ) -> Iterator[Recording]:
+        subject = self._chosen(key, "subject", entry.subject, subjects)
+        place = self._chosen(key, "place", entry.place, places)
+        own = self._equipment(f"{key}.equipment", entry.equipment or equipment)
+        for source in self._sources(f"{key}.path", entry.path, entry.name):
+            truth = entry.truth and entry.truth.replace("{name}", source.name).replace("{path}", str(source.path))
+            yield Recording(source, subject, place, self._existing(f"{key}.truth", truth), own)
+
+    def _sources(self, key: str, text: str, name: str | None) -> Iterator[Source]:
+        """The recordings that a path or pattern means, in the order of their names.
+
+        A single recording has the name of its file or folder. With a pattern all parts of the path from the first with
+        a wildcard to the last make the name, joined by ``_``; characters that no folder should have become ``_``.
+        Hidden paths, and results of a study, are left out.
+        """
+        parts = Path(text).parts
+        wild = [index for index, part in enumerate(parts) if _WILDCARD.search(part)]
+        if not wild:
+            source = self._source(key, self._existing(key, text) or Path())
+            yield Source(name or plain_name(source.name), source.path, source.is_bag)
+            return
+        if name is not None:
+            self._refuse(key, "name belongs to one recording; leave it out where path has wildcards")
+        fixed = self._path.parent.joinpath(*parts[: wild[0]])
+        below = len(parts) - 1 - wild[-1]
+        found = False
+        for path in sorted(fixed.glob(str(Path(*parts[wild[0] :])))):
+            if (source_there := find_source(path)) is not None and not _is_result(path, fixed):
+                found = True
+                named = path.with_name(source_there.name).relative_to(fixed).parts
+                name_there = plain_name("_".join(named[: len(named) - below]))
+                yield Source(name_there, path, source_there.is_bag)
+        if not found:
+            self._refuse(key, f"no recording fits {self._path.parent.joinpath(*parts)}")
+
+    def _source(self, key: str, path: Path) -> Source:
+        if (source := find_source(path)) is None:
+            self._refuse(key, f"{path} is neither a ros2 bag nor a folder of videos")
+        return source
+
+    def _existing(self, key: str, text: str | None) -> Path | None:
+        """A path from the folder of the study file on, which must exist."""
+        if text is None:
+            return None
+        path = self._path.parent / text
+        try:
+            exists = path.exists()
+        except (OSError, ValueError):
+            exists = False
+        if not exists:
+            self._refuse(key, f"{path} does not exist")
+        return path
+
+    def _chosen(self, key: str, what: str, name: str | None, known: Mapping[str, object]) -> str:
+        """One of the study's places or subjects, which may be left out where there is one only."""
+        if name is None and len(known) == 1:
+            return next(iter(known))
+        if name is None:
+            self._refuse(key, f"lacks {what}; there are {', '.join(known)}")
+        if name not in known:
+            self._refuse(f"{key}.{what}", f"'{name}' is no {what} of this study; there are {', '.join(known)}")
+        return name
+
+    def _equipment(self, key: str, text: str | None) -> Path | str | None:
+        """A file, or the name of a supplied one."""
+        from bodycam_ros.body.equipment_yaml import equipment_path, supplied_equipment
+
+        if text is None or text in supplied_equipment():
+            return text
+        if not (self._path.parent / text).exists():
+            try:
+                equipment_path(text)
+            except BodyError as error:
+                self._refuse(key, str(error))
+        return self._existing(key, text)
+
+    def _exports(self, names: list[str]) -> tuple[str, ...]:
+        from bodycam_ros.formats.formats import FORMATS
+
+        for number, name in enumerate(names):
+            if name not in FORMATS:
+                known = ", ".join(FORMATS)
+                self._refuse(f"exports[{number}]", f"'{name}' is no format of 'bodycam export'; there are {known}")
+        return tuple(dict.fromkeys(names))
+
+    def _refuse(self, key: str, problem: str) -> NoReturn:
+        raise StudyError(f"{self._path}: {key}: {problem}")
+
+
+_WILDCARD = re.compile(r"[*?\[]")
+_NOT_PLAIN = re.compile(r"[^\w.-]+|^\.")
+
+
+def _is_result(path: Path, within: Path) -> bool:
+    """Whether a path lies in the folder of a study's results, or is one."""
+    above = path.relative_to(within).parents
+    return any((folder / LOCK).exists() for folder in (path, *(within / each for each in above)))
+
+
+def plain_name(name: str) -> str:
+    """A name that may be a folder's on every system, and needs no quotes in a shell."""
+    return _NOT_PLAIN.sub("_", name)
+
+
+def check_results_folder(path: Path, study: Study) -> Path:
+    """The folder for a study's results, links followed; it need not exist.
+
+    Raises:
+        OutputError: it contains an input, or something that is not a study's.
+    """
+    check_output(path, study.inputs)
+    if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not (path / LOCK).exists())):
+        raise OutputError(f"{path}: exists, and is no folder of a study (it has no {LOCK}); choose another name")
+    return Path(os.path.realpath(path))

@@ -110,7 +110,7 @@ def write_film(sources: Sources, camera: str | None, path: Path, progress: Progr
         OutputError: the video cannot be written.
     """
     if sources.solved is None:
-        raise ViewError("--video: a body in its N-pose does not move; name OUT, a bag that 'bodycam replay' wrote")
+        raise ViewError("-o: a body in its N-pose does not move; name OUT, a bag that 'bodycam replay' wrote")
     film = _Film(sources)
     pictures = film.from_outside() if camera is None else film.over(camera)
     count = len(sources.motion.stamps_ns)
@@ -157,10 +157,10 @@ class _Film:
         """Seconds and picture of every image of a camera while the body is known."""
         recording, stations = self._sources.recording, self._sources.stations
         if recording is None:
-            raise ViewError(f"--from {shown(camera)}: give the bag with its images with --recording")
+            raise ViewError(f"--over {shown(camera)}: give the bag with its images with --recording")
         if camera not in self._sources.cameras:
             known = ", ".join(self._sources.cameras)
-            raise ViewError(f"--from {shown(camera)}: is no camera that {recording} has images of; there are {known}")
+            raise ViewError(f"--over {shown(camera)}: is no camera that {recording} has images of; there are {known}")
         assert self._sources.solved is not None
         clock = read_clock(self._sources.solved, camera)
         with open_recording(recording) as bag:

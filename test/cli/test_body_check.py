@@ -37,9 +37,9 @@ def check(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str
 def test_a_body_alone_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     code, said = check(capsys, BODY)
     assert code == 0
-    assert "6 x 13 segments - 36 that the joints hold = 42 freedoms" in said
-    assert "in truth: 42 freedoms, 6 of them of all together" in said
-    assert "verdict: everything can be held together" in said
+    assert "6 x 13 segments - 36 constraints of joints = 42 degrees of freedom" in said
+    assert "by rank: 42 degrees of freedom, 6 of them as a whole" in said
+    assert "verdict: all constraints can be satisfied" in said
 
 
 def test_a_board_takes_freedoms_and_says_in_words_what_is_left(
@@ -48,7 +48,7 @@ def test_a_board_takes_freedoms_and_says_in_words_what_is_left(
     code, said = check(capsys, BODY, "--equipment", board(tmp_path))
     assert code == 0
     # Three points weld a foot, six rows; two let it turn about their line, five.
-    assert "6 x 14 segments - 47 that the joints hold = 37 freedoms" in said
+    assert "6 x 14 segments - 47 constraints of joints = 37 degrees of freedom" in said
     assert "loops and ground: 11 rows, 11 of them independent" in said
     assert "within the loops 13" in said
     assert "each on its own 18 spine, neck, shoulder_left" in said
@@ -97,13 +97,13 @@ def test_a_bar_out_of_reach_is_not_held_by_arms_and_lengths_that_nobody_has(
 ) -> None:
     code, said = check(capsys, BODY, "--equipment", reaching(tmp_path, bar_mm, saddle=saddle))
     assert code == 3
-    named = {part.split(" stays ")[0] for part in said.split("contradicts: ")[1:]}
+    named = {part.split(" stays ")[0] for part in said.split("conflict: ")[1:]}
     # Leaning forward as far as can be, one lets go of the saddle; further away than that, of the bar.
     assert named == ({"saddle"} if saddle else {"hand_left", "hand_right"})
-    assert ("it holds without hand_left or hand_right" in said) == (bar_mm == 1400)
-    assert ("to let go of any one other is not enough" in said) == (bar_mm != 1400)
-    assert " mm apart" in said and " while all else is held; " in said
-    measured = f"verdict: cannot be held together; measure the points of {', '.join(sorted(named))} again, and of "
+    assert ("it can be satisfied without hand_left or hand_right" in said) == (bar_mm == 1400)
+    assert ("to release any one other is not enough" in said) == (bar_mm != 1400)
+    assert " mm apart" in said and " while all other constraints hold; " in said
+    measured = f"verdict: constraints conflict; measure the points of {', '.join(sorted(named))} again, and of "
     assert f"{measured}{'hand_left, hand_right' if bar_mm == 1400 else 'the other attachments'}; or leave" in said
 
 
@@ -114,4 +114,4 @@ def test_all_supplied_equipment_is_held_by_the_body_of_the_sample(
     code, said = check(capsys, BODY, "--equipment", name)
     assert code == 0, said
     assert f"subject with {read_equipment(name).name}" in said
-    assert "verdict: everything can be held together" in said
+    assert "verdict: all constraints can be satisfied" in said

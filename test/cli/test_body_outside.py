@@ -31,7 +31,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
 ) -> None:
     """From a body that wears cameras: these, its limits and its name stay; it gets hands."""
     out = tmp_path / "jo.yaml"
-    flags = ["--from", sample / "body.yaml", "--shape.rounds", 1, "--shape.interval", 0.03]
+    flags = ["--initial-body", sample / "body.yaml", "--shape.rounds", 1, "--shape.interval", 0.03]
     assert run(painted, out, *stationed(painted), *flags) == 0
     printed = " ".join(capfd.readouterr().out.split())
     before, body = read_body(sample / "body.yaml"), read_body(out)
@@ -49,7 +49,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
             assert after.parent_T_joint[2, 3] == pytest.approx(joint.parent_T_joint[2, 3], rel=0.06)
             assert after.limits == joint.limits
     assert not report["lengths"]["spine_z"]["told"]
-    assert "does not tell the lengths at" in printed and "spine" in printed
+    assert "does not measure the lengths at" in printed and "spine" in printed
     assert "knee_left" in printed and f"body written to {out}" in printed.replace("\n", "")
     assert run(painted, out, *stationed(painted), *flags) == 1
     assert "--force" in capfd.readouterr().err
@@ -61,12 +61,12 @@ def test_a_body_is_measured_and_its_file_says_how_well(
         ([], "a body is measured by worn cameras, with --map and --rig, or by static ones"),
         (["--height", "1.8"], "--height is for static cameras: say with --stations"),
         (["--start", "start.yaml"], "--start is for static cameras: say with --stations"),
-        (["--from", "body.yaml"], "--from is for static cameras: say with --stations"),
-        (["STATIONS"], "give --height in metres, or --from BODY"),
+        (["--initial-body", "body.yaml"], "--initial-body needs --stations"),
+        (["STATIONS"], "give --height in metres, or --initial-body BODY"),
         (["STATIONS", "--height", "178"], "178 m is nobody's height"),
-        (["STATIONS", "--from", "nobody.yaml"], "nobody.yaml"),
+        (["STATIONS", "--initial-body", "nobody.yaml"], "nobody.yaml"),
         (["STATIONS", "--height", "1.8", "--rig", "rig.yaml"], "--rig is for worn cameras"),
-        (["STATIONS", "--height", "1.8", "--report", "page.html"], "--report is for worn cameras"),
+        (["STATIONS", "--height", "1.8", "--facing", "90"], "--facing is for body cameras"),
         (["--stations", "CAMERAS", "--height", "1.8"], "give that as --start"),
         (["--stations", "none.yaml", "--start", "START", "--height", "1.8"], "none.yaml"),
         (["--stations", "CAMERAS", "--start", "CAMERAS", "--height", "1.8"], "places no segment of body"),
@@ -91,7 +91,7 @@ def test_it_takes_an_output_that_is_a_body_and_no_input(
     painted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert run(painted, tmp_path / "jo.urdf", *stationed(painted), "--height", 1.8) == 1
-    assert "a body is kept as YAML" in " ".join(capfd.readouterr().err.split())
+    assert "a body is a YAML file" in " ".join(capfd.readouterr().err.split())
     before = (painted / "start.yaml").read_bytes()
     assert run(painted, painted / "start.yaml", *stationed(painted), "--height", 1.8, "--force") == 1
     assert "is what this command reads" in " ".join(capfd.readouterr().err.split())

@@ -94,16 +94,16 @@ def turned(xyzw: list[float], vector: Array) -> Array:
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [
-        (["--mapping", "m.yaml"], "--to robot needs --urdf: which robot"),
+        (["--mapping", "m.yaml"], "--to robot needs --urdf: the robot"),
         ([], "needs --urdf and --mapping"),
         (["again", "--urdf", "r.urdf", "--mapping", "m.yaml"], "takes one recording a call, not 2"),
-        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate says nothing to robot"),
+        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate has no effect on robot"),
         (["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.rounds", "99"], "rounds = 99 is out of range"),
         (["--urdf", "r.urdf", "--mapping", "nothing.yaml"], "nothing.yaml"),
         (["--urdf", "nothing.urdf", "--mapping", str(MAPPING)], "nothing.urdf"),
-        (["--to", "bvh", "--mapping", "m.yaml"], "--mapping says nothing to bvh; robot heeds it"),
-        (["--to", "bvh", "--retarget.rounds", "3"], "--retarget.rounds says nothing to bvh"),
-        (["--to", "bvh", "--config", "c.yaml"], "--config says nothing to bvh"),
+        (["--to", "bvh", "--mapping", "m.yaml"], "--mapping: has no effect on bvh, only on robot"),
+        (["--to", "bvh", "--retarget.rounds", "3"], "--retarget.rounds: has no effect on bvh"),
+        (["--to", "bvh", "--config", "c.yaml"], "--config: has no effect on bvh"),
     ],
 )
 def test_what_cannot_be_is_refused_and_leaves_nothing(

@@ -14,7 +14,7 @@ import pytest
 
 import bodycam_ros
 from bodycam_ros.cli import main as command_line
-from bodycam_ros.cli.ending import SIGNALS
+from bodycam_ros.cli.signals import SIGNALS
 from bodycam_ros.errors import RecordingError
 
 

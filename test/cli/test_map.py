@@ -135,7 +135,7 @@ def test_an_existing_model_is_taken_over(built, sample, tmp_path):
     reference = tmp_path / "reference"
     shutil.copytree(sample / "reference", reference)
     (reference / "camera.yaml").unlink()
-    arguments = ["map", str(reference), "--model", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
+    arguments = ["map", str(reference), "--colmap", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
     assert main([*arguments, *QUICK]) == 0
     ours, taken = ReferenceMap.load(built[0]), ReferenceMap.load(tmp_path / "map")
     assert taken.image_names == ours.image_names
@@ -146,7 +146,7 @@ def test_an_existing_model_is_taken_over(built, sample, tmp_path):
 
 @pytest.mark.long
 def test_a_model_of_other_photographs_or_intrinsics_is_refused(built, sample, few, tmp_path, capsys):
-    arguments = ["--model", built[0] / "sparse", "--no-board", "-o", tmp_path / "map", *QUICK]
+    arguments = ["--colmap", built[0] / "sparse", "--no-board", "-o", tmp_path / "map", *QUICK]
     expect_error([few, *arguments], capsys, "8 are not readable in the reference folder")
 
     shutil.copytree(sample / "reference", tmp_path / "all")

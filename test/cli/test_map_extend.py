@@ -48,7 +48,7 @@ def run(*arguments: object) -> "subprocess.CompletedProcess[str]":
 
 def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: Path) -> None:
     out = tmp_path / "longer"
-    done = run("map", "extend", part, stretch, "-o", out, "--jobs", 2, "--extend.rounds", 2)
+    done = run("map", "extend", stretch, "--map", part, "-o", out, "--jobs", 2, "--extend.rounds", 2)
     assert done.returncode == 0, done.stderr
     assert "images registered [%]" in done.stdout and "thigh_left" in done.stdout
     before, after = ReferenceMap.load(part), ReferenceMap.load(out)
@@ -60,9 +60,9 @@ def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: P
     picture = cv2.imread(str(out / "rounds.png"))
     assert picture is not None and picture.std() > 5
     # It is a map like any other: it is replaced only where that is wanted.
-    refused = run("map", "extend", out, stretch, "-o", out, "--force")
+    refused = run("map", "extend", stretch, "--map", out, "-o", out, "--force")
     assert refused.returncode == 1 and str(out) in refused.stderr
-    again = run("map", "extend", part, stretch, "-o", out)
+    again = run("map", "extend", stretch, "--map", part, "-o", out)
     assert again.returncode == 1 and "--force" in again.stderr and str(out) in again.stderr
 
 
@@ -78,8 +78,8 @@ def test_replay_in_passes_solves_with_what_has_grown(sample: Path, part: Path, s
 
 def test_what_is_wrong_is_named(part: Path, stretch: Path, tmp_path: Path) -> None:
     nowhere, out = tmp_path / "nowhere", tmp_path / "out"
-    for arguments in ((nowhere, stretch), (part, nowhere)):
-        done = run("map", "extend", *arguments, "-o", out)
+    for bag, map_path in ((stretch, nowhere), (nowhere, part)):
+        done = run("map", "extend", bag, "--map", map_path, "-o", out)
         assert done.returncode == 1 and str(nowhere) in done.stderr and "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
 
@@ -89,7 +89,7 @@ def test_a_recording_in_which_nothing_registers_leaves_the_map_as_it_was(
 ) -> None:
     """Grey images; the map that comes out is the one that went in, and the picture says so."""
     bag, out = write_tiny_bag(tmp_path / "bag"), tmp_path / "out"
-    assert main(["map", "extend", str(part), str(bag), "-o", str(out), "--jobs", "1", "--tell"]) == 0
+    assert main(["map", "extend", str(bag), "--map", str(part), "-o", str(out), "--jobs", "1", "--json"]) == 0
     told = [json.loads(line) for line in capsys.readouterr().out.splitlines() if line.startswith("{")]
     assert {each["step"] for each in told} >= {"round 1", "checking the coverage"}
     assert told[-1]["share"] == 1.0 and all(0.0 <= each["share"] <= 1.0 for each in told)
@@ -104,7 +104,7 @@ def test_a_map_without_photographs_grows_too(part: Path, stretch: Path, tmp_path
     bare = shutil.copytree(part, tmp_path / "bare")
     (bare / "photographs.npz").unlink()
     out = tmp_path / "out"
-    arguments = [str(bare), str(stretch), "-o", str(out), "--jobs", "2", "--extend.rounds", "1"]
+    arguments = [str(stretch), "--map", str(bare), "-o", str(out), "--jobs", "2", "--extend.rounds", "1"]
     assert main(["map", "extend", *arguments]) == 0
     after = ReferenceMap.load(out)
     assert after.photographs is None and after.grown > 20
@@ -119,7 +119,7 @@ def scratch() -> Iterator[Path]:
 
 
 def test_ctrl_c_leaves_nothing_behind(part: Path, stretch: Path, scratch: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "bodycam_ros.cli.main", "map", "extend", str(part), str(stretch)]
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "map", "extend", str(stretch), "--map", str(part)]
     process = subprocess.Popen(
         [*command, "-o", str(tmp_path / "out"), "--jobs", "2"],
         stderr=subprocess.PIPE,

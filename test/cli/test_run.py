@@ -26,43 +26,42 @@ def folder(sample: Path, tmp_path: Path) -> Path:
     return path
 
 
-def said(capsys: pytest.CaptureFixture[str]) -> str:
-    return " ".join(capsys.readouterr().out.split())
+def said(capfd: pytest.CaptureFixture[str]) -> str:
+    return " ".join(capfd.readouterr().out.split())
 
 
 @pytest.mark.long
-def test_a_take_is_solved_once_and_again_when_its_body_changes(
-    capsys: pytest.CaptureFixture[str], folder: Path
-) -> None:
+def test_a_take_is_solved_once_and_again_when_its_body_changes(capfd: pytest.CaptureFixture[str], folder: Path) -> None:
     assert main(["run", str(folder), "--jobs", "1"]) == 0
-    first = said(capsys)
+    first = said(capfd)
+    assert "walk: evaluate: done in" in first
     picture = folder / "solved" / "takes" / "walk" / "report" / "summary.png"
     assert picture.is_file() and f"walk: {picture}" in first
     assert "walk: replay: bodycam replay" in first
 
     assert main(["run", str(folder), "--jobs", "2"]) == 0
-    assert said(capsys).startswith("walk: replay: is done walk: evaluate: is done")
+    assert said(capfd).startswith("walk: replay: is done walk: evaluate: is done")
 
     body = folder / "body.yaml"
     body.write_text(body.read_text() + "# corrected\n")
     assert main(["run", str(folder), "--dry-run"]) == 0
-    again = said(capsys)
+    again = said(capfd)
     assert "walk: replay: bodycam replay" in again and "walk: evaluate: bodycam evaluate" in again
 
 
-def test_a_step_that_fails_costs_only_what_needs_it(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+def test_a_step_that_fails_costs_only_what_needs_it(capfd: pytest.CaptureFixture[str], folder: Path) -> None:
     (folder / "body.yaml").write_text("nonsense: true\n")
     assert main(["run", str(folder), "--jobs", "1"]) == 1
-    captured = capsys.readouterr()
+    captured = capfd.readouterr()
     assert "bodycam: error:" in captured.err and "body.yaml" in captured.err
-    assert "walk: evaluate: not possible, because a step before it failed" in captured.out
+    assert "walk: evaluate: FAILED: not run, because a step before it failed" in captured.out
     assert not (folder / "solved" / "takes" / "walk" / "out").exists()
 
 
-def test_what_is_missing_is_named(capsys: pytest.CaptureFixture[str], folder: Path) -> None:
+def test_what_is_missing_is_named(capfd: pytest.CaptureFixture[str], folder: Path) -> None:
     (folder / "body.yaml").unlink()
     assert main(["run", str(folder)]) == 1
-    assert f"missing in {folder}: rom/ with a range of motion (or body.yaml)" in said(capsys)
+    assert f"missing in {folder}: rom/ with a range of motion (or body.yaml)" in said(capfd)
 
 
 def test_ctrl_c_ends_it_and_leaves_nothing_half_written(folder: Path) -> None:

@@ -22,9 +22,9 @@ def by_page(block: DocBlock) -> str:
 
 
 def is_understood(words: list[str]) -> bool:
-    joined = command_line._command_joined(words[1:])
+    joined = command_line.join_command(words[1:])
     try:
-        command_line._parser(joined).parse_args(joined)
+        command_line.make_parser(joined).parse_args(joined)
     except SystemExit:
         return False
     return True

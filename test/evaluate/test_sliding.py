@@ -74,10 +74,10 @@ def test_the_command_tells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     truth = write_truth(standing(0.0), tmp_path / "truth")
     main(["evaluate", str(out), "--truth", str(truth), "-o", str(tmp_path / "report")])
     said = capsys.readouterr().out
-    assert "sliding of standing feet" in said
-    assert "foot_left beyond the true one" in said
+    assert "sliding of feet in stance" in said
+    assert "foot_left, beyond the true one" in said
     slides = (
-        f"standing feet slide by {1000.0 * MEAN_M:.2f} mm on average, {500.0 * SPAN_M:.1f} mm at most, in 2 stances"
+        f"feet in stance slide by {1000.0 * MEAN_M:.2f} mm on average, {500.0 * SPAN_M:.1f} mm at most, in 2 stances"
     )
     assert f"{slides} of heel or ball; {1000.0 * MEAN_M:.2f} mm beyond the true ones" in said
     figures = json.loads((tmp_path / "report" / "summary.json").read_text())

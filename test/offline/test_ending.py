@@ -79,14 +79,12 @@ def test_workers_end_with_a_parent_that_is_killed_and_the_next_run_clears_up(sam
 
 _INTERRUPTED_WITHIN_EXEC = """
 import sys
-from bodycam_ros.cli.ending import Ending
-ending = Ending()
-ending.answer()
-ending.begin()
-try:
-    exec("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
-except KeyboardInterrupt:
-    sys.exit(ending.exit_code)
+from bodycam_ros.cli.signals import EndingSignals
+with EndingSignals() as signals:
+    try:
+        exec("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
+    except KeyboardInterrupt:
+        sys.exit(signals.exit_code)
 """
 
 

@@ -122,5 +122,5 @@ def test_a_table_that_does_not_fit_is_named(tmp_path: Path, text: str, told: str
 
 
 def test_names_that_nobody_knows_are_told_with_the_way_out() -> None:
-    with pytest.raises(RecordingError, match=r"none of its names is known \(M1, M2\); say with --names MAP\.yaml"):
+    with pytest.raises(RecordingError, match=r"none of its names is known \(M1, M2\); --points POINTS\.yaml says"):
         found("M1", "M2")

@@ -1,20 +1,17 @@
-"""The steps of a study are those of ``bodycam run``, and the workflow that is written has a rule for each."""
+"""The steps of a folder and of a study: the same commands, each understood, its inputs there or made before."""
 
-import json
 import os
-import re
-import shlex
 from pathlib import Path
 
 import pytest
 
-from bodycam_ros.cli.main import _parser
-from bodycam_ros.errors import OutputError
-from bodycam_ros.study.job_resources import JobResources
-from bodycam_ros.study.steps import RecordingFolder, steps_of
-from bodycam_ros.study.study import STAGES, StageResources, StudySteps, study_steps
-from bodycam_ros.study.study_file import read_study
-from bodycam_ros.study.workflow_folder import SNAKEFILE, STEPS, WorkflowFolder, stages_of
+from bodycam_ros.cli.main import make_parser
+from bodycam_ros.errors import OutputError, RecordingError, StudyError
+from bodycam_ros.study.done_steps import DoneSteps, fingerprint, state_of
+from bodycam_ros.study.recording_folder import LAYOUT, list_missing, read_recording_folder
+from bodycam_ros.study.steps import Step
+from bodycam_ros.study.study import Study, StudySteps, study_steps
+from bodycam_ros.study.study_file import check_results_folder, read_study
 
 ALL = (
     "reference/a.jpg", "rig.yaml", "rom/head.mp4", "takes/walk/head.mp4", "takes/run/metadata.yaml", "settings.yaml",
@@ -28,132 +25,161 @@ recordings: [{path: takes/*}]
 settings: settings.yaml
 lenses: lenses
 equipment: equipment.yaml
+exports: [bvh, mot]
 """
 
 
-@pytest.fixture
-def data(tmp_path: Path) -> Path:
-    for file in ALL:
-        path = tmp_path / file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("/**: {ros__parameters: {}}\n")
-    return tmp_path
+def folder_with(path: Path, *files: str) -> Study:
+    for file in files:
+        (path / file).parent.mkdir(parents=True, exist_ok=True)
+        (path / file).write_text("/**: {ros__parameters: {}}\n")
+    return read_recording_folder(path)
 
 
-def planned(data: Path, text: str = STUDY) -> tuple[WorkflowFolder, StudySteps]:
-    (data / "study.yaml").write_text(text)
-    study = read_study(data / "study.yaml")
-    folder = WorkflowFolder.at(data / "study", study)
-    return folder, study_steps(study, folder.path)
-
-
-def test_they_are_the_commands_that_one_folder_needs(data: Path) -> None:
-    """Each with the same words, but for where things are made."""
-    folder, steps = planned(data)
-    alone = RecordingFolder.look_into(data)
-    places = {
-        alone.solved / "map": folder.path / "places/hall/map",
-        alone.solved / "rom": folder.path / "subjects/anna/bag",
-        alone.solved / "body.yaml": folder.path / "subjects/anna/body.yaml",
-        **{
-            alone.solved / "takes" / take / made: folder.path / "takes" / take / made
-            for take in ("run", "walk")
-            for made in ("bag", "out", "report")
-        },
-    }
-    as_paths = {str(old): str(new) for old, new in places.items()}
-    words = [tuple(as_paths.get(word, word) for word in step.words) for step in steps_of(alone)]
-    assert [step.words for step in steps] == words
-
-
-def test_every_command_is_understood_and_what_it_reads_is_there_or_made_before(data: Path) -> None:
-    _, steps = planned(data, f"{STUDY}exports: [bvh, mot]\n")
+def check(steps: StudySteps) -> None:
+    """Every command is understood, and its inputs exist or are outputs of earlier steps."""
     made: set[Path] = set()
     for step in steps:
         assert all(path.exists() or path in made for path in step.inputs), step.name
-        made |= {step.output, *step.beside}
-        assert _parser(step.words).parse_args([*step.words, *(["--jobs", "2"] if step.is_parallel else [])]).run
-    assert len(made) == 2 * 2 + 2 + 1 + 2 * 2 + 2 * 2, "two bags and their clocks, a body and its page, a map, ..."
+        made.add(step.output)
+        assert make_parser(step.words).parse_args([*step.words, *(["--jobs", "2"] if step.is_parallel else [])]).run
 
 
-def write(folder: WorkflowFolder, steps: StudySteps, cores: int = 4) -> dict[str, dict[str, dict[str, str]]]:
-    folder.write(steps, JobResources.on_this_machine(cores, stages_of(steps), folder.study.resources))
-    written: dict[str, dict[str, dict[str, str]]] = json.loads((folder.path / STEPS).read_text())["steps"]
-    return written
+def test_all_steps_of_a_folder(tmp_path: Path) -> None:
+    study = folder_with(tmp_path, *ALL)
+    steps = study_steps(study, tmp_path / "solved")
+    names = [step.name for step in steps]
+    assert names[:3] == ["map", "ingest range of motion", "body"]
+    assert names[3:] == ["run: replay", "run: evaluate", "walk: ingest", "walk: replay", "walk: evaluate"]
+    assert not list_missing(study)
+    check(steps)
 
 
-def test_the_rule_of_each_stage_makes_what_its_steps_make(data: Path) -> None:
-    folder, steps = planned(data, f"{STUDY}exports: [bvh]\n")
-    written = write(folder, steps)
-    rules = (folder.path / SNAKEFILE).read_text()
-    for stage in STAGES:
-        assert written[stage]
-        rule = re.search(rf"^rule {stage}:\n(.*?)\n\n", f"{rules}\n\n", re.MULTILINE | re.DOTALL)
-        assert rule is not None
-        outputs = re.findall(r'"([^"]*)"', re.findall(r"output: (.*)", rule[1])[0])
-        (log,) = re.findall(r'log: "(.*)"', rule[1])
-        for at, job in written[stage].items():
-            assert [pattern.replace("{at}", at) for pattern in outputs] == job["makes"]
-            step = next(each for each in steps if each.name == job["name"])
-            assert folder.log_of(step) == folder.path / log.replace("{at}", at)
+def test_a_study_runs_the_commands_of_a_folder(tmp_path: Path) -> None:
+    alone = [step.words for step in study_steps(folder_with(tmp_path, *ALL), tmp_path / "results")]
+    (tmp_path / "study.yaml").write_text(STUDY)
+    steps = study_steps(read_study(tmp_path / "study.yaml"), tmp_path / "results")
+    check(steps)
+    places = (f"{tmp_path}/results/places/hall", f"{tmp_path}/results/subjects/anna")
+    words = [
+        tuple(
+            word.replace(places[0], f"{tmp_path}/results").replace(places[1], f"{tmp_path}/results")
+            for word in step.words
+        )
+        for step in steps
+        if step.stage != "export"
+    ]
+    assert words == alone
+    assert [step.output.name for step in steps if step.stage == "export"] == [
+        "run.bvh",
+        "run.mot",
+        "walk.bvh",
+        "walk.mot",
+    ]
 
 
-def test_a_study_that_is_moved_with_its_recordings_is_the_same(
-    data: Path, tmp_path_factory: pytest.TempPathFactory
+@pytest.mark.parametrize(
+    ("files", "steps", "lacks"),
+    [
+        (("map/map.yaml", "body.yaml", "takes/walk.mcap"), ["walk: replay", "walk: evaluate"], []),
+        (("takes/walk/metadata.yaml",), [], ["reference/", "rom/"]),
+        (("reference/a.jpg",), ["map"], ["rom/", "takes/"]),
+        (("map/map.yaml", "rom/metadata.yaml", "takes/walk/metadata.yaml"), [], ["rig.yaml"]),
+        (("rom/head.mp4", "rig.yaml"), ["ingest range of motion"], ["reference/", "takes/"]),
+    ],
+)
+def test_what_is_possible_is_done_and_what_is_missing_is_named(
+    tmp_path: Path, files: tuple[str, ...], steps: list[str], lacks: list[str]
 ) -> None:
-    before = write(*planned(data))
-    moved = tmp_path_factory.mktemp("other") / "place"
-    os.rename(data, moved)
-    assert write(*planned(moved)) == before
-    words = shlex.split(before["replay"]["run"]["words"])
-    assert words[:4] == ["replay", "../takes/run", "--map", "places/hall/map"]
+    study = folder_with(tmp_path, *files)
+    assert [step.name for step in study_steps(study, tmp_path / "solved")] == steps
+    missing = list_missing(study)
+    assert len(missing) == len(lacks) and all(text.startswith(name) for text, name in zip(missing, lacks, strict=True))
 
 
-def test_what_is_written_again_keeps_its_time_unless_it_says_something_else(data: Path) -> None:
-    text = STUDY.replace("settings: settings.yaml", "settings: {tracker: {max_track_age: 1.5}}")
-    folder, steps = planned(data, text)
-    write(folder, steps)
-    times = {path.name: path.stat().st_mtime_ns for path in folder.path.iterdir()}
-    write(folder, steps)
-    assert {path.name: path.stat().st_mtime_ns for path in folder.path.iterdir()} == times
-    write(*planned(data, text.replace("1.5", "1.6")))
-    assert "1.6" in (folder.path / "settings.yaml").read_text()
+def test_other_folders_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "nowhere"):
+        with pytest.raises(RecordingError) as refused:
+            read_recording_folder(path)
+        assert str(path) in str(refused.value) and LAYOUT in str(refused.value)
+    with pytest.raises(RecordingError, match=r"walk\.mcap: is a take of the same name as .*walk; rename"):
+        folder_with(tmp_path, "takes/walk/metadata.yaml", "takes/walk.mcap")
 
 
-def test_nothing_else_is_taken_for_a_folder_of_a_study(data: Path) -> None:
+def test_results_go_to_a_folder_of_their_own(tmp_path: Path) -> None:
+    folder_with(tmp_path, *ALL)
+    (tmp_path / "study.yaml").write_text(STUDY)
+    study = read_study(tmp_path / "study.yaml")
     with pytest.raises(OutputError, match="contains what this command reads"):
-        WorkflowFolder.at(data, planned(data)[0].study)
-    (data / "other").mkdir()
-    (data / "other" / "letter.txt").touch()
-    with pytest.raises(OutputError, match=r"other: is there, and is no folder of a study \(it has no steps\.json\)"):
-        WorkflowFolder.at(data / "other", planned(data)[0].study)
+        check_results_folder(tmp_path, study)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "letter.txt").touch()
+    with pytest.raises(OutputError, match="other: exists, and is no folder of a study"):
+        check_results_folder(tmp_path / "other", study)
 
 
-def test_cores_are_shared_among_the_jobs_of_a_stage() -> None:
-    jobs = {"map": 1, "ingest": 3, "body": 2, "replay": 40, "evaluate": 40, "export": 40}
-    said = {"replay": StageResources(threads=2), "body": StageResources(memory_mb=10**9)}
-    here = JobResources.on_this_machine(16, jobs, said)
-    assert here.threads == {"map": 16, "ingest": 5, "body": 8, "replay": 2, "evaluate": 1, "export": 1}
-    assert here.memory_mb["body"] == here.limit_mb, "else it would never be begun"
-    cluster = JobResources.on_a_cluster(said)
-    assert cluster.threads["replay"] == 2 and cluster.threads["map"] == 4
-    assert cluster.memory_mb["body"] == 10**9
+@pytest.fixture
+def step(tmp_path: Path) -> Step:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "images.mcap").write_text("images")
+    (tmp_path / "body.yaml").write_text("body")
+    (tmp_path / "out").write_text("out")
+    inputs = (tmp_path / "bag", tmp_path / "body.yaml")
+    return Step("walk: replay", ("replay", *map(str, inputs), "--passes", "1"), inputs, tmp_path / "out")
 
 
-def test_paths_that_are_called_as_commands_are_paths(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (data / "reference").rename(data / "map")
-    (data / "takes" / "run").rename(data / "bicycle")
-    (data / "study.yaml").write_text(
-        STUDY.replace("reference: reference", "reference: map")
-        .replace("takes/*", "bicycle")
-        .replace("equipment.yaml", "bicycle")
-    )
-    monkeypatch.chdir(data)
-    study = read_study(Path("study.yaml"))
-    folder = WorkflowFolder.at(Path("study"), study)
-    steps = study_steps(study, folder.path)
-    folder.write(steps, JobResources.on_a_cluster({}))
-    jobs = json.loads((folder.path / STEPS).read_text())["steps"]
-    assert shlex.split(jobs["map"]["hall"]["words"])[:2] == ["map", "../map"]
-    replay = shlex.split(jobs["replay"]["bicycle"]["words"])
-    assert replay[:2] == ["replay", "../bicycle"] and replay[replay.index("--equipment") + 1] == "bicycle"
+@pytest.fixture
+def done(tmp_path: Path, step: Step) -> DoneSteps:
+    notes = DoneSteps(tmp_path / "steps")
+    assert notes.steps_to_run([step]) == [step]
+    notes.write(step, state_of(step), 3, 1.5)
+    assert (notes.exit_code(step), notes.seconds(step)) == (3, 1.5)
+    return notes
+
+
+def test_a_step_is_done_until_something_changes(done: DoneSteps, step: Step, tmp_path: Path) -> None:
+    after = Step("walk: evaluate", ("evaluate", str(step.output)), (step.output,), tmp_path / "report")
+    after.output.write_text("report")
+    done.write(after, state_of(after), 0, 1.0)
+    assert done.steps_to_run([step, after]) == []
+    step.inputs[1].write_text("another body")
+    assert done.steps_to_run([step, after]) == [step, after]
+
+
+def test_another_flag_a_missing_output_or_a_damaged_note_are_reasons_to_run(
+    done: DoneSteps, step: Step, tmp_path: Path
+) -> None:
+    other = Step(step.name, (*step.words[:-1], "3"), step.inputs, step.output)
+    assert done.steps_to_run([other]) == [other]
+    text = step.output.read_text()
+    step.output.unlink()
+    assert done.steps_to_run([step]) == [step]
+    step.output.write_text(text)
+    (note,) = (tmp_path / "steps").iterdir()
+    note.write_text("{")
+    assert done.steps_to_run([step]) == [step]
+
+
+def test_what_was_changed_by_hand_is_never_replaced(done: DoneSteps, step: Step) -> None:
+    step.output.write_text("corrected")
+    assert done.steps_to_run([step]) == []  # only what reads it must run again
+    step.inputs[1].write_text("another body")
+    with pytest.raises(StudyError, match="out: was changed by hand, and its inputs have changed since"):
+        done.steps_to_run([step])
+
+
+def test_a_fingerprint_covers_contents_names_and_times_of_large_files(tmp_path: Path) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "a").write_text("1")
+    first = fingerprint(folder)
+    os.utime(folder / "a", ns=(0, 0))
+    assert fingerprint(folder) == first
+    (folder / "a").rename(folder / "b")
+    assert fingerprint(folder) != first
+    large = tmp_path / "large"
+    large.write_bytes(bytes(5_000_000))
+    before = fingerprint(large)
+    os.utime(large, ns=(0, 0))
+    assert fingerprint(large) != before
+    assert fingerprint(tmp_path / "nowhere") == fingerprint(tmp_path / "neither")

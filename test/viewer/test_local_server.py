@@ -85,5 +85,7 @@ def test_an_impossible_port_is_an_error(port: int) -> None:
 
 
 def test_the_command_line_does_without_the_server_until_it_is_needed() -> None:
-    code = "import sys; from bodycam_ros.cli.main import _parser; _parser(['view']); print('viser' in sys.modules)"
+    code = (
+        "import sys; from bodycam_ros.cli.main import make_parser; make_parser(['view']); print('viser' in sys.modules)"
+    )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

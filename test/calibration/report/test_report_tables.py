@@ -13,7 +13,7 @@ from known_calibration import (
 from rich.console import Console
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.cli.lines import print_report
+from bodycam_ros.cli.body import print_report
 from bodycam_ros.plots.report_tables import ReportTable, report_tables
 
 

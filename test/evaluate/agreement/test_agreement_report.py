@@ -54,7 +54,7 @@ def share_of(colour: str, picture: Path) -> float:
     [
         ("--align rigid", "--align is about what OUT is compared with: give that with --truth"),
         ("--truth {folder}/no.trc", "no.trc: does not exist"),
-        ("--truth {folder}/other.trc --names {folder}/names.yaml", "other.trc has no 'LKNE'"),
+        ("--truth {folder}/other.trc --points {folder}/names.yaml", "other.trc has no 'LKNE'"),
         ("--truth {folder}/other.trc --clock shared", "other.trc: has nothing from the time of"),
     ],
 )

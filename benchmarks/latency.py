@@ -1,7 +1,11 @@
-"""bodycam latency: how long a joint state takes from its images, in the live graph, stage by stage. Needs ROS 2."""
+"""Time from image to joint state in the live graph, stage by stage: python -m benchmarks.latency BAG --map M --body B.
+
+Needs ROS 2.
+"""
 
 import argparse
 import os
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,22 +30,22 @@ _CAMERAS_A_CORE = 2
 _SLOWEST = 0.02
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("latency", description=__doc__)
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
     parser.add_argument("--map", type=Path, required=True, help="reference map, a folder made by 'bodycam map'")
     parser.add_argument("--body", type=Path, required=True, help="body YAML, made by 'bodycam body'")
     parser.add_argument(
-        "--cameras", type=_count, nargs="+", default=[4, 16], help="how many cameras to play, the body's first ones"
+        "--cameras", type=_count, nargs="+", default=[4, 8, 16], help="how many cameras to play, the body's first ones"
     )
-    parser.add_argument("--delays", type=int, nargs="+", default=[0, 2, 4], help="values of smoother.output_delay")
+    parser.add_argument("--delays", type=int, nargs="+", default=[0], help="values of smoother.output_delay")
     parser.add_argument(
         "--rate", type=_rate, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
     )
     parser.add_argument("--registrations", type=_count, default=4, help="nodes that share the registration")
     parser.add_argument("--one-process", action="store_true", help="all nodes in one process, and not in one each")
-    parser.set_defaults(run=run)
+    return run(parser.parse_args())
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class _Played:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command."""
+    """Play the graph at every number of cameras and every delay, and print the table."""
     from bodycam_ros.body.body_file import read_body
     from bodycam_ros.recording.bag_reader import open_recording
 
@@ -107,16 +111,16 @@ def _table(played: Sequence[_Played]) -> Table:
 
     from bodycam_ros.evaluate.latency import STAGES
 
-    columns = ("cams", "rate", "delay", *(stage[:5] for stage in STAGES), "p50", "p95", "at 1")
+    columns = ("cams", "rate", "delay", *(stage[:5] for stage in STAGES), "p50", "p95", "p99", "at 1")
     table = Table(*columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for each in played:
-        median_s, p95_s = np.percentile(each.latency.total_s, (50, 95))
+        totals_s = np.percentile(each.latency.total_s, (50, 95, 99))
         real_time_s = np.median(each.latency.total_in_real_time_s(each.rate))
         table.add_row(
             str(each.cameras),
             f"{each.rate:g}",
             str(each.output_delay),
-            *map(_ms, (*np.median(each.latency.stages_s, axis=0), median_s, p95_s, real_time_s)),
+            *map(_ms, (*np.median(each.latency.stages_s, axis=0), *totals_s, real_time_s)),
         )
     return table
 
@@ -150,3 +154,7 @@ def _cost(played: Sequence[_Played], one_process: bool) -> str:
     runs = ", ".join(f"{1e3 * each.image_s:.1f} ({each.cameras} cameras, delay {each.output_delay})" for each in played)
     where = "one process, player included" if one_process else "all processes, player included"
     return f"processor time of an image, {where} [ms]: {runs}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,178 @@
+"""Runs steps as processes, each when its inputs are ready; a failed step stops only those that depend on it."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.errors import StudyError
+from bodycam_ros.study.done_steps import DoneSteps, state_of
+from bodycam_ros.study.steps import Step
+from bodycam_ros.whole_file import failure_named
+
+WRONG_RESULT = 3  # exit code of a step whose result exists and should not be used
+LOCK = ".bodycam-study"
+_POLL_S = 0.05
+_MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption
+_ERROR = "bodycam: error: "
+_MAX_LOG_TAIL = 20_000  # [bytes]
+
+
+@dataclass(frozen=True)
+class StepEnd:
+    """How a step ended.
+
+    Attributes:
+        seconds: how long it took.
+        failure: why it failed, or could not run; None if it is done.
+    """
+
+    step: Step
+    seconds: float
+    failure: str | None
+
+
+@dataclass
+class _Running:
+    step: Step
+    process: "subprocess.Popen[bytes]"
+    state: str
+    started: float
+    cores: int
+
+
+class StepRunner:
+    """Runs steps.
+
+    Args:
+        notes: of the steps that are done.
+        cores: to be used by all processes together.
+        logs: folder for what the steps print, a file each; without it they print to the terminal, one after another.
+        lock: descriptor that every process inherits; it stays locked as long as one of them lives.
+    """
+
+    def __init__(self, notes: DoneSteps, cores: int, logs: Path | None, lock: int) -> None:
+        self._notes, self._cores, self._logs, self._lock = notes, cores, logs, lock
+        self._running: list[_Running] = []
+        # A thread of its own: no signal interrupts it between the start of a process and the note of it.
+        self._starter = ThreadPoolExecutor(1)
+
+    def run(self, steps: Sequence[Step]) -> Generator[Step | StepEnd, None, None]:
+        """Run steps; yields each when it starts and its ``StepEnd``. An interruption ends all processes."""
+        waiting, failed = list(steps), set[Path]()
+        try:
+            while waiting or self._running:
+                for step in [step for step in waiting if failed & set(step.inputs)]:
+                    waiting.remove(step)
+                    failed.add(step.output)
+                    yield StepEnd(step, 0.0, "not run, because a step before it failed")
+                for step in self._start_ready(waiting):
+                    waiting.remove(step)
+                    yield step
+                time.sleep(_POLL_S)
+                for running in [each for each in self._running if each.process.poll() is not None]:
+                    self._running.remove(running)
+                    end = self._end(running)
+                    if end.failure is not None:
+                        failed.add(running.step.output)
+                    yield end
+        finally:
+            self._interrupt()
+
+    def _start_ready(self, waiting: Sequence[Step]) -> Iterator[Step]:
+        """Start what can run; a process is waited for by its own threads, not by others, so many share the cores."""
+        unfinished = {step.output for step in (*waiting, *(each.step for each in self._running))}
+        ready = [step for step in waiting if not unfinished & set(step.inputs)]
+        for number, step in enumerate(ready):
+            free = self._cores - sum(each.cores for each in self._running)
+            if free < 1 or (self._logs is None and self._running):
+                return
+            sharing = 1 if self._logs is None else len(ready) - number
+            cores = max(1, free // sharing) if step.is_parallel else 1
+            self._starter.submit(self._start, step, cores).result()
+            yield step
+
+    def _start(self, step: Step, cores: int) -> None:
+        state = state_of(step)
+        step.output.parent.mkdir(parents=True, exist_ok=True)
+        jobs = ("--jobs", str(cores)) if step.is_parallel else ()
+        command = [sys.executable, "-m", "bodycam_ros.cli.main", *step.words, *jobs]
+        log = None
+        if self._logs is not None:
+            self._logs.mkdir(parents=True, exist_ok=True)
+            log = self._log(step).open("wb")
+        # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            pass_fds=(self._lock,),
+            start_new_session=True,
+        )
+        if log is not None:
+            log.close()
+        self._running.append(_Running(step, process, state, time.monotonic(), cores))
+
+    def _end(self, running: _Running) -> StepEnd:
+        code, seconds = running.process.returncode, time.monotonic() - running.started
+        if code not in (0, WRONG_RESULT):
+            return StepEnd(running.step, seconds, self._failure(running.step, code))
+        self._notes.write(running.step, running.state, code, seconds)
+        return StepEnd(running.step, seconds, None)
+
+    def _failure(self, step: Step, code: int) -> str:
+        if code < 0:
+            return f"was killed by signal {-code}; if memory was short, use fewer --jobs"
+        if self._logs is None:
+            return f"ended with code {code}"
+        with self._log(step).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _MAX_LOG_TAIL))
+            text = file.read().decode("utf-8", "replace")
+        _, error, message = text.rpartition(_ERROR)
+        lines = [line.strip() for line in (message if error else text).splitlines() if line.strip()]
+        return " ".join(lines) if error else (lines or [f"ended with code {code}"])[-1]
+
+    def _log(self, step: Step) -> Path:
+        assert self._logs is not None
+        return self._logs / f"{step.name.replace(': ', '_').replace(' ', '_')}.log"
+
+    def _interrupt(self) -> None:
+        self._starter.shutdown()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            for running in self._running:
+                if running.process.poll() is None:
+                    os.killpg(running.process.pid, number)
+            end = time.monotonic() + _MAX_CLEANUP_S
+            while any(each.process.poll() is None for each in self._running) and time.monotonic() < end:
+                time.sleep(_POLL_S)
+
+
+@contextmanager
+def study_lock(folder: Path) -> Iterator[int]:
+    """Lock the folder of results, which is made if it is missing; gives the lock's descriptor.
+
+    The system releases the lock when this process and all that inherited the descriptor have ended.
+
+    Raises:
+        StudyError: another run uses the folder.
+        OutputError: the folder cannot be written to.
+    """
+    with failure_named(folder / LOCK):
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise StudyError(f"{folder}: another 'bodycam study' or 'bodycam run' is at work in it; wait") from error
+        yield descriptor
+    finally:
+        os.close(descriptor)
