@@ -5,7 +5,6 @@ from bodycam_ros.ingest.clock_settings import IngestSettings
 from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.quality.doctor_settings import DoctorGroups
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.static_cameras.body_shape import MeasureSettings
@@ -16,7 +15,6 @@ OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     IngestSettings,
     MeasureSettings,
     StationsSettings,
-    DoctorGroups,
     LensCalibrationSettings,
     RobotSettings,
 )

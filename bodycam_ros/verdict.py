@@ -1,14 +1,14 @@
-"""The verdict on a solved recording: may it be used, and if not, which camera is it and what helps."""
+"""Quality checks of recordings and results: findings, and the verdict that they make."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from enum import IntEnum
 from typing import Literal
 
 
 class Level(IntEnum):
-    """How far a result may be trusted."""
+    """Quality of a recording or of a result."""
 
     GOOD = 0
     DOUBTFUL = 1
@@ -16,66 +16,81 @@ class Level(IntEnum):
 
     @property
     def word(self) -> str:
-        """As people say it."""
+        """The level in lower case, as printed and stored."""
         return self.name.lower()
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong with one camera, with the equipment, or with a segment that static cameras should see.
+    """One thing that a quality check found.
 
     Attributes:
-        camera: name; of the equipment or the segment if ``part`` says so.
-        level: what it makes of the result; doubtful or wrong.
-        what: is seen.
-        why: that likely is.
+        subject: name of the camera, segment, joint or equipment; empty for the recording as a whole.
+        level: quality of what depends on the subject.
+        what: observation.
+        why: likely cause.
         remedy: what to do.
-        part: what has this name.
+        part: kind of the subject.
+        check: name of the check that found it, as "gaps"; empty for checks of a result.
     """
 
-    camera: str
+    subject: str
     level: Level
     what: str
     why: str = ""
     remedy: str = ""
-    part: Literal["camera", "equipment", "segment"] = "camera"
+    part: Literal["camera", "equipment", "segment", "joint", "recording"] = "camera"
+    check: str = ""
 
     @property
-    def told(self) -> str:
-        """What, why and what to do in one line."""
+    def description(self) -> str:
+        """Observation, cause and remedy in one line."""
         parts = (self.what, f"likely {self.why}" if self.why else "", self.remedy)
         return "; ".join(part for part in parts if part)
 
     @property
     def text(self) -> str:
-        """The part and all of it in one line."""
-        return f"{self.part} {self.camera}: {self.told}"
+        """Subject and description in one line."""
+        return f"{self.part} {self.subject}: {self.description}" if self.subject else self.description
+
+
+def worst_level(findings: Iterable[Finding]) -> Level:
+    """The worst level of findings; good without any."""
+    return max((finding.level for finding in findings), default=Level.GOOD)
+
+
+def limit_level(value: float, doubtful: float, wrong: float) -> Level:
+    """Level of a value with upper limits, or with lower limits where ``wrong`` is below ``doubtful``."""
+    sign = 1.0 if wrong >= doubtful else -1.0
+    if sign * value > sign * wrong:
+        return Level.WRONG
+    return Level.DOUBTFUL if sign * value > sign * doubtful else Level.GOOD
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The verdict.
+    """Quality of a result.
 
     Attributes:
-        level: the worst of the findings.
-        findings: the worst first.
+        level: worst level of the findings.
+        findings: worst first.
     """
 
     level: Level
     findings: tuple[Finding, ...]
 
     @classmethod
-    def of(cls, findings: Sequence[Finding]) -> "Verdict":
+    def from_findings(cls, findings: Sequence[Finding]) -> "Verdict":
         """The verdict that findings make."""
-        ordered = tuple(sorted(findings, key=lambda finding: (-finding.level, finding.camera)))
-        return cls(max((finding.level for finding in ordered), default=Level.GOOD), ordered)
+        ordered = tuple(sorted(findings, key=lambda finding: (-finding.level, finding.subject)))
+        return cls(worst_level(ordered), ordered)
 
     @property
     def text(self) -> str:
-        """In one line, for a headline or a diagnostic."""
+        """One line, for a headline or a diagnostic."""
         if not self.findings:
             return "good: nothing contradicts the body"
-        accused = list(dict.fromkeys(finding.camera for finding in self.findings if finding.level == self.level))
+        accused = list(dict.fromkeys(finding.subject for finding in self.findings if finding.level == self.level))
         what = "do not use this result;" if self.level is Level.WRONG else "look twice at what depends on"
         return f"{self.level.word}: {what} {', '.join(accused)}"
 
@@ -85,21 +100,25 @@ VERDICT, VERDICT_TYPE = "/verdict", "std_msgs/msg/String"
 _LEVELS = {level.word: level for level in Level}
 
 
+def finding_record(finding: Finding) -> dict[str, str]:
+    """The fields of a finding as text, for JSON."""
+    return asdict(finding) | {"level": finding.level.word}
+
+
 def verdict_text(verdict: Verdict) -> str:
-    """The message's text, which ``parse_verdict`` reads."""
-    findings = [asdict(finding) | {"level": finding.level.word} for finding in verdict.findings]
-    return json.dumps({"level": verdict.level.word, "findings": findings})
+    """Text of the message on ``VERDICT``; ``parse_verdict`` reads it."""
+    return json.dumps({"level": verdict.level.word, "findings": [*map(finding_record, verdict.findings)]})
 
 
 def parse_verdict(text: str) -> Verdict:
-    """Read a message's text.
+    """Read the text of a message on ``VERDICT``.
 
     Raises:
-        ValueError: it is not what ``verdict_text`` writes.
+        ValueError: the text was not written by ``verdict_text``.
     """
     try:
         stored = json.loads(text)
         findings = [Finding(**{**finding, "level": _LEVELS[finding["level"]]}) for finding in stored["findings"]]
-        return Verdict.of(findings)
+        return Verdict.from_findings(findings)
     except (KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"no verdict: {error}") from error

@@ -2,14 +2,13 @@
 
 import argparse
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_map, settings_from_flags
+from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_map
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -17,12 +16,11 @@ from bodycam_ros.terminal import Terminal
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bodycam_ros.quality.doctor_settings import DoctorGroups
-    from bodycam_ros.quality.finding import Finding
+    from bodycam_ros.verdict import Finding
 
 _EXIT_CODES = (
-    "Exit code: 0 if nothing is red, 3 if something is: mend it and record again; 1 if a file cannot be used. It looks "
-    "at samples: what is green may still fail, what is red will."
+    "Exit code: 0 if nothing is wrong, 3 if something is: mend it and record again; 1 if a file cannot be used. "
+    "Samples are checked: what is good may still fail, what is wrong will."
 )
 _STYLES = ("green", "yellow", "bold red")
 
@@ -48,43 +46,35 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_lenses(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_jobs(parser, "threads")
-    add_config(parser, _settings)
+    add_config(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.cli.tables import WRONG_RESULT
-    from bodycam_ros.quality.doctor import DoctorInput, examine, notes
-    from bodycam_ros.quality.finding import Light, worst
+    from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
+    from bodycam_ros.verdict import Level, finding_record, worst_level
 
-    settings = settings_from_flags(arguments, _settings(), arguments.config)
     given = DoctorInput(
         arguments.recording, arguments.map, arguments.body, arguments.rig, arguments.board, arguments.lenses
     )
     with shown_progress() as progress:
-        findings = examine(given, settings, arguments.jobs, progress)
-    light = worst(findings)
+        findings = examine(given, arguments.jobs, progress)
+    level = worst_level(findings)
     if arguments.json:
-        said = [{**asdict(finding), "light": finding.light.word} for finding in findings]
-        print(json.dumps({"light": light.word, "findings": said}, indent=1))
+        print(json.dumps({"level": level.word, "findings": [*map(finding_record, findings)]}, indent=1))
     else:
         _print(findings)
-        for note in notes(given):
-            Terminal().print(f"not looked at: {note}", soft_wrap=True)
+        for check in skipped_checks(given):
+            Terminal().print(f"not checked: {check}", soft_wrap=True)
         verdict = {
-            Light.GREEN: "green: nothing speaks against it",
-            Light.AMBER: "amber: it can be used, and would be better with what is said above",
-            Light.RED: "red: mend what is red and record again",
-        }[light]
-        Terminal().print(Text(verdict, _STYLES[light]))
-    return WRONG_RESULT if light is Light.RED else 0
-
-
-def _settings() -> "type[DoctorGroups]":
-    from bodycam_ros.quality.doctor_settings import DoctorGroups
-
-    return DoctorGroups
+            Level.GOOD: "good: nothing speaks against it",
+            Level.DOUBTFUL: "doubtful: it can be used, and would be better with what is said above",
+            Level.WRONG: "wrong: mend what is wrong and record again",
+        }[level]
+        Terminal().print(Text(verdict, _STYLES[level]))
+    return WRONG_RESULT if level is Level.WRONG else 0
 
 
 def _print(findings: "Sequence[Finding]") -> None:
@@ -95,8 +85,8 @@ def _print(findings: "Sequence[Finding]") -> None:
     table.add_column()
     for check in dict.fromkeys(finding.check for finding in findings):
         of_check = [finding for finding in findings if finding.check == check]
-        for finding in sorted(of_check, key=lambda finding: -finding.light):
-            if finding.light or finding is of_check[-1]:
-                style = _STYLES[finding.light]
-                table.add_row(check, Text(finding.light.word, style), Text(printable(finding.text)))
+        for finding in sorted(of_check, key=lambda finding: -finding.level):
+            if finding.level or finding is of_check[-1]:
+                style = _STYLES[finding.level]
+                table.add_row(check, Text(finding.level.word, style), Text(printable(finding.text)))
     Terminal().print(table)

@@ -124,7 +124,7 @@ def compare_lenses(verdict: "Verdict", recording: Path) -> None:
     """Print which of the cameras with findings were recorded with another lens; takes some seconds each."""
     from bodycam_ros.lens.recorded_lens import other_lenses
 
-    accused = {finding.camera for finding in verdict.findings if finding.part == "camera"}
+    accused = {finding.subject for finding in verdict.findings if finding.part == "camera"}
     with waiting("comparing lenses"):
         remarks = [match.text for match in other_lenses(recording, sorted(accused))]
     for remark in remarks:

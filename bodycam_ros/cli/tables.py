@@ -254,7 +254,7 @@ def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
 def camera_styles(verdict: Verdict) -> dict[str, str]:
     """Camera with a finding -> the style of its row in a table."""
     # The worst comes first and stays.
-    return {finding.camera: _STYLES[finding.level] for finding in reversed(verdict.findings)}
+    return {finding.subject: _STYLES[finding.level] for finding in reversed(verdict.findings)}
 
 
 def exit_code(verdict: Verdict) -> int:

@@ -34,7 +34,7 @@ def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
     """
     if solved.stored_verdict is not None:
         return solved.stored_verdict
-    return Verdict.of((*_judge_cameras(solved, models).findings, *equipment_findings(solved.equipment)))
+    return Verdict.from_findings((*_judge_cameras(solved, models).findings, *equipment_findings(solved.equipment)))
 
 
 def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

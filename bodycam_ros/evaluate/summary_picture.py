@@ -86,7 +86,7 @@ def verdict_line(verdict: Verdict) -> str:
     """The verdict and the likely cause of the worst finding, as short as a line is."""
     line = verdict.text
     if verdict.findings and verdict.findings[0].why:
-        line += f" ({verdict.findings[0].camera}: {verdict.findings[0].why})"
+        line += f" ({verdict.findings[0].subject}: {verdict.findings[0].why})"
     return line if len(line) <= _MOST_LETTERS else f"{line[: _MOST_LETTERS - 3]}..."
 
 

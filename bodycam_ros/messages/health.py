@@ -239,7 +239,7 @@ def verdict_health(verdict: Verdict) -> Health:
     """Whether the result may be used, and what each camera has to do with it."""
     told: dict[str, list[str]] = {}
     for finding in verdict.findings:
-        told.setdefault(finding.camera, []).append(finding.told)
+        told.setdefault(finding.subject, []).append(finding.description)
     values = {camera: "; ".join(lines) for camera, lines in told.items()}
     return Health("verdict", _LEVELS[verdict.level], verdict.text, values)
 

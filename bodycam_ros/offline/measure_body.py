@@ -233,7 +233,7 @@ _WELL_REGISTERED = 0.6
 
 def doubted_cameras(summary: ReplaySummary) -> tuple[str, ...]:
     """Cameras that were registered so seldom, or contradict so much, that their lens may be another's."""
-    accused = {finding.camera for finding in summary.verdict.findings if finding.part == "camera"}
+    accused = {finding.subject for finding in summary.verdict.findings if finding.part == "camera"}
     return tuple(
         camera
         for camera, images in sorted(summary.images.items())

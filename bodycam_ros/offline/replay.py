@@ -176,7 +176,7 @@ def replay(
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
         findings = judge(agreement, body).findings
         findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
-        summary.verdict = Verdict.of(findings)
+        summary.verdict = Verdict.from_findings(findings)
         out.write_verdict(item.stamp_ns, summary.verdict)
         summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
         summary.instants = skeleton.assembler.assembled + summary.bridged

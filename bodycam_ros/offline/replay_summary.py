@@ -57,7 +57,7 @@ class ReplaySummary:
     timings: Mapping[str, ClockHistory] = field(default_factory=dict)
     jumps: tuple[ClockJump, ...] = ()
     speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    verdict: Verdict = field(default_factory=lambda: Verdict.of(()))
+    verdict: Verdict = field(default_factory=lambda: Verdict.from_findings(()))
     equipment: EquipmentRecord | None = None
     rounds: tuple[ExtensionRound, ...] = ()
 

@@ -1,6 +1,6 @@
-"""All checks of a recording, in the order in which a person should see to them."""
+"""All checks of a recording, in the order in which a person should act on them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,33 +13,43 @@ from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.quality.camera_checks import check_cameras, check_clocks, check_field_of_view, check_lens, check_rates
-from bodycam_ros.quality.doctor_settings import DoctorGroups
-from bodycam_ros.quality.finding import Finding
-from bodycam_ros.quality.image_checks import check_blur, check_exposure, check_features
-from bodycam_ros.quality.place_checks import OPENING_S, check_board, check_exercise, check_registration, check_rest
-from bodycam_ros.quality.sampled_recording import (
-    SampledRecording,
-    register_samples,
-    sample_bag,
-    sample_videos,
-    spread_instants,
+from bodycam_ros.quality.place_checks import (
+    OPENING_S,
+    check_board,
+    check_exercise,
+    check_field_of_view,
+    check_registration,
+    check_rest,
 )
+from bodycam_ros.quality.recording_checks import (
+    check_blur,
+    check_cameras,
+    check_clocks,
+    check_exposure,
+    check_features,
+    check_lens,
+    check_rates,
+)
+from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.verdict import Finding
 
 _BAG_SUFFIXES, _BAG_FILE = {".mcap", ".db3"}, "metadata.yaml"
+_IMAGES = 12  # of each camera, spread over the recording: faults that last are found in seconds
+_REGISTERED_IMAGES = 6  # of those, for the share that registers: each costs a tenth of a second
+_EXERCISE_IMAGES = 20  # of each camera of a range of motion; more miss fewer turns
 
 
 @dataclass(frozen=True)
 class DoctorInput:
-    """What the doctor is given.
+    """Input of the doctor.
 
     Attributes:
         recording: ros2 bag folder or file, a video, or a folder with videos.
-        map: folder of the reference map; None: nobody can tell what registers.
-        body: body file, whose cameras should be there.
-        rig: rig file of a range of motion, whose joints should be exercised.
+        map: folder of the reference map; None: registration is not checked.
+        body: body file, whose cameras are expected.
+        rig: rig file of a range of motion, whose joints are to be exercised.
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
         lenses: folder with the lens YAMLs of videos; None: beside them.
     """
@@ -52,8 +62,8 @@ class DoctorInput:
     lenses: Path | None = None
 
 
-def examine(given: DoctorInput, settings: DoctorGroups, jobs: int, progress: Progress) -> list[Finding]:
-    """Make all checks that there is something for.
+def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
+    """Make all checks that the input allows.
 
     Raises:
         BodycamError: recording, map, body, rig or board cannot be read.
@@ -65,7 +75,7 @@ def examine(given: DoctorInput, settings: DoctorGroups, jobs: int, progress: Pro
     board_path = given.board or given.recording.resolve().parent / BOARD_FILE
     board = read_board(board_path) if given.board is not None or board_path.is_file() else None
     is_exercise = rig is not None and reference_map is not None and is_bag(given.recording)
-    count = max(settings.doctor.images, settings.doctor.exercise_images) if is_exercise else settings.doctor.images
+    count = _EXERCISE_IMAGES if is_exercise else _IMAGES
 
     def instants(duration_s: float) -> Array:
         opening = [second for second in OPENING_S if is_exercise and second < duration_s]
@@ -78,31 +88,32 @@ def examine(given: DoctorInput, settings: DoctorGroups, jobs: int, progress: Pro
             recording = sample_videos(given.recording, given.lenses, instants, advance)
     findings = [
         *check_cameras(recording, wanted),
-        *check_rates(recording, settings.doctor),
-        *check_clocks(recording, settings.doctor),
+        *check_rates(recording),
+        *check_clocks(recording),
         *check_lens(recording),
-        *check_exposure(recording, settings.doctor),
-        *check_blur(recording, settings.doctor),
-        *check_features(recording, settings.doctor),
+        *check_exposure(recording),
+        *check_blur(recording),
+        *check_features(recording),
     ]
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
     if reference_map is not None:
-        chosen = (
-            range(len(recording.instants_s)) if is_exercise else _some(recording, settings.doctor.registered_images)
-        )
+        last = len(recording.instants_s) - 1
+        chosen = np.arange(last + 1)
+        if not is_exercise:
+            chosen = np.unique(np.linspace(0, last, min(_REGISTERED_IMAGES, last + 1)).round().astype(int))
+        # The middle first: a recording that begins in a dark pocket is not hopeless.
+        order = chosen[np.argsort(np.abs(chosen - chosen[len(chosen) // 2]), kind="stable")].tolist()
         names = wanted or tuple(camera.name for camera in recording.cameras)
         prepare_kernels()
-        with progress.step("registering", len(chosen)) as advance:
-            registered = register_samples(
-                recording, names, _spread_first(chosen), reference_map, settings, jobs, advance
-            )
-        findings += check_registration(registered, settings.doctor)
+        with progress.step("registering", len(order)) as advance:
+            registered = register_samples(recording, names, order, reference_map, jobs, advance)
+        findings += check_registration(registered)
         if is_bag(given.recording):
-            findings += check_field_of_view(given.recording, registered, settings.doctor, progress)
+            findings += check_field_of_view(given.recording, registered, progress)
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras)
-            findings += check_exercise(registered, rig, settings.doctor)
+            findings += check_exercise(registered, rig)
     return findings
 
 
@@ -113,22 +124,11 @@ def is_bag(recording: Path) -> bool:
     return suffix in _BAG_SUFFIXES or (recording / _BAG_FILE).is_file() or not has_videos
 
 
-def _some(recording: SampledRecording, count: int) -> list[int]:
-    last = len(recording.instants_s) - 1
-    return sorted(set(np.linspace(0, last, min(count, last + 1)).round().astype(int).tolist()))
-
-
-def _spread_first(instants: Sequence[int]) -> list[int]:
-    """The middle first, then those beside it: what begins with a dark pocket is not hopeless."""
-    middle = instants[len(instants) // 2]
-    return sorted(instants, key=lambda number: abs(number - middle))
-
-
-def notes(given: DoctorInput) -> Iterator[str]:
-    """What was not looked at, for want of something that could be given."""
+def skipped_checks(given: DoctorInput) -> Iterator[str]:
+    """Checks that were not made, and the input that they need."""
     if given.map is None:
-        yield "give --map to see how many images find themselves"
+        yield "share of images that register: give --map"
     if given.rig is None and given.body is None:
-        yield "give --rig (a range of motion) or --body to see which cameras lack"
+        yield "cameras that are missing: give --rig (a range of motion) or --body"
     if given.rig is not None and not is_bag(given.recording):
-        yield "videos have no common time yet: 'bodycam ingest' first, then the exercise of joints can be seen"
+        yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"

@@ -55,9 +55,9 @@ def judge(agreement: Agreement, body: BodyModel) -> Verdict:
         *_of_blindness(agreement, body, cameras),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
-        told = {finding.camera for finding in findings}
+        told = {finding.subject for finding in findings}
         findings += _of_solver_astray(agreement, found, told)
-    return Verdict.of(findings)
+    return Verdict.from_findings(findings)
 
 
 def solved_gaps(agreement: Agreement, camera: str) -> Array:
@@ -214,7 +214,7 @@ class LiveVerdict:
     def __init__(self, body: BodyModel, cameras: Mapping[str, CameraModel], pose_fit: PoseFitSettings) -> None:
         self._body = body
         self._log = AgreementLog(body, cameras, pose_fit.inlier_px, LIVE_SPAN_S)
-        self._latest = Verdict.of(())
+        self._latest = Verdict.from_findings(())
         self._judged_ns: int | None = None
         self._solved_ns = 0
 
@@ -228,7 +228,7 @@ class LiveVerdict:
         self._solved_ns = stamp_ns
         if self._judged_ns is None or stamp_ns < self._judged_ns:
             # It needs some time before there is anything to judge.
-            self._judged_ns, self._latest = stamp_ns, Verdict.of(())
+            self._judged_ns, self._latest = stamp_ns, Verdict.from_findings(())
 
     def verdict(self) -> Verdict:
         """The latest; made anew when ``LIVE_INTERVAL_S`` have passed since, in time of the recording."""

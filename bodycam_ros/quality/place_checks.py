@@ -1,6 +1,7 @@
-"""Whether the AprilTag board is seen, which gives a map of worn cameras its scale and what is up."""
+"""Checks of a recording in its place: board, registration, lenses by field of view, N-pose, exercise of the joints."""
 
 from collections.abc import Collection, Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -8,148 +9,152 @@ from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.calibration.rest_pose import MAX_SHIFT_M, MAX_TURN_RAD
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
+from bodycam_ros.lens.recorded_lens import other_lenses
 from bodycam_ros.mapping.apriltag import FAMILIES, find_tags
 from bodycam_ros.mapping.board import Board
-from bodycam_ros.quality.doctor_settings import DoctorSettings
-from bodycam_ros.quality.finding import Finding, Light, by_limits
+from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.quality.recording_checks import good
 from bodycam_ros.quality.sampled_recording import RegisteredSamples, SampledRecording
+from bodycam_ros.verdict import Finding, Level, limit_level
 
-_BOARD = "board"
-_ENOUGH = 3  # images; the check is over by then
-_LOOKED_AT = 48  # images at most: fisheye pictures take a tenth of a second
+_ENOUGH_BOARD_IMAGES = 3
+_MAX_BOARD_IMAGES = 48  # tags of a fisheye picture take a tenth of a second
 
 
 def check_board(recording: SampledRecording, board: Board, has_map: bool) -> Iterator[Finding]:
-    """Look for tags of the board, in the middle of the recording first.
+    """Detect tags of the board, in the middle of the recording first.
 
     Args:
         recording: samples.
-        board: what it looks like.
-        has_map: there is a map already, so nobody needs the board.
+        board: description.
+        has_map: whether there is a map, whose scale makes the board unnecessary.
     """
     seen: dict[str, int] = {}
-    looked = 0
-    for number in sorted(
-        range(len(recording.instants_s)), key=lambda number: abs(2 * number - len(recording.instants_s))
-    ):
+    examined = 0
+    count = len(recording.instants_s)
+    for number in sorted(range(count), key=lambda number: abs(2 * number - count)):
         for camera in recording.cameras:
             grey = camera.images.get(number)
             if grey is None or camera.lens is None or grey.shape != (camera.lens.height, camera.lens.width):
                 continue
-            if sum(seen.values()) >= _ENOUGH or looked >= _LOOKED_AT:
+            if sum(seen.values()) >= _ENOUGH_BOARD_IMAGES or examined >= _MAX_BOARD_IMAGES:
                 break
-            looked += 1
+            examined += 1
             tags = {tag for tag, _ in find_tags(grey, camera.lens, FAMILIES[board.family])}
             if tags & set(board.corners_board):
                 seen[camera.name] = seen.get(camera.name, 0) + 1
     if seen:
-        yield Finding(
-            _BOARD, Light.GREEN, f"seen by {', '.join(sorted(seen))} in {sum(seen.values())} of {looked} images"
-        )
+        yield good("board", f"seen by {', '.join(sorted(seen))} in {sum(seen.values())} of {examined} images")
     elif has_map:
-        yield Finding(_BOARD, Light.GREEN, f"not seen in {looked} images; the map has its scale already")
+        yield good("board", f"not seen in {examined} images; the map has its scale already")
     else:
-        what = f"not seen in {looked} images"
+        what = f"not seen in {examined} images"
         remedy = "let it lie where cameras see it from 1 to 2 m, or map the place by photographs that show it"
-        yield Finding(_BOARD, Light.AMBER, what, remedy)
+        yield Finding("", Level.DOUBTFUL, what, remedy=remedy, part="recording", check="board")
 
 
-_REGISTRATION = "registered"
+_REGISTERED, _HARDLY_REGISTERED = 0.6, 0.2  # share of single images; of images that follow each other more register
 
 
-def check_registration(registered: RegisteredSamples, settings: DoctorSettings) -> Iterator[Finding]:
-    """Say of each camera in how many of the sampled images it knows where it is."""
+def check_registration(registered: RegisteredSamples) -> Iterator[Finding]:
+    """Compute the share of each camera's sampled images that can be registered in the map."""
+    check = "registered"
     shares = {camera: registered.share(camera) for camera in registered.poses}
     shares = {camera: share for camera, share in shares.items() if np.isfinite(share)}
-    if not shares:
-        yield Finding(_REGISTRATION, Light.RED, "no image could be asked", "see to lenses and images first")
-        return
     if not any(shares.values()):
-        what = "no camera finds itself in the map"
-        remedy = (
-            "is it the map of this place? are the lenses those of the cameras? photograph more ('bodycam map check')"
-        )
-        yield Finding(_REGISTRATION, Light.RED, what, remedy)
+        what, remedy = "no image could be registered", "mend lenses and images first"
+        if shares:
+            what = "no camera is registered in the map"
+            remedy = "is it the map of this place? are the lenses right? photograph more ('bodycam map check')"
+        yield Finding("", Level.WRONG, what, remedy=remedy, part="recording", check=check)
         return
     for camera, share in sorted(shares.items()):
-        if light := by_limits(share, settings.registered, settings.hardly_registered):
-            what = f"finds itself in {share:.0%} of {len(registered.poses[camera])} images"
-            remedy = "photograph what it looks at and map that too ('bodycam map extend' takes this recording)"
-            yield Finding(_REGISTRATION, light, what, remedy, f"camera {camera}")
+        if level := limit_level(share, _REGISTERED, _HARDLY_REGISTERED):
+            what = f"is registered in {share:.0%} of {len(registered.poses[camera])} images"
+            remedy = "photograph what it sees and map that too ('bodycam map extend' takes this recording)"
+            yield Finding(camera, level, what, remedy=remedy, check=check)
     images = sum(len(poses) for poses in registered.poses.values())
-    what = (
-        f"{np.mean(list(shares.values())):.0%} of {images} single images find themselves; one after the other more do"
-    )
-    yield Finding(_REGISTRATION, Light.GREEN, what)
+    mean = np.mean(list(shares.values()))
+    yield good(check, f"{mean:.0%} of {images} single images are registered; in a sequence more will be")
 
 
-_REST = "N-pose"
+def check_field_of_view(recording: Path, registered: RegisteredSamples, progress: Progress) -> Iterator[Finding]:
+    """Compare lenses with the tracks of their cameras: some seconds a camera, so only of those that register badly."""
+    doubted = sorted(camera for camera in registered.poses if registered.share(camera) < _REGISTERED)
+    if not doubted:
+        return
+    with progress.step("lenses", len(doubted)) as advance:
+        for camera in doubted:
+            for match in other_lenses(recording, [camera]):
+                what = match.text.removeprefix(f"camera {camera}: ")
+                yield Finding(camera, Level.WRONG, what, check="lens")
+            advance()
+
+
 OPENING_S = (0.1, 0.7, 1.3)
-"""Instants at which the person should stand still."""
+"""Times at which the person should stand still."""
 
 
 def check_rest(registered: RegisteredSamples, worn: Collection[str]) -> Iterator[Finding]:
-    """Compare where the worn cameras are in the first second.
+    """Compare the poses of the body cameras in the first second.
 
     Args:
         registered: the images of ``OPENING_S`` among others.
         worn: cameras of the rig.
-        settings: what counts as standing still.
     """
+    check = "N-pose"
     opening = np.flatnonzero(registered.instants_s <= OPENING_S[-1] + 1e-6).tolist()
     known = {camera: [p for n, p in registered.known(camera).items() if n in opening] for camera in worn}
-    told = {camera: poses for camera, poses in known.items() if len(poses) > 1}
-    if not told:
+    compared = {camera: poses for camera, poses in known.items() if len(poses) > 1}
+    if not compared:
+        remedy = "stand where the cameras see the mapped place, then begin"
         what = "no camera is registered in the first second"
-        yield Finding(_REST, Light.RED, what, "stand where the cameras see the mapped place, then begin")
+        yield Finding("", Level.WRONG, what, remedy=remedy, part="recording", check=check)
         return
-    for camera, poses in sorted(told.items()):
+    for camera, poses in sorted(compared.items()):
         moved = inverse(poses[0]) @ np.array(poses[1:])
         turn = float(np.linalg.norm(log_so3(moved[:, :3, :3]), axis=1).max())
         shift = float(np.linalg.norm(moved[:, :3, 3], axis=1).max())
         if turn > MAX_TURN_RAD or shift > MAX_SHIFT_M:
             what = f"moves by {1e3 * shift:.0f} mm and {np.degrees(turn):.0f} deg in the first {OPENING_S[-1]:g} s"
             remedy = "stand still in the N-pose, arms down, for 1.5 s, then begin"
-            yield Finding(_REST, Light.RED, what, remedy, f"camera {camera}")
-    yield Finding(_REST, Light.GREEN, f"{len(told)} cameras seen in the first {OPENING_S[-1]:g} s")
+            yield Finding(camera, Level.WRONG, what, remedy=remedy, check=check)
+    yield good(check, f"{len(compared)} cameras registered in the first {OPENING_S[-1]:g} s")
 
 
-_EXERCISE = "exercise"
-_FEWEST = 6  # instants, of which a range can be told
-_HARDLY = 0.25  # of what a joint should turn by, which is red
+_MIN_EXERCISE_INSTANTS = 6  # of which a range can be computed
+_EXERCISE_DEG, _HARDLY_EXERCISED_DEG = 40.0, 10.0  # the farther a joint turns the better its place is known
+_SECOND_AXIS_DEG = 15.0  # about one axis alone, the place of a ball along it stays open
 
 
-def check_exercise(registered: RegisteredSamples, rig: Rig, settings: DoctorSettings) -> Iterator[Finding]:
-    """Say which joints of a range of motion turned too little, or about one axis only."""
-    told = 0
+def check_exercise(registered: RegisteredSamples, rig: Rig) -> Iterator[Finding]:
+    """Find joints of a range of motion that turned too little, or about one axis only."""
+    check, judged = "exercise", 0
     for segment in rig.segments:
         parent = rig.parents[segment]
         if parent is None:
             continue
         named = SegmentName(segment)
-        of, turns = f"joint {named.joint}", _turns(registered, rig, parent, segment)
-        if len(turns) < _FEWEST:
+        turns = _relative_rotations(registered, rig, parent, segment)
+        if len(turns) < _MIN_EXERCISE_INSTANTS:
             what = f"cameras on both sides are registered together in {len(turns)} of the sampled images"
-            yield Finding(_EXERCISE, Light.AMBER, what, "so nobody can tell how far it was moved", of)
+            remedy = "its range cannot be computed"
+            yield Finding(named.joint, Level.DOUBTFUL, what, remedy=remedy, part="joint", check=check)
             continue
-        told += 1
+        judged += 1
         far, second = _ranges_deg(turns)
-        seen = f"turned by {far:.0f} deg, about a second axis by {second:.0f}, in {len(turns)} instants"
-        if far < settings.exercise:
-            light = Light.RED if far < _HARDLY * settings.exercise else Light.AMBER
-            yield Finding(_EXERCISE, light, seen, named.exercise, of)
-        elif second < settings.second_axis and not named.straight_in_rest:
-            yield Finding(_EXERCISE, Light.AMBER, seen, named.exercise, of)
-    if told:
-        yield Finding(
-            _EXERCISE,
-            Light.GREEN,
-            f"{told} joints could be judged by the sampled images; between them more may be",
-        )
+        what = f"turned by {far:.0f} deg, about a second axis by {second:.0f}, in {len(turns)} instants"
+        level = limit_level(far, _EXERCISE_DEG, _HARDLY_EXERCISED_DEG)
+        if not level and second < _SECOND_AXIS_DEG and not named.straight_in_rest:
+            level = Level.DOUBTFUL
+        if level:
+            yield Finding(named.joint, level, what, remedy=named.exercise, part="joint", check=check)
+    if judged:
+        yield good(check, f"{judged} joints judged by the sampled images; between them more may have turned")
 
 
-def _turns(registered: RegisteredSamples, rig: Rig, parent: str, segment: str) -> Array:
-    """(K, 3, 3) rotations of a segment's camera in its parent's, of the pair that is seen together most often."""
+def _relative_rotations(registered: RegisteredSamples, rig: Rig, parent: str, segment: str) -> Array:
+    """(K, 3, 3) rotations of a segment's camera in its parent's, of the pair that is registered together most often."""
     best: list[Array] = []
     for above in rig.cameras_on(parent):
         for below in rig.cameras_on(segment):

@@ -8,24 +8,30 @@ import pytest
 from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
 
 from bodycam_ros.quality import sampled_recording
-from bodycam_ros.quality.camera_checks import check_cameras, check_clocks, check_lens, check_rates
-from bodycam_ros.quality.doctor_settings import DoctorGroups, DoctorSettings
-from bodycam_ros.quality.finding import Finding, Light, by_limits, worst
-from bodycam_ros.quality.image_checks import blur_of, check_blur, check_exposure, check_features
+from bodycam_ros.quality.recording_checks import (
+    blur_measure,
+    check_blur,
+    check_cameras,
+    check_clocks,
+    check_exposure,
+    check_features,
+    check_lens,
+    check_rates,
+)
 from bodycam_ros.quality.sampled_recording import SampledCamera, SampledRecording
+from bodycam_ros.verdict import Finding, Level, limit_level, worst_level
 
-SETTINGS = DoctorSettings()
 STAMPS_S = np.arange(0.0, DURATION_S, INTERVAL_S)
 
 Check = Callable[[SampledRecording], Iterable[Finding]]
 
 CHECKS: dict[str, Check] = {
     "cameras": lambda r: check_cameras(r, {"head", "hand", "foot"}),
-    "rates": lambda r: check_rates(r, SETTINGS),
-    "clocks": lambda r: check_clocks(r, SETTINGS),
-    "exposure": lambda r: check_exposure(r, SETTINGS),
-    "blur": lambda r: check_blur(r, SETTINGS),
-    "features": lambda r: check_features(r, SETTINGS),
+    "rates": check_rates,
+    "clocks": check_clocks,
+    "exposure": check_exposure,
+    "blur": check_blur,
+    "features": check_features,
     "lens": check_lens,
 }
 
@@ -42,70 +48,70 @@ def without(start_s: float, stop_s: float) -> np.ndarray:
     return STAMPS_S[(STAMPS_S < start_s) | (STAMPS_S >= stop_s)]
 
 
-ILL: list[tuple[str, dict[str, object], Light, str]] = [
-    ("cameras", {"images": {}}, Light.RED, "none of the sampled images"),
-    ("cameras", {"fault": "cannot be decoded"}, Light.RED, "cannot be decoded"),
-    ("rates", {"stamps_s": STAMPS_S[:2]}, Light.RED, "2 images in 10.0 s"),
-    ("rates", {"stamps_s": STAMPS_S[::6]}, Light.AMBER, "5.0 images a second"),
-    ("rates", {"stamps_s": without(4.0, 4.5)}, Light.AMBER, "0.5 s at 4.0 s"),
-    ("rates", {"stamps_s": without(4.0, 6.0)}, Light.RED, "2.0 s at 4.0 s"),
-    ("rates", {"stamps_s": without(0.0, 3.0)}, Light.AMBER, "begins 3.0 s late"),
-    ("rates", {"stamps_s": without(4.0, 11.0)}, Light.RED, "ends 6.0 s early"),
-    ("rates", {"missing": 30}, Light.AMBER, "9% of its images are missing"),
-    ("clocks", {"stamps_s": STAMPS_S + 2.0, "recorded_s": STAMPS_S}, Light.RED, "2.00 s ahead of"),
-    ("clocks", {"stamps_s": 1.001 * STAMPS_S, "recorded_s": STAMPS_S}, Light.AMBER, "1000 ppm too fast"),
-    ("clocks", {"stamps_s": np.sort(STAMPS_S)[::-1], "recorded_s": STAMPS_S}, Light.RED, "not after the one before"),
-    ("exposure", {"images": images(textured(0.15))}, Light.AMBER, "is dark"),
-    ("exposure", {"images": images(textured(0.02))}, Light.RED, "is dark"),
-    ("exposure", {"images": images(textured(4.0))}, Light.RED, "is white"),
-    ("exposure", {"images": {0: textured(), 1: textured(0.2)}}, Light.AMBER, "as bright as its darkest"),
-    ("blur", {"images": images(blurred())}, Light.RED, "100% of its images are blurred"),
-    ("blur", {"images": {0: blurred(), 1: textured()}}, Light.AMBER, "50% of its images are blurred"),
-    ("features", {"images": images(np.full((240, 320), 90, np.uint8))}, Light.RED, "0 features"),
-    ("lens", {"lens": None, "lens_fault": "there is no lens YAML"}, Light.RED, "there is no lens YAML"),
-    ("lens", {"lens": lens(width=640, height=480)}, Light.RED, "320 x 240 px, its lens is for 640 x 480"),
+ILL: list[tuple[str, dict[str, object], Level, str]] = [
+    ("cameras", {"images": {}}, Level.WRONG, "none of the sampled images"),
+    ("cameras", {"fault": "cannot be decoded"}, Level.WRONG, "cannot be decoded"),
+    ("rates", {"stamps_s": STAMPS_S[:2]}, Level.WRONG, "2 images in 10.0 s"),
+    ("rates", {"stamps_s": STAMPS_S[::6]}, Level.DOUBTFUL, "5.0 images a second"),
+    ("rates", {"stamps_s": without(4.0, 4.5)}, Level.DOUBTFUL, "0.5 s at 4.0 s"),
+    ("rates", {"stamps_s": without(4.0, 6.0)}, Level.WRONG, "2.0 s at 4.0 s"),
+    ("rates", {"stamps_s": without(0.0, 3.0)}, Level.DOUBTFUL, "begins 3.0 s late"),
+    ("rates", {"stamps_s": without(4.0, 11.0)}, Level.WRONG, "ends 6.0 s early"),
+    ("rates", {"missing": 30}, Level.DOUBTFUL, "9% of its images are missing"),
+    ("clocks", {"stamps_s": STAMPS_S + 2.0, "recorded_s": STAMPS_S}, Level.WRONG, "2.00 s ahead of"),
+    ("clocks", {"stamps_s": 1.001 * STAMPS_S, "recorded_s": STAMPS_S}, Level.DOUBTFUL, "1000 ppm too fast"),
+    ("clocks", {"stamps_s": np.sort(STAMPS_S)[::-1], "recorded_s": STAMPS_S}, Level.WRONG, "not after the one before"),
+    ("exposure", {"images": images(textured(0.15))}, Level.DOUBTFUL, "is dark"),
+    ("exposure", {"images": images(textured(0.02))}, Level.WRONG, "is dark"),
+    ("exposure", {"images": images(textured(4.0))}, Level.WRONG, "is white"),
+    ("exposure", {"images": {0: textured(), 1: textured(0.2)}}, Level.DOUBTFUL, "as bright as its darkest"),
+    ("blur", {"images": images(blurred())}, Level.WRONG, "100% of its images are blurred"),
+    ("blur", {"images": {0: blurred(), 1: textured()}}, Level.DOUBTFUL, "50% of its images are blurred"),
+    ("features", {"images": images(np.full((240, 320), 90, np.uint8))}, Level.WRONG, "0 features"),
+    ("lens", {"lens": None, "lens_fault": "there is no lens YAML"}, Level.WRONG, "there is no lens YAML"),
+    ("lens", {"lens": lens(width=640, height=480)}, Level.WRONG, "320 x 240 px, its lens is for 640 x 480"),
 ]
 
 
-@pytest.mark.parametrize(("check", "changes", "light", "said"), ILL)
-def test_what_is_wrong_is_said_of_the_camera(check: str, changes: dict[str, object], light: Light, said: str) -> None:
+@pytest.mark.parametrize(("check", "changes", "level", "said"), ILL)
+def test_what_is_wrong_is_said_of_the_camera(check: str, changes: dict[str, object], level: Level, said: str) -> None:
     found = [
-        f for f in CHECKS[check](recording(sampled("foot"), sampled("hand"), sampled("head", **changes))) if f.light
+        f for f in CHECKS[check](recording(sampled("foot"), sampled("hand"), sampled("head", **changes))) if f.level
     ]
-    assert worst(found) is light
-    assert any(f.light is light and said in f.text for f in found)
-    assert {f.of for f in found} == {"camera head"}
+    assert worst_level(found) is level
+    assert any(f.level is level and said in f.text for f in found)
+    assert {f.subject for f in found} == {"head"}
     assert all(f.what for f in found)
 
 
 @pytest.mark.parametrize("check", CHECKS)
-def test_what_is_right_is_green(check: str) -> None:
+def test_what_is_right_is_good(check: str) -> None:
     found = list(CHECKS[check](recording(*map(sampled, ("foot", "hand", "head")))))
-    assert found and worst(found) is Light.GREEN
+    assert found and worst_level(found) is Level.GOOD
 
 
 def test_cameras_of_the_rig_that_lack_are_named() -> None:
     found = list(check_cameras(recording(sampled("head"), sampled("hand")), {"head", "foot"}))
-    assert [(f.of, f.light) for f in found if f.light] == [("camera foot", Light.RED), ("camera hand", Light.AMBER)]
+    assert [(f.subject, f.level) for f in found if f.level] == [("foot", Level.WRONG), ("hand", Level.DOUBTFUL)]
 
 
 def test_videos_without_sound_are_named() -> None:
     deaf, heard = sampled("head", has_sound=False), sampled("foot", has_sound=True)
-    found = list(check_clocks(recording(deaf, heard, is_synchronous=False), SETTINGS))
-    assert [(f.of, f.light) for f in found if f.light] == [("camera head", Light.AMBER)]
+    found = list(check_clocks(recording(deaf, heard, is_synchronous=False)))
+    assert [(f.subject, f.level) for f in found if f.level] == [("head", Level.DOUBTFUL)]
 
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_blur_grows_with_what_a_picture_is_blurred_by(axis: int) -> None:
     sizes = [(1, 1), (3, 1), (7, 1), (13, 1)]
-    blurs = [blur_of(np.asarray(cv2.blur(textured(), size if axis else size[::-1]))) for size in sizes]
+    blurs = [blur_measure(np.asarray(cv2.blur(textured(), size if axis else size[::-1]))) for size in sizes]
     assert blurs == sorted(blurs)
     assert blurs[-1] - blurs[0] > 0.2
 
 
 def test_lenses_of_another_size_do_not_count_as_right() -> None:
     found = list(check_lens(recording(sampled("foot"), sampled("head", lens=lens(width=640, height=480)))))
-    assert [f.what for f in found if not f.light] == ["1 lenses (equidistant) for images of their size"]
+    assert [f.what for f in found if not f.level] == ["1 lenses (equidistant) for images of their size"]
 
 
 def test_instants_without_images_do_not_make_a_map_hopeless(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,7 +129,6 @@ def test_instants_without_images_do_not_make_a_map_hopeless(monkeypatch: pytest.
         ["head"],
         [0, 1, 2, 3],
         None,
-        DoctorGroups(),
         1,
         lambda: advanced.append(1),  # type: ignore[arg-type]
     )
@@ -131,8 +136,8 @@ def test_instants_without_images_do_not_make_a_map_hopeless(monkeypatch: pytest.
 
 
 def test_limits_go_both_ways() -> None:
-    assert [by_limits(value, 1.0, 2.0) for value in (0.5, 1.5, 2.5)] == [Light.GREEN, Light.AMBER, Light.RED]
-    assert [by_limits(value, 2.0, 1.0) for value in (2.5, 1.5, 0.5)] == [Light.GREEN, Light.AMBER, Light.RED]
+    assert [limit_level(value, 1.0, 2.0) for value in (0.5, 1.5, 2.5)] == [Level.GOOD, Level.DOUBTFUL, Level.WRONG]
+    assert [limit_level(value, 2.0, 1.0) for value in (2.5, 1.5, 0.5)] == [Level.GOOD, Level.DOUBTFUL, Level.WRONG]
 
 
 def test_a_camera_without_lens_has_no_mask() -> None:

@@ -6,12 +6,10 @@ import numpy as np
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import exp_so3, rigid
-from bodycam_ros.quality.doctor_settings import DoctorSettings
-from bodycam_ros.quality.finding import Finding, Light
 from bodycam_ros.quality.place_checks import OPENING_S, check_exercise, check_registration, check_rest
 from bodycam_ros.quality.sampled_recording import RegisteredSamples
+from bodycam_ros.verdict import Finding, Level
 
-SETTINGS = DoctorSettings()
 RIG = Rig(
     cameras={"waist": "pelvis", "thigh": "thigh_left", "shin": "shin_left"},
     parents={"pelvis": None, "thigh_left": "pelvis", "shin_left": "thigh_left"},
@@ -40,42 +38,42 @@ def bend(phase: float) -> np.ndarray:
     return np.array([0.0, 0.8 * np.sin(9.0 * phase), 0.0])
 
 
-def lights(findings: list[Finding]) -> dict[str, Light]:
-    return {finding.of: finding.light for finding in findings if finding.light}
+def levels(findings: list[Finding]) -> dict[str, Level]:
+    return {finding.subject: finding.level for finding in findings if finding.level}
 
 
-def test_a_joint_that_was_moved_is_green_and_a_knee_needs_one_axis() -> None:
-    assert lights(list(check_exercise(moved(swing, bend), RIG, SETTINGS))) == {}
+def test_a_joint_that_was_moved_is_good_and_a_knee_needs_one_axis() -> None:
+    assert levels(list(check_exercise(moved(swing, bend), RIG))) == {}
 
 
-def test_a_joint_that_was_not_moved_is_red_and_says_what_to_do() -> None:
-    found = list(check_exercise(moved(swing, lambda phase: np.zeros(3)), RIG, SETTINGS))
-    assert lights(found) == {"joint knee_left": Light.RED}
-    assert "bend and stretch the knee" in next(f.text for f in found if f.light)
+def test_a_joint_that_was_not_moved_is_wrong_and_says_what_to_do() -> None:
+    found = list(check_exercise(moved(swing, lambda phase: np.zeros(3)), RIG))
+    assert levels(found) == {"knee_left": Level.WRONG}
+    assert "bend and stretch the knee" in next(f.text for f in found if f.level)
 
 
-def test_a_hip_that_turned_about_one_axis_only_is_amber() -> None:
-    assert lights(list(check_exercise(moved(bend, bend), RIG, SETTINGS))) == {"joint hip_left": Light.AMBER}
+def test_a_hip_that_turned_about_one_axis_only_is_doubtful() -> None:
+    assert levels(list(check_exercise(moved(bend, bend), RIG))) == {"hip_left": Level.DOUBTFUL}
 
 
-def test_a_joint_that_nobody_saw_is_amber() -> None:
+def test_a_joint_that_nobody_saw_is_doubtful() -> None:
     registered = moved(swing, bend)
     blind = dict.fromkeys(registered.poses["shin"])
-    found = check_exercise(RegisteredSamples(SECONDS, {**registered.poses, "shin": blind}), RIG, SETTINGS)
-    assert lights(list(found)) == {"joint knee_left": Light.AMBER}
+    found = check_exercise(RegisteredSamples(SECONDS, {**registered.poses, "shin": blind}), RIG)
+    assert levels(list(found)) == {"knee_left": Level.DOUBTFUL}
 
 
-def test_standing_still_at_first_is_green_and_setting_out_is_red() -> None:
+def test_standing_still_at_first_is_good_and_setting_out_is_wrong() -> None:
     registered = moved(swing, bend)
-    assert lights(list(check_rest(registered, RIG.cameras))) == {}
+    assert levels(list(check_rest(registered, RIG.cameras))) == {}
     kicked = {**registered.poses["shin"], 2: rigid(exp_so3(np.array([0.3, 0.0, 0.0])), np.zeros(3))}
     found = check_rest(RegisteredSamples(SECONDS, {**registered.poses, "shin": kicked}), RIG.cameras)
-    assert lights(list(found)) == {"camera shin": Light.RED}
+    assert levels(list(found)) == {"shin": Level.WRONG}
 
 
-def test_nobody_seen_at_first_is_red() -> None:
+def test_nobody_seen_at_first_is_wrong() -> None:
     blind = RegisteredSamples(SECONDS, {"waist": dict.fromkeys(range(len(SECONDS)))})
-    assert lights(list(check_rest(blind, ["waist"]))) == {"": Light.RED}
+    assert levels(list(check_rest(blind, ["waist"]))) == {"": Level.WRONG}
 
 
 def test_the_share_that_finds_itself_is_judged_by_camera() -> None:
@@ -83,11 +81,11 @@ def test_the_share_that_finds_itself_is_judged_by_camera() -> None:
     few = {number: pose if number < 3 else None for number, pose in registered.poses["shin"].items()}
     half = {number: pose if number < 12 else None for number, pose in registered.poses["thigh"].items()}
     poses = {**registered.poses, "shin": few, "thigh": half}
-    found = list(check_registration(RegisteredSamples(SECONDS, poses), SETTINGS))
-    assert lights(found) == {"camera shin": Light.RED, "camera thigh": Light.AMBER}
+    found = list(check_registration(RegisteredSamples(SECONDS, poses)))
+    assert levels(found) == {"shin": Level.WRONG, "thigh": Level.DOUBTFUL}
 
 
 def test_a_wrong_map_is_said_once() -> None:
     lost = RegisteredSamples(SECONDS, {name: dict.fromkeys(range(4)) for name in ("waist", "thigh")})
-    found = list(check_registration(lost, SETTINGS))
-    assert len(found) == 1 and found[0].light is Light.RED and "map of this place" in found[0].text
+    found = list(check_registration(lost))
+    assert len(found) == 1 and found[0].level is Level.WRONG and "map of this place" in found[0].text

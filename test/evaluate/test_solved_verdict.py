@@ -70,7 +70,7 @@ def test_a_good_walk_is_good(solved: Path) -> None:
 
 
 def test_the_verdict_of_the_replay_is_repeated(solved: Path) -> None:
-    missed = Verdict.of([Finding("torso", Level.DOUBTFUL, "was seen too rarely", part="segment")])
+    missed = Verdict.from_findings([Finding("torso", Level.DOUBTFUL, "was seen too rarely", part="segment")])
     stored = replace(read_solved(solved), stored_verdict=parse_verdict(verdict_text(missed)))
     assert solved_verdict(stored, {}) == missed
 
@@ -81,14 +81,16 @@ def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk
     evaluation = evaluate(write_solved(walk, tmp_path / "out", published=body))
     assert evaluation.verdict.level == Level.WRONG
     write_report(evaluation, tmp_path / "report")
-    told = summary(evaluation)["verdict"]["findings"][0]
-    assert (told["camera"], told["level"]) == ("shin", "wrong")
+    finding = summary(evaluation)["verdict"]["findings"][0]
+    assert (finding["subject"], finding["level"]) == ("shin", "wrong")
 
 
 @pytest.mark.parametrize("level", [Level.DOUBTFUL, Level.WRONG])
 def test_the_line_in_the_picture_names_camera_and_cause_and_is_not_too_long(level: Level) -> None:
-    short = Verdict.of([Finding("head", level, "is odd", "its lens is wrong")])
+    short = Verdict.from_findings([Finding("head", level, "is odd", "its lens is wrong")])
     assert verdict_line(short).startswith(level.word)
     assert verdict_line(short).endswith("head (head: its lens is wrong)")
-    many = Verdict.of([Finding(f"camera_{number}", level, "is odd", "its lens is wrong") for number in range(40)])
+    many = Verdict.from_findings(
+        [Finding(f"camera_{number}", level, "is odd", "its lens is wrong") for number in range(40)]
+    )
     assert len(verdict_line(many)) == 150

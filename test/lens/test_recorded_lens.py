@@ -32,7 +32,7 @@ def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path, capsy
 
     # Of a result that is looked at afterwards those are asked that contradict the body, and are in the recording.
     accused = (Finding(camera, Level.WRONG, "contradicts") for camera in ("shin_left", "head"))
-    compare_lenses(Verdict.of(tuple(accused)), tmp_path / "bag")
+    compare_lenses(Verdict.from_findings(tuple(accused)), tmp_path / "bag")
     assert " ".join(capsys.readouterr().out.split()) == line
-    compare_lenses(Verdict.of((Finding("thigh_left", Level.DOUBTFUL, "contradicts"),)), tmp_path / "bag")
+    compare_lenses(Verdict.from_findings((Finding("thigh_left", Level.DOUBTFUL, "contradicts"),)), tmp_path / "bag")
     assert not capsys.readouterr().out

@@ -55,7 +55,7 @@ def test_a_wrong_lens_is_named_by_replay_and_evaluate(sample: Path, wrong_lens: 
     assert "verdict: wrong: do not use this result; shin_left" in evaluated.stdout
     verdict = json.loads((report / "summary.json").read_text())["verdict"]
     assert verdict["level"] == "wrong"
-    assert [finding["camera"] for finding in verdict["findings"] if finding["level"] == "wrong"] == ["shin_left"]
+    assert [finding["subject"] for finding in verdict["findings"] if finding["level"] == "wrong"] == ["shin_left"]
     assert "its lens is not what camera_info says" in verdict["findings"][0]["why"]
 
 

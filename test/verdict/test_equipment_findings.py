@@ -24,7 +24,7 @@ def test_what_is_far_from_where_the_file_has_it_is_named() -> None:
         "equipment bicycle: attachment bar is 3 m from the body where the file has it; "
         "it was not used; check its points, and when it holds"
     )
-    assert Verdict.of([finding]).text == "doubtful: look twice at what depends on bicycle"
+    assert Verdict.from_findings([finding]).text == "doubtful: look twice at what depends on bicycle"
 
 
 def test_a_foot_that_leaves_its_pedal_for_a_while_is_no_fault() -> None:
@@ -50,7 +50,7 @@ def test_equipment_that_is_let_go_most_of_the_time_is_named() -> None:
 def test_what_pulls_from_afar_because_it_is_said_to_hold_is_named() -> None:
     pulled = replace(RIDE, engaged=np.ones_like(RIDE.engaged))
     (finding,) = equipment_findings(pulled)
-    assert finding.told.endswith("it pulled at the body all the same; check its points, and when it holds")
+    assert finding.description.endswith("it pulled at the body all the same; check its points, and when it holds")
 
 
 def test_without_equipment_there_is_nothing_to_find() -> None:
@@ -79,7 +79,9 @@ def test_an_attachment_that_is_let_go_for_long_is_named_unless_the_file_says_whe
     (finding,) = equipment_findings(left, BICYCLE)
     share = 1.0 - left.held[left.placed, 0].mean()
     assert 0.3 < share < 0.45
-    assert finding.told.startswith(f"attachment pedal_left was let go for {share:.0%} of the time; if the body held it")
+    assert finding.description.startswith(
+        f"attachment pedal_left was let go for {share:.0%} of the time; if the body held it"
+    )
     said = replace(BICYCLE, attachments=(replace(PEDAL, intervals=((0.0, 3.0),)),))
     assert equipment_findings(left, said) == ()
 

@@ -36,34 +36,34 @@ def test_a_good_recording_is_good(cameras: tuple[str, ...]) -> None:
 def test_exchanged_names_are_named(pairs: list[tuple[str, str]]) -> None:
     verdict = KnownMotion(names=exchanged(*pairs)).verdict()
     assert verdict.level > Level.GOOD
-    why = {finding.camera: finding.why for finding in verdict.findings}
+    why = {finding.subject: finding.why for finding in verdict.findings}
     assert why == {a: f"its name is exchanged with {b}" for a, b in exchanged(*pairs).items()}
 
 
 def test_exchanged_names_among_four_cameras() -> None:
     verdict = KnownMotion(LEFT_LEG, exchanged(("shin_left", "foot_left"))).verdict()
     assert verdict.level == Level.WRONG
-    assert {finding.camera for finding in verdict.findings} == {"shin_left", "foot_left"}
+    assert {finding.subject for finding in verdict.findings} == {"shin_left", "foot_left"}
     assert all("exchanged" in finding.why for finding in verdict.findings)
 
 
 def test_a_camera_that_records_from_where_a_missing_one_should() -> None:
     cameras = tuple(camera for camera in BODY.mounts if camera != "head")
     verdict = KnownMotion(cameras, names={"shin_left": "head"}).verdict()
-    head = next(finding for finding in verdict.findings if finding.camera == "head")
+    head = next(finding for finding in verdict.findings if finding.subject == "head")
     assert head.why == "its pictures come from where shin_left sits"
 
 
 def test_a_camera_that_sits_elsewhere_than_the_body_says() -> None:
     finding = only(KnownMotion(altered={"forearm_left": moved((0.0, 0.15, 0.1))}).verdict(), Level.WRONG)
-    assert finding.camera == "forearm_left"
+    assert finding.subject == "forearm_left"
     millimetres = float(finding.why.split()[2])
     assert finding.why.startswith("it sits") and millimetres == pytest.approx(180.0, abs=5.0)
 
 
 def test_a_slipped_strap_is_named_with_its_time() -> None:
     finding = only(KnownMotion(altered={"shin_left": moved((0.0, 0.08, 0.04), after_s=2.5)}).verdict(), Level.DOUBTFUL)
-    assert finding.camera == "shin_left"
+    assert finding.subject == "shin_left"
     assert "its strap slipped at 2.5 s" in finding.why
     assert "between 2.5 and 3.9 s" in finding.what
 
@@ -72,7 +72,7 @@ def test_a_slipped_strap_is_named_with_its_time() -> None:
 @pytest.mark.parametrize("camera", ["foot_left", "forearm_right"])
 def test_a_clock_that_is_off_by_some_milliseconds(camera: str, error_s: float) -> None:
     finding = only(KnownMotion(clocks_s={camera: error_s}).verdict(), Level.DOUBTFUL)
-    assert finding.camera == camera
+    assert finding.subject == camera
     words = finding.why.split()
     assert float(words[3]) == pytest.approx(20.0, abs=5.0)
     assert words[5] == ("ahead" if error_s > 0.0 else "behind")
@@ -80,7 +80,7 @@ def test_a_clock_that_is_off_by_some_milliseconds(camera: str, error_s: float) -
 
 def test_a_clock_that_is_far_off() -> None:
     finding = only(KnownMotion(clocks_s={"head": 3600.0}).verdict(), Level.WRONG)
-    assert (finding.camera, finding.what) == ("head", "shares no time with the other cameras")
+    assert (finding.subject, finding.what) == ("head", "shares no time with the other cameras")
     assert "3600.0 s after them" in finding.why
 
 
@@ -91,22 +91,22 @@ def test_wrong_registrations_all_over_the_place() -> None:
         return pose @ exp_se3(random.normal(size=6) * 0.4)
 
     finding = only(KnownMotion(altered={"shin_left": jump}).verdict(), Level.WRONG)
-    assert finding.camera == "shin_left"
+    assert finding.subject == "shin_left"
     assert "lens is not what camera_info says" in finding.why
 
 
 def test_a_camera_that_the_solver_left_out_makes_a_result_doubtful_and_one_that_it_followed_wrong() -> None:
     fault = {"waist_right": moved((0.4, 0.0, 0.0))}
     finding = only(KnownMotion(altered=fault).verdict(), Level.DOUBTFUL)
-    assert finding.camera == "waist_right"
+    assert finding.subject == "waist_right"
     pulled = KnownMotion(altered=fault, solved=lambda poses: rigid(np.eye(3), np.array([0.2, 0.0, 0.0])) @ poses)
-    assert only(pulled.verdict(), Level.WRONG).camera == "waist_right"
+    assert only(pulled.verdict(), Level.WRONG).subject == "waist_right"
 
 
 def test_a_solver_that_went_astray_is_wrong_though_all_cameras_agree() -> None:
     astray = KnownMotion(LEFT_LEG, solved=lambda poses: rigid(np.eye(3), np.array([0.0, 0.3, 0.0])) @ poses).verdict()
     assert astray.level == Level.WRONG
-    assert {finding.camera for finding in astray.findings} == set(LEFT_LEG)
+    assert {finding.subject for finding in astray.findings} == set(LEFT_LEG)
 
 
 def test_a_camera_that_is_never_registered() -> None:
