@@ -1,14 +1,15 @@
-"""Settings of a stage: frozen dataclasses whose fields carry unit, range and reason.
+"""Settings of a stage: frozen dataclasses whose fields carry unit, range and reason. msgspec checks their values.
 
 One name serves YAML file, ROS parameter and command-line flag alike: the group and the field
 joined by a dot, such as ``tracker.max_track_age``.
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+import msgspec
 
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.shown import shown
@@ -41,6 +42,26 @@ class SettingDescription:
         limits = "" if self.low is None else f" ({self.low:g} to {self.high:g}{words})"
         return f"{self.reason}{unit}{limits}"
 
+    def check(self, value: Any, source: str) -> Any:
+        """The value in the setting's type; ``source`` is for messages.
+
+        Raises:
+            SettingsError: wrong type, or out of the range.
+        """
+        try:
+            return msgspec.convert(value, self._constrained())
+        except (msgspec.ValidationError, OverflowError) as error:
+            problem = str(error).replace("`", "")
+            raise SettingsError(f"{source}: {self.name} = {shown(value)}: {problem}; {self.text()}") from error
+
+    def _constrained(self) -> Any:
+        kind: Any = tuple[str, ...] if self.type is tuple else self.type
+        if self.low is not None:
+            whole = self.type is int
+            low, high = (int(limit) if whole else limit for limit in (self.low, self.high or 0.0))
+            kind = Annotated[kind, msgspec.Meta(ge=low, le=high)]
+        return kind | Literal[self.words] if self.words else kind
+
 
 def setting(
     default: Any,
@@ -53,7 +74,10 @@ def setting(
 ) -> Any:
     """A dataclass field that knows its unit, its inclusive limits and why it has its default.
 
-    In place of a number it may be one of some words. ``live``: a node that is told another value works on with it.
+    Args:
+        words: allowed in place of a number.
+        reason: what it does; what raising it does.
+        live: a running node takes another value.
     """
     metadata = {"unit": unit, "limits": limits, "words": words, "reason": reason, "live": live}
     return field(default=default, metadata=metadata)
@@ -65,16 +89,9 @@ def describe(settings_type: type) -> Iterator[SettingDescription]:
         if f.default is MISSING:
             raise TypeError(f"{settings_type.__name__}.{f.name} has no default")
         low, high = f.metadata["limits"] or (None, None)
+        of = f.metadata
         yield SettingDescription(
-            f.name,
-            type(f.default),
-            f.default,
-            f.metadata["unit"],
-            low,
-            high,
-            f.metadata["words"],
-            f.metadata["reason"],
-            f.metadata["live"],
+            f.name, type(f.default), f.default, of["unit"], low, high, of["words"], of["reason"], of["live"]
         )
 
 
@@ -90,12 +107,10 @@ def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], sou
         SettingsError: unknown name, wrong type, or value outside the range.
     """
     known = {s.name: s for s in describe(settings_type)}
-    checked = {}
-    for name, value in values.items():
+    for name in values:
         if name not in known:
             raise SettingsError(f"{source}: there is no setting {shown(name)}; known are {', '.join(sorted(known))}")
-        checked[name] = _checked(known[name], value, source)
-    return settings_type(**checked)
+    return settings_type(**{name: known[name].check(value, source) for name, value in values.items()})
 
 
 @dataclass(frozen=True)
@@ -159,19 +174,3 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
             group, setting_name = name.split(".", 1)
             groups.setdefault(group, {})[setting_name] = value
     return groups
-
-
-def _checked(description: SettingDescription, value: Any, source: str) -> Any:
-    wanted: type[Any] = description.type
-    if isinstance(value, str) and value in description.words:
-        return value
-    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
-        with suppress(OverflowError):
-            value = float(value)
-    if not isinstance(value, wanted) or (isinstance(value, bool) and wanted is not bool):
-        kinds = " or ".join([wanted.__name__, *map(repr, description.words)])
-        raise SettingsError(f"{source}: {description.name} must be {kinds}, not {shown(value)}; {description.text()}")
-    low, high = description.low, description.high
-    if low is not None and high is not None and not low <= value <= high:
-        raise SettingsError(f"{source}: {description.name} = {shown(value)} is out of range; {description.text()}")
-    return value

@@ -98,7 +98,7 @@ def turned(xyzw: list[float], vector: Array) -> Array:
         ([], "needs --urdf and --mapping"),
         (["again", "--urdf", "r.urdf", "--mapping", "m.yaml"], "takes one recording a call, not 2"),
         (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate has no effect on robot"),
-        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.rounds", "99"], "rounds = 99 is out of range"),
+        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.rounds", "99"], "rounds = 99: Expected int <="),
         (["--urdf", "r.urdf", "--mapping", "nothing.yaml"], "nothing.yaml"),
         (["--urdf", "nothing.urdf", "--mapping", str(MAPPING)], "nothing.urdf"),
         (["--to", "bvh", "--mapping", "m.yaml"], "--mapping: has no effect on bvh, only on robot"),
