@@ -2,7 +2,6 @@
 
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.ingest.clock_settings import IngestSettings
-from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.robot.retargeting import RobotSettings
@@ -15,7 +14,6 @@ OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     IngestSettings,
     MeasureSettings,
     StationsSettings,
-    LensCalibrationSettings,
     RobotSettings,
 )
 """Those that no stage of the pipeline reads: commands do, and of the nodes only ``retarget`` its own."""

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
-from bodycam_ros.cli.options import add_config, add_output, settings_from_flags
+from bodycam_ros.cli.options import add_output
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import OutputError
-from bodycam_ros.lens.lens_settings import LensCalibrationSettings
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
 
@@ -24,7 +23,8 @@ _MARK = "# lens measured by bodycam"
 _EPILOG = """
 Film in the mode that will be recorded in, stabilisation off, for a minute: the board still while the camera looks, near
 enough to fill a third of the picture, in every part of it out to the corners, straight and tilted by 30 to 45 deg to
-all sides. Exit code: 0 if LENS.yaml was written, 3 if the lens would hurt and was not, 1 if something cannot be used.
+all sides. A checkerboard has to be whole in each picture. Exit code: 0 if LENS.yaml was written, with warnings where it
+is less certain than it could be; 3 if no lens explains the pictures; 1 if something cannot be used.
 """
 
 
@@ -50,7 +50,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="camera model; auto: the one that explains pictures left out best (%(default)s)",
     )
     parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
-    add_config(parser, lambda: LensCalibrationSettings)
     parser.set_defaults(run=run)
 
 
@@ -63,28 +62,29 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.lens.lens_pictures import lens_pictures
     from bodycam_ros.whole_file import write_whole
 
-    settings = settings_from_flags(arguments, LensCalibrationSettings, arguments.config).lens
     output: Path = arguments.output
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise OutputError(f"{output}: a lens is a camera_info YAML; give a name that ends with .yaml")
     picture = output.with_suffix(".png")
     for path, mark, what in ((output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")):
-        check_output(path, (*arguments.pictures, arguments.board, arguments.config))
+        check_output(path, (*arguments.pictures, arguments.board))
         check_file(path, arguments.force, mark, what)
     board = LensBoard.from_yaml(arguments.board)
     models = _MODELS if arguments.model == "auto" else (arguments.model,)
     name = arguments.name or output.stem
     with shown_progress() as progress:
-        pictures = lens_pictures(arguments.pictures, settings.looked_at)
-        calibration = calibrate_lens(pictures, board, models, settings, progress)
+        pictures = lens_pictures(arguments.pictures)
+        calibration = calibrate_lens(pictures, board, models, progress)
     console = Terminal()
     console.print(_table(calibration))
     _print_found(console, calibration)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(picture, calibration_picture(calibration, f"Lens {name}: {calibration.chosen.model}"))
+    for warning in calibration.warnings:
+        console.print(f"less certain than it could be: {warning}", style="yellow", soft_wrap=True)
     if calibration.objections:
-        for why, mend in calibration.objections:
-            console.print(f"refused: {why}; {mend}", style="red", soft_wrap=True)
+        for why in calibration.objections:
+            console.print(f"refused: {why}", style="red", soft_wrap=True)
         console.print(f"no lens was written; {picture} shows where the board was seen", soft_wrap=True)
         return WRONG_RESULT
     write_whole(output, _text(calibration, name, board.name))
@@ -97,12 +97,15 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
 
     camera, validation = calibration.chosen.fit.camera, calibration.chosen.validation
     camera.name = name
-    count = len(calibration.chosen.fit.sights)
-    return (
-        f"{_MARK} by {count} pictures of {Path(board).name}; those left out are off by\n"
-        f"# {validation.median_px:.3f} px (median), rays up to 90 % of the image radius by "
-        f"{validation.worst_ray_px:.2f} px at most\n{camera_info_yaml(camera)}"
-    )
+    fx, fy, cx, cy = validation.lens_sigma[:4]
+    lines = [
+        f"{_MARK} by {len(calibration.chosen.fit.sights)} pictures of {Path(board).name}; those left out are off by",
+        f"# {validation.median_px:.3f} px (median), rays where the board was seen by up to "
+        f"{validation.worst_ray_px:.2f} px;",
+        f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",
+        *(f"# warning: {warning}" for warning in calibration.warnings),
+    ]
+    return "\n".join(lines) + f"\n{camera_info_yaml(camera)}"
 
 
 def _table(calibration: "LensCalibration") -> Table:
@@ -125,8 +128,10 @@ def _table(calibration: "LensCalibration") -> Table:
 
 def _print_found(console: Terminal, calibration: "LensCalibration") -> None:
     area, sights = calibration.area, calibration.chosen.fit.sights
+    if calibration.remark:
+        console.print(calibration.remark, style="yellow", soft_wrap=True)
     console.print(
-        f"{calibration.looked_at} pictures looked at, {calibration.found} show the board, {len(sights)} taken; it was "
+        f"{calibration.given} pictures, {calibration.found} show the board, {len(sights)} taken; it was "
         f"seen in {area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, turned {area.tilts} ways",
         soft_wrap=True,
     )

@@ -148,7 +148,7 @@ def opened_photographs(
         BodycamError: the source cannot be read, or has no usable images.
     """
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.lens.compared_lens import compare_lens
+    from bodycam_ros.lens.recorded_lens import compare_lens
     from bodycam_ros.mapping.frame_choice import keep_sharp_frames
     from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera, open_body_cameras
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import islice
 from pathlib import Path
 from threading import Event
 
@@ -17,13 +16,13 @@ from bodycam_ros.ingest.find_videos import find_videos
 from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
 from bodycam_ros.lens.lens_match import LensMatch, lens_match
-from bodycam_ros.lens.lens_watch import followed_pairs
+from bodycam_ros.lens.lens_watch import match_images
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import grey_pixels
 
 _EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
-_LENS_PAIRS, _MOST_LENS_FRAMES = 8, 900  # of pictures compared; a camera that lies still for all frames is left out
+_MOST_LENS_FRAMES = 900  # a camera that lies still for all of them is not compared with its lens
 
 
 @dataclass(frozen=True)
@@ -216,13 +215,12 @@ def lens_remarks(cameras: Sequence[IngestCamera], on_progress: Callable[[int, in
 def _match(camera: IngestCamera, ended: Event) -> LensMatch:
     def images() -> Iterator[NDArray[np.uint8]]:
         turns = camera.video.facts.rotation_deg // 90
-        for _, frame in islice(camera.video.frames(threads=1), _MOST_LENS_FRAMES):
+        for _, frame in camera.video.frames(threads=1):
             if ended.is_set():
                 return
             yield np.ascontiguousarray(np.rot90(grey_pixels(frame), turns))
 
     try:
-        pairs = list(followed_pairs(images(), _LENS_PAIRS))
+        return match_images(camera.lens, images(), _MOST_LENS_FRAMES)
     except RecordingError:  # named when it is written
-        pairs = []
-    return lens_match(camera.lens, pairs)
+        return lens_match(camera.lens, [])

@@ -1,33 +1,35 @@
-"""Points of a board in a picture: first without a lens, then more and more exactly by the lens that came of it.
-
-A saddle of the light is pulled aside where a lens bends the sides that meet there. So sides are fitted, like those of
-tags, as lines that are straight in space.
-"""
+"""Points of a board in a picture: first without a lens, then more of them by the lens that came of it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import spline_filter
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
-from bodycam_ros.mapping.apriltag import (
-    breadths_of,
-    corners_of_edges,
-    find_tags,
-    find_tags_in_picture,
-    refined_tags,
-)
+from bodycam_ros.mapping.apriltag import find_tags, find_tags_in_picture, refined_tags
+
+Grey = NDArray[np.uint8]
+
+Found = tuple[Array, Array, Array]
+"""Points in the board frame (N, 3), pixels (N, 2), and how uncertain they are (N,)."""
 
 _FLAT_M = 1e-9
 _NARROW = 0.2  # cosine of the angle to the middle of the points, beyond which a perspective image of them is too wide
 _LEAST_POINTS = 6
+_LEAST_OF_BOARD = 8
+_MIN_BREADTH_PX, _TAG_TOLERANCE_PX = 8.0, 0.3  # of a tag; what does not fit counts less, so more is used
+_CLEAR_PX = 60.0  # breadth of a tag whose corners are as good as they get; those of narrower ones are worse
+_LEAST_WINDOW, _LARGEST_WINDOW = 2, 12  # [px] half the side of the square that a corner is refined in
+_WINDOW_OF_SQUARE, _WINDOW_BESIDE_TAG = 0.4, 0.12  # of a square's side; a tag starts at an eighth of it
+_NEAR_SQUARES = 1.3  # from a tag's middle to the corners that it predicts: the four of its square
+_SEARCH_PX = 1200  # width that the sector finder is given: it takes seconds on larger pictures
+_FLAT_SHARE = 0.03  # of the picture's width by which points of a plane may differ from a perspective image of it
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,94 @@ class BoardSight:
     pixels: Array
     spreads: Array
     sharpness: float
+
+    @property
+    def flat_points(self) -> int:
+        """Points that a perspective image of the board explains, as far as lenses bend."""
+        if len(self.pixels) < _LEAST_POINTS:
+            return 0
+        tolerance = _FLAT_SHARE * float(np.ptp(self.pixels, axis=0).max())
+        _, inliers = cv2.findHomography(self.points_board[:, :2], self.pixels, cv2.RANSAC, tolerance)
+        return 0 if inliers is None else int(inliers.sum())
+
+
+@dataclass(frozen=True)
+class LensBoard:
+    """The board that a lens is measured by.
+
+    Attributes:
+        name: of its file.
+        tags: tag -> (4, 3) corners in the board frame [m].
+        dictionary: the tags' family in ``cv2.aruco``; None on a checkerboard.
+        squares: the layout of a ChArUco board or a checkerboard; None if there are tags alone.
+        is_inverted: what should be black is white.
+        is_mirrored: board or pictures are mirrored.
+        remark: how it differs from its file, for people.
+    """
+
+    name: str
+    tags: Mapping[int, Array]
+    dictionary: int | None
+    squares: BoardLayout | None
+    is_inverted: bool = False
+    is_mirrored: bool = False
+    remark: str = ""
+
+    @classmethod
+    def from_yaml(cls, path: Path) -> "LensBoard":
+        """Of a board's file; raises as ``read_layout`` does."""
+        layout, tags, dictionary = read_layout(path)
+        has_squares = layout is not None and len(layout.inner_corners) > 0
+        return cls(str(path), tags, dictionary, layout if has_squares else None)
+
+    def variants(self) -> list["LensBoard"]:
+        """The board as described, then as it may have been printed, photographed or counted instead."""
+        inverted = replace(self, is_inverted=True, remark="the board is inverted: white where its file has black")
+        layout = self.squares
+        if layout is not None and layout.kind == CHECKERBOARD:
+            more = replace(layout, columns=layout.columns + 1, rows=layout.rows + 1)
+            counted = f"it has {more.columns} x {more.rows} squares; its file seems to count inner corners"
+            return [self, inverted, replace(self, squares=more, remark=counted)]
+        mirrored = "the board, or each picture, is mirrored; this lens is for pictures like these"
+        boards = [self, inverted, replace(self, is_mirrored=True, remark=mirrored)]
+        if layout is not None:
+            other = replace(layout, upper_left_is_black=not layout.upper_left_is_black)
+            colour = "black" if other.upper_left_is_black else "white"
+            boards.append(
+                replace(
+                    self, squares=other, tags=other.tags, remark=f"its upper left square is {colour}, unlike its file"
+                )
+            )
+        return boards
+
+
+def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | None) -> BoardSight | None:
+    """The points of a board that a picture (H, W) shows, or None if it shows none, or too few.
+
+    Args:
+        gray: the picture.
+        name: of it.
+        board: what to find.
+        camera: its lens, if there is one already; without it tags whose edges the lens bends may be missed, and their
+            corners are good to a pixel.
+    """
+    picture = 255 - gray if board.is_inverted else gray
+    if board.is_mirrored:
+        picture = np.ascontiguousarray(picture[:, ::-1])
+        camera = None if camera is None else _mirrored(camera)
+    if board.squares is None:
+        found = _tag_corners(picture, board, camera)
+    elif board.squares.kind == CHECKERBOARD:
+        found = _checkerboard(picture, board.squares)
+    else:
+        found = _charuco(picture, board, board.squares, camera)
+    if found is None or len(found[0]) < _LEAST_OF_BOARD:
+        return None
+    points, pixels, spreads = found
+    if board.is_mirrored:
+        points = points * [-1.0, 1.0, 1.0]
+        pixels = np.column_stack([gray.shape[1] - 1 - pixels[:, 0], pixels[:, 1]])
+    return BoardSight(name, points, pixels, spreads, _sharpness(gray, pixels))
 
 
 def board_pose(camera: CameraModel, sight: BoardSight) -> tuple[Array, float] | None:
@@ -93,114 +183,18 @@ def turned_to(direction: Array) -> Array:
     return np.array([across, np.cross(direction, across), direction])
 
 
-_LINE_TOLERANCE_PX = 0.3
-_NARROWEST_PX = 7.0  # breadth of a square; below it one side's blur reaches the other's
-_AGREE_PX = 1.0  # squares on where the corner between them is
-
-
-def square_corners(
-    gray: NDArray[np.uint8],
-    camera: CameraModel,
-    layout: BoardLayout,
-    numbers: NDArray[np.int64],
-    rough: Array,
-    is_turned: bool = False,
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Numbers of the inner corners that were found (N,), their pixels (N, 2), and breadths of their squares (N,) [px].
-
-    Args:
-        gray: picture (H, W).
-        camera: its lens.
-        layout: of the board.
-        numbers, rough: inner corners, and about where they are (M, 2).
-        is_turned: what should be black is white.
-    """
-    spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
-    at = dict(zip(numbers.tolist(), rough, strict=True))
-    found: dict[int, list[tuple[Array, float]]] = {}
-    across = layout.columns - 1
-    for row, column in np.ndindex(layout.rows - 2, layout.columns - 2):
-        first = row * across + column
-        around = [first, first + 1, first + across + 1, first + across]  # clockwise
-        if layout.black_squares[row + 1, column + 1] == is_turned:
-            around.reverse()  # so that a white square has what is dark on the right of its sides, too
-        if not all(number in at for number in around):
-            continue
-        corners = np.array([at[number] for number in around])
-        breadths = breadths_of(corners)
-        if breadths.min() < _NARROWEST_PX:
-            continue
-        met = corners_of_edges(spline, corners, breadths, camera, _LINE_TOLERANCE_PX)
-        if met is not None:
-            for number, corner in zip(around, met, strict=True):
-                found.setdefault(number, []).append((corner, float(breadths.min())))
-    good = [number for number in sorted(found) if _agree([corner for corner, _ in found[number]])]
-    pixels = [np.mean([corner for corner, _ in found[number]], axis=0) for number in good]
-    breadth = [max(breadth for _, breadth in found[number]) for number in good]
-    return np.array(good, np.int64), np.reshape(pixels, (-1, 2)), np.array(breadth)
-
-
-def _agree(corners: list[Array]) -> bool:
-    return bool(np.ptp(corners, axis=0).max() < _AGREE_PX)
-
-
-Grey = NDArray[np.uint8]
-
-_LEAST_OF_BOARD = 8
-_MIN_BREADTH_PX, _TAG_TOLERANCE_PX = 8.0, 0.3  # what does not fit counts less, so more is looked at
-_LEAST_WINDOW, _LARGEST_WINDOW = 2, 9  # [px] half the side of the square that a corner is refined in
-_WINDOW_OF_SQUARE = 0.2
-_NEAR_SQUARES = 1.3  # from a tag's middle to the corners that it predicts: the four of its square
-_CLEAR_PX = 60.0  # breadth of a tag whose corners are as good as they get; those of narrower ones are worse
-
-Found = tuple[Array, Array, Array]
-"""Points in the board frame (N, 3), pixels (N, 2), and how uncertain they are (N,)."""
-
-
-@dataclass(frozen=True)
-class LensBoard:
-    """The board that a lens is measured by.
-
-    Attributes:
-        name: of its file.
-        tags: tag -> (4, 3) corners in the board frame [m].
-        dictionary: the tags' family in ``cv2.aruco``; None on a checkerboard.
-        squares: the layout of a ChArUco board or a checkerboard; None if there are tags alone.
-    """
-
-    name: str
-    tags: Mapping[int, Array]
-    dictionary: int | None
-    squares: BoardLayout | None
-
-    @classmethod
-    def from_yaml(cls, path: Path) -> "LensBoard":
-        """Of a board's file; raises as ``read_layout`` does."""
-        layout, tags, dictionary = read_layout(path)
-        has_squares = layout is not None and len(layout.inner_corners) > 0
-        return cls(str(path), tags, dictionary, layout if has_squares else None)
-
-
-def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | None) -> BoardSight | None:
-    """The points of a board that a picture (H, W) shows, or None if it shows none, or too few.
-
-    Args:
-        gray: the picture.
-        name: of it.
-        board: what to look for.
-        camera: its lens, if there is one already; without it tags whose edges the lens bends may be missed, and their
-            corners are good to a pixel.
-    """
-    if board.squares is None:
-        found = _tag_corners(gray, board, camera)
-    elif board.squares.kind == CHECKERBOARD:
-        found = _checkerboard(gray, board.squares, camera)
-    else:
-        found = _charuco(gray, board, board.squares, camera)
-    if found is None or len(found[0]) < _LEAST_OF_BOARD:
-        return None
-    points, pixels, spreads = found
-    return BoardSight(name, points, pixels, spreads, _sharpness(gray, pixels))
+def _mirrored(camera: CameraModel) -> CameraModel:
+    """The camera of pictures that are mirrored left to right, but for tangential distortion."""
+    return type(camera)(
+        camera.name,
+        camera.width,
+        camera.height,
+        camera.fx,
+        camera.fy,
+        camera.width - 1 - camera.cx,
+        camera.cy,
+        camera.distortion,
+    )
 
 
 def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Found | None:
@@ -218,18 +212,21 @@ def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Fo
     return points, np.concatenate([tags[t][0] for t in known]), np.repeat([tags[t][1] for t in known], 4)
 
 
-def _checkerboard(gray: Grey, layout: BoardLayout, camera: CameraModel | None) -> Found | None:
+def _checkerboard(gray: Grey, layout: BoardLayout) -> Found | None:
+    """All inner corners: by OpenCV's finder of quadrilaterals, else by that of sectors, which survives more blur."""
     size = (layout.columns - 1, layout.rows - 1)
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
-    found, corners = cv2.findChessboardCornersSB(gray, size, flags=flags)
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    found, corners = cv2.findChessboardCorners(gray, size, flags=flags)
     if not found:
-        return None
-    pixels = np.asarray(corners, np.float64).reshape(-1, 2)
-    numbers = np.arange(len(pixels))
-    if camera is not None:
-        return _by_sides(gray, camera, layout, numbers, pixels, _is_turned(gray, layout, pixels))
-    refined, _ = _refined(gray, pixels, _spacing(layout, numbers, pixels))
-    return layout.inner_corners, refined, np.ones(len(refined))
+        scale = min(1.0, _SEARCH_PX / gray.shape[1])
+        small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        found, corners = cv2.findChessboardCornersSB(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+        if not found:
+            return None
+        corners = (np.asarray(corners, np.float64) + 0.5) / scale - 0.5
+    rough = np.asarray(corners, np.float64).reshape(-1, 2)
+    pixels, good = _refined(gray, rough, _spacing(layout, np.arange(len(rough)), rough), _WINDOW_OF_SQUARE)
+    return layout.inner_corners[good], pixels[good], np.ones(int(good.sum()))
 
 
 def _charuco(gray: Grey, board: LensBoard, layout: BoardLayout, camera: CameraModel | None) -> Found | None:
@@ -251,64 +248,29 @@ def _charuco(gray: Grey, board: LensBoard, layout: BoardLayout, camera: CameraMo
         return None
     numbers = np.array(sorted(predicted))
     rough = np.array([np.median(predicted[number], axis=0) for number in numbers.tolist()])
-    pixels, good = _refined(gray, rough, _spacing(layout, numbers, rough))
-    if camera is not None:
-        return _by_sides(gray, camera, layout, numbers[good], pixels[good], False)
+    pixels, good = _refined(gray, rough, _spacing(layout, numbers, rough), _WINDOW_BESIDE_TAG)
     return layout.inner_corners[numbers[good]], pixels[good], np.ones(int(good.sum()))
-
-
-def _by_sides(
-    gray: Grey,
-    camera: CameraModel,
-    layout: BoardLayout,
-    numbers: NDArray[np.int64],
-    rough: Array,
-    is_turned: bool,
-) -> Found:
-    found, pixels, breadths = square_corners(gray, camera, layout, numbers, rough, is_turned)
-    return layout.inner_corners[found], pixels, np.maximum(1.0, _CLEAR_PX / np.maximum(breadths, 1.0))
-
-
-def _is_turned(gray: Grey, layout: BoardLayout, pixels: Array) -> bool:
-    """Whether a checkerboard was found by half a turn from how it is described: what should be black is white."""
-    grid = pixels.reshape(layout.rows - 1, layout.columns - 1, 2)
-    middles = 0.25 * (grid[1:, 1:] + grid[:-1, 1:] + grid[1:, :-1] + grid[:-1, :-1])
-    columns, rows = middles.round().astype(int).transpose(2, 0, 1)
-    light = gray[np.clip(rows, 0, gray.shape[0] - 1), np.clip(columns, 0, gray.shape[1] - 1)]
-    black = layout.black_squares[1:-1, 1:-1]
-    return float(light[black].mean()) > float(light[~black].mean())
 
 
 def _beside(corners: Array, tag_board: Array, points_board: Array, camera: CameraModel | None) -> Array:
     """Pixels (N, 2) of points in a tag's plane, by its corners (4, 2): through the lens, or as if it bent nothing."""
-    plane = np.ascontiguousarray(tag_board[:, :2])
+    plane = np.ascontiguousarray(tag_board[:, :2], np.float32)
     wanted = points_board[:, None, :2]
+    rays, view_R_camera = corners, np.eye(3)
+    if camera is not None:
+        bearings, valid = camera.unproject(corners)
+        middle = bearings.mean(axis=0)
+        view_R_camera = turned_to(middle / np.linalg.norm(middle)) if valid.all() else view_R_camera
+        in_view = bearings @ view_R_camera.T
+        if not valid.all() or in_view[:, 2].min() <= _NARROW:
+            return np.full((len(points_board), 2), np.nan)
+        rays = in_view[:, :2] / in_view[:, 2:]
+    H = cv2.getPerspectiveTransform(plane, rays.astype(np.float32))
+    moved = np.asarray(cv2.perspectiveTransform(wanted, H), np.float64)[:, 0]
     if camera is None:
-        H = cv2.getPerspectiveTransform(plane.astype(np.float32), corners.astype(np.float32))
-        return np.asarray(cv2.perspectiveTransform(wanted, H), np.float64)[:, 0]
-    rays, valid = camera.unproject(corners)
-    if not valid.all():
-        return np.full((len(points_board), 2), np.nan)
-    # The homography of rays maps the plane to directions, whatever way the tag lies from the camera.
-    _, _, vectors = np.linalg.svd(_ray_equations(plane, rays))
-    H = vectors[-1].reshape(3, 3)
-    directions = np.column_stack([points_board[:, :2], np.ones(len(points_board))]) @ H.T
-    middle = np.append(plane.mean(axis=0), 1.0) @ H.T
-    return camera.project(directions * np.sign(middle @ rays.mean(axis=0)))[0]
-
-
-def _ray_equations(plane: Array, rays: Array) -> Array:
-    """Rows (12, 9) that the homography's entries make zero: the cross product of H (x, y, 1) and each ray."""
-    rows = []
-    for (x, y), ray in zip(plane, rays, strict=True):
-        point = np.array([x, y, 1.0])
-        a, b, c = ray
-        rows += [
-            np.concatenate([np.zeros(3), -c * point, b * point]),
-            np.concatenate([c * point, np.zeros(3), -a * point]),
-            np.concatenate([-b * point, a * point, np.zeros(3)]),
-        ]
-    return np.array(rows)
+        return moved
+    pixels, valid = camera.project(np.column_stack([moved, np.ones(len(moved))]) @ view_R_camera)
+    return np.where(valid[:, None], pixels, np.nan)
 
 
 def _spacing(layout: BoardLayout, numbers: NDArray[np.int64], pixels: Array) -> Array:
@@ -321,11 +283,11 @@ def _spacing(layout: BoardLayout, numbers: NDArray[np.int64], pixels: Array) -> 
     return nearest
 
 
-def _refined(gray: Grey, rough: Array, spacing: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _refined(gray: Grey, rough: Array, spacing: Array, window_share: float) -> tuple[Array, NDArray[np.bool_]]:
     """Corners of squares (N, 2) where the light has its saddles, and which were found."""
     height, width = gray.shape
     finite = np.where(np.isfinite(spacing), spacing, 0.0)
-    windows = np.clip(_WINDOW_OF_SQUARE * finite, _LEAST_WINDOW, _LARGEST_WINDOW).astype(int)
+    windows = np.clip(window_share * finite, _LEAST_WINDOW, _LARGEST_WINDOW).astype(int)
     refined = rough.copy()
     room = np.minimum(rough, [width - 1, height - 1] - rough).min(axis=1)
     good = (room > windows + 2) & (finite > 2 * _LEAST_WINDOW)

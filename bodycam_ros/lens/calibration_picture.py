@@ -12,13 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from bodycam_ros.lens.lens_calibration import LensCalibration
-from bodycam_ros.lens.lens_judgement import TRUSTED_RADIUS, ray_grid
-from bodycam_ros.lens.sight_choice import CELLS
+from bodycam_ros.lens.lens_quality import CELLS, TRUSTED_RADIUS
 from bodycam_ros.plots.picture_style import (
     FAINT,
     GOOD,
     INK,
-    LANDMARKS,
     LEFT,
     QUIET,
     TYPOGRAPHY,
@@ -27,7 +25,7 @@ from bodycam_ros.plots.picture_style import (
     panel_title,
 )
 
-_INCHES, _DPI = (12.0, 9.0), 110
+_INCHES, _DPI = (13.0, 8.5), 110
 _ARROWS = (12, 16)  # rows and columns of the field of residuals
 _ARROW_PX = 0.045  # of the width, length of the arrow in the legend
 _LEAST_IN_ARROW = 3
@@ -36,20 +34,19 @@ _BINS = 12
 
 
 def calibration_picture(calibration: LensCalibration, title: str) -> bytes:
-    """A PNG with four panels."""
+    """A PNG with three panels."""
+    refused, warned = calibration.objections, calibration.warnings
+    verdict = f"not to be used: {'; '.join(refused)}" if refused else "; ".join(warned) or "good to use"
     with mpl.rc_context(TYPOGRAPHY):
         figure = Figure(figsize=_INCHES, dpi=_DPI)
-        panels: Any = figure.subplots(2, 2)
-        figure.subplots_adjust(left=0.06, right=0.93, top=0.86, bottom=0.07, wspace=0.16, hspace=0.28)
-        figure.text(0.06, 0.962, title, fontsize=13.0, weight="bold", color=INK)
-        refused = [why for why, _ in calibration.objections]
-        verdict = f"not to be used: {'; '.join(refused)}" if refused else "good to use"
+        panels: Any = figure.subplot_mosaic([["seen", "left"], ["errors", "errors"]], height_ratios=[1.6, 1.0])
+        figure.subplots_adjust(left=0.05, right=0.97, top=0.85, bottom=0.07, wspace=0.08, hspace=0.25)
+        figure.text(0.05, 0.962, title, fontsize=13.0, weight="bold", color=INK)
         lines = "\n".join(textwrap.wrap(verdict, _LETTERS))
-        figure.text(0.06, 0.953, lines, fontsize=9.0, color=WARNING if refused else GOOD, va="top")
-        _draw_coverage(panels[0, 0], calibration)
-        _draw_residuals(panels[0, 1], calibration)
-        _draw_errors(panels[1, 0], calibration)
-        _draw_rays(panels[1, 1], calibration)
+        figure.text(0.05, 0.953, lines, fontsize=9.0, color=WARNING if refused or warned else GOOD, va="top")
+        _draw_coverage(panels["seen"], calibration)
+        _draw_residuals(panels["left"], calibration)
+        _draw_errors(panels["errors"], calibration)
         written = BytesIO()
         figure.savefig(written, format="png")
     return written.getvalue()
@@ -65,27 +62,28 @@ def _draw_coverage(axes: Axes, calibration: LensCalibration) -> None:
         at = (column * cell[0] - 0.5, row * cell[1] - 0.5)
         axes.add_patch(Rectangle(at, *cell, facecolor=WARNING, alpha=0.13, edgecolor="white"))
     axes.scatter(fit.pixels[:, 0], fit.pixels[:, 1], s=2.5, c=GOOD, linewidths=0.0)
-    _draw_radius(axes, calibration)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    radius = TRUSTED_RADIUS * area.radius_px
+    x, y = 0.5 * (width - 1) + radius * np.cos(turn), 0.5 * (height - 1) + radius * np.sin(turn)
+    axes.plot(x, y, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
 
 
 def _draw_residuals(axes: Axes, calibration: LensCalibration) -> None:
     fit = calibration.chosen.fit
     height, width = calibration.is_lit.shape
     rows, columns = _ARROWS
-    pixels = fit.pixels
-    row = np.clip((pixels[:, 1] / height * rows).astype(int), 0, rows - 1)
-    column = np.clip((pixels[:, 0] / width * columns).astype(int), 0, columns - 1)
+    row = np.clip((fit.pixels[:, 1] / height * rows).astype(int), 0, rows - 1)
+    column = np.clip((fit.pixels[:, 0] / width * columns).astype(int), 0, columns - 1)
     number = row * columns + column
     middles, arrows = [], []
     for cell in np.unique(number).tolist():
         here = number == cell
         if here.sum() >= _LEAST_IN_ARROW:
-            middles.append(pixels[here].mean(axis=0))
+            middles.append(fit.pixels[here].mean(axis=0))
             arrows.append(np.median(fit.residuals[here], axis=0))
     unit = max(0.02, float(np.percentile(np.linalg.norm(arrows, axis=1), 90.0))) if arrows else 0.02
     scale = _ARROW_PX * width / unit
-    note = "medians; good if they point anywhere"
-    panel_title(axes, "What the lens leaves unexplained", note)
+    panel_title(axes, "What the lens leaves unexplained", "medians; good if they point anywhere")
     _image_axes(axes, calibration)
     if arrows:
         starts, ends = np.array(middles), np.array(middles) + scale * np.array(arrows)
@@ -99,55 +97,32 @@ def _draw_residuals(axes: Axes, calibration: LensCalibration) -> None:
 
 def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
     validation, fit, radius = calibration.chosen.validation, calibration.chosen.fit, calibration.area.radius_px
-    panel_title(axes, "Errors by distance from the centre", f"left out: median {validation.median_px:.2f} px")
-    at = _distance(validation.pixels, calibration) / radius
-    top = max(0.1, float(np.percentile(validation.errors_px, 98.0)) * 1.3)
-    axes.scatter(at, np.minimum(validation.errors_px, top), s=3.0, c=QUIET, alpha=0.35, linewidths=0.0)
-    _draw_medians(axes, at, validation.errors_px, INK, "pictures left out, median")
-    _draw_medians(axes, _distance(fit.pixels, calibration) / radius, fit.errors_px, GOOD, "pictures fitted, median")
-    _radius_axes(axes, top)
-    axes.set_ylabel("error of a point [px]")
-    axes.legend(loc="upper left")
-
-
-def _draw_rays(axes: Axes, calibration: LensCalibration) -> None:
-    validation = calibration.chosen.validation
-    grid = ray_grid(calibration.is_lit)
-    worst = validation.worst_ray_px
-    note = f"up to {TRUSTED_RADIUS:.0%} of the radius " + (f"{worst:.2f} px" if np.isfinite(worst) else "without bound")
-    panel_title(axes, "By how much rays may be off", note)
-    _image_axes(axes, calibration)
-    finite = np.where(np.isfinite(validation.ray_errors_px), validation.ray_errors_px, np.nan)
-    top = max(0.1, float(np.nanmax(finite))) if np.isfinite(finite).any() else 1.0
-    shown = axes.scatter(
-        grid[:, 0], grid[:, 1], c=finite, cmap=LANDMARKS, vmin=0.0, vmax=top, s=46.0, marker="s", linewidths=0.0
+    note = (
+        f"left out: median {validation.median_px:.2f} px; rays within what was seen: {validation.worst_ray_px:.2f} px"
     )
-    lost = grid[~np.isfinite(validation.ray_errors_px)]
-    axes.scatter(lost[:, 0], lost[:, 1], c=WARNING, s=46.0, marker="s", linewidths=0.0)
-    bar = axes.figure.colorbar(shown, ax=axes, fraction=0.035, pad=0.02)
-    bar.set_label("expected error of the ray [px]")
-
-
-def _draw_medians(axes: Axes, at: np.ndarray[Any, Any], errors: np.ndarray[Any, Any], colour: str, label: str) -> None:
-    edges = np.linspace(0.0, 1.0, _BINS + 1)
-    bins = np.clip(np.digitize(at, edges) - 1, 0, _BINS - 1)
-    full = [k for k in range(_BINS) if (bins == k).sum() >= _LEAST_IN_ARROW]
-    middles = [0.5 * (edges[k] + edges[k + 1]) for k in full]
-    axes.plot(middles, [float(np.median(errors[bins == k])) for k in full], color=colour, linewidth=1.6, label=label)
-
-
-def _distance(pixels: np.ndarray[Any, Any], calibration: LensCalibration) -> np.ndarray[Any, Any]:
+    panel_title(axes, "Errors by distance from the centre", note)
     height, width = calibration.is_lit.shape
-    distance: np.ndarray[Any, Any] = np.linalg.norm(pixels - 0.5 * np.array([width - 1, height - 1]), axis=1)
-    return distance
-
-
-def _radius_axes(axes: Axes, top: float) -> None:
+    middle = 0.5 * np.array([width - 1, height - 1])
+    top = max(0.1, float(np.percentile(validation.errors_px, 98.0)) * 1.3)
+    for pixels, errors, colour, label in (
+        (validation.pixels, validation.errors_px, INK, "pictures left out, median"),
+        (fit.pixels, fit.errors_px, GOOD, "pictures fitted, median"),
+    ):
+        at = np.linalg.norm(pixels - middle, axis=1) / radius
+        if colour == INK:
+            axes.scatter(at, np.minimum(errors, top), s=3.0, c=QUIET, alpha=0.35, linewidths=0.0)
+        edges = np.linspace(0.0, 1.0, _BINS + 1)
+        bins = np.clip(np.digitize(at, edges) - 1, 0, _BINS - 1)
+        full = [k for k in range(_BINS) if (bins == k).sum() >= _LEAST_IN_ARROW]
+        medians = [float(np.median(errors[bins == k])) for k in full]
+        axes.plot([0.5 * (edges[k] + edges[k + 1]) for k in full], medians, color=colour, linewidth=1.6, label=label)
     light_grid(axes)
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, top)
     axes.set_xlabel("distance from the centre, of the image radius")
+    axes.set_ylabel("error of a point [px]")
     axes.axvline(TRUSTED_RADIUS, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.legend(loc="upper left")
 
 
 def _image_axes(axes: Axes, calibration: LensCalibration) -> None:
@@ -162,11 +137,3 @@ def _image_axes(axes: Axes, calibration: LensCalibration) -> None:
     for spine in axes.spines.values():
         spine.set_visible(True)
         spine.set_color(FAINT)
-
-
-def _draw_radius(axes: Axes, calibration: LensCalibration) -> None:
-    height, width = calibration.is_lit.shape
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    radius = TRUSTED_RADIUS * calibration.area.radius_px
-    x, y = 0.5 * (width - 1) + radius * np.cos(turn), 0.5 * (height - 1) + radius * np.sin(turn)
-    axes.plot(x, y, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))

@@ -1,7 +1,8 @@
-"""The whole calibration of a lens: pictures of a board in, a judged lens out."""
+"""The whole calibration of a lens: pictures of a board in, a lens with its uncertainty out."""
 
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,17 +12,34 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array
 from bodycam_ros.lens.board_detector import BoardSight, LensBoard, find_board
+from bodycam_ros.lens.board_layout import CHECKERBOARD
 from bodycam_ros.lens.lens_fit import LensFit, as_model, first_fit, fit_lens, placed_fit
-from bodycam_ros.lens.lens_judgement import SeenArea, objections, ray_grid, seen_area
 from bodycam_ros.lens.lens_pictures import LensPicture, lit
-from bodycam_ros.lens.lens_settings import LensSettings
-from bodycam_ros.lens.lens_validation import Validation, validate
-from bodycam_ros.lens.sight_choice import choose_sights
+from bodycam_ros.lens.lens_quality import (
+    CELLS,
+    TRUSTED_RADIUS,
+    SeenArea,
+    Validation,
+    cell_numbers,
+    objections,
+    ray_difference_px,
+    ray_grid,
+    seen_area,
+    validate,
+    warnings,
+)
 from bodycam_ros.mapping.progress import Progress, in_parallel
 
-_LEAST_SIGHTS = 4
+_LEAST_SIGHTS = 3  # as many as cameras' five to twelve numbers need
+_MOST_SIGHTS = 60  # sharp pictures that are spread best; more add time, hardly truth
+_TRIED_PICTURES = 12  # on which variants of the board are compared
+_MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
+_TILTED = np.sin(np.radians(15.0))
+_DIRECTIONS = 4  # that the board's face may be turned to, beside straight at the camera
 _TAIL = 2.0  # times the median error; what is farther off says little
 _BEYOND_CHANCE = 2.0  # standard deviations
+_TWO_CAMERAS_PX = 3.0  # difference of the lenses of two groups of pictures, and of their errors, times
+_LEAST_GROUP = 4
 
 
 @dataclass(frozen=True)
@@ -35,32 +53,32 @@ class ModelTrial:
 
 @dataclass(frozen=True)
 class LensCalibration:
-    """What came of it.
+    """A calibration.
 
     Attributes:
         chosen: the model that explains pictures left out best, or the one that was asked for.
         trials: all that were tried, the simplest first.
         area: where the board was seen.
         is_lit: (H, W) pixels that the lens shows anything in.
-        looked_at, found: pictures, and those of them that show the board.
-        objections: why it must not be used, each with what to film.
+        given, found: pictures, and those of them that show the board.
+        objections: why it must not be used, each with what to do.
+        warnings: what makes it less certain, each with what to film.
+        remark: how the board differs from its file; empty if it does not.
     """
 
     chosen: ModelTrial
     trials: tuple[ModelTrial, ...]
     area: SeenArea
     is_lit: NDArray[np.bool_]
-    looked_at: int
+    given: int
     found: int
-    objections: tuple[tuple[str, str], ...]
+    objections: tuple[str, ...]
+    warnings: tuple[str, ...]
+    remark: str
 
 
 def calibrate_lens(
-    pictures: Sequence[LensPicture],
-    board: LensBoard,
-    models: Sequence[str],
-    settings: LensSettings,
-    progress: Progress,
+    pictures: Sequence[LensPicture], board: LensBoard, models: Sequence[str], progress: Progress
 ) -> LensCalibration:
     """Measure a lens.
 
@@ -68,45 +86,120 @@ def calibrate_lens(
         pictures: of the board, all of one size.
         board: what they show.
         models: to try; the best is chosen.
-        settings: limits.
         progress: of its steps.
 
     Raises:
-        LensError: too few pictures show the board for any lens.
+        LensError: too few pictures show the board for any lens, or they are of two cameras.
     """
     height, width = pictures[0].grey.shape
     is_lit = lit(pictures)
-    rough = _find(pictures, board, None, "looking for the board", progress)
-    _require(rough, pictures, board)
+    board = _chosen_variant(pictures, board, progress)
+    rough = _find(pictures, board, None, "finding the board", progress)
+    if len(rough) < _LEAST_SIGHTS:
+        raise LensError(
+            f"{board.name}: {len(rough)} of {len(pictures)} pictures show this board; {_LEAST_SIGHTS} are needed, and "
+            "8 or more make a good lens. Is it the board's own file? Film it from near by, still, in bright light, "
+            "with all of it in the picture"
+        )
     fit = first_fit(rough, width, height)
-    # What was found without a lens is good to a pixel at best; and a lens finds more, where it bends much.
-    shown = pictures if board.dictionary is not None else _named(pictures, rough)
-    fit = placed_fit(fit.camera, _find(shown, board, fit.camera, "looking through the lens", progress))
-    count = len(fit.sights)
-    chosen = choose_sights(fit.sights, fit.poses, width, height, settings.taken, settings.min_sharpness)
-    taken = _named(pictures, [fit.sights[row] for row in chosen])
-    # Edges are as straight as the lens says.
-    fit = placed_fit(fit.camera, _find(taken, board, fit.camera, "measuring", progress))
-    trials = _tried(models, fit, ray_grid(is_lit), progress)
-    best = _best(trials)
-    area = seen_area(best.fit, is_lit)
-    against = objections(best.fit, best.validation, area, settings, len(best.fit.sights))
-    return LensCalibration(best, tuple(trials), area, is_lit, len(pictures), count, tuple(against))
-
-
-def _tried(models: Sequence[str], fit: LensFit, grid: Array, progress: Progress) -> list[ModelTrial]:
+    _check_one_camera(rough, fit)
+    if board.dictionary is not None:
+        # What was found without a lens is good to a pixel at best; and a lens finds more, where it bends much.
+        fit = placed_fit(fit.camera, _find(pictures, board, fit.camera, "finding it through the lens", progress))
+    found = len(fit.sights)
+    rows = _spread_sights(fit, width, height)
+    fit = fit_lens(fit.camera, [fit.sights[row] for row in rows], fit.poses[rows])
+    reach = min(TRUSTED_RADIUS, seen_area(fit, is_lit).reach)
     trials = []
     with progress.step("fitting lenses", len(models)) as advance:
         for model in models:
             trial = fit_lens(as_model(model, fit), fit.sights, fit.poses)
-            trials.append(ModelTrial(model, trial, validate(trial, grid)))
+            trials.append(ModelTrial(model, trial, validate(trial, ray_grid(is_lit, reach))))
             advance()
-    return trials
+    best = _best(trials, ray_grid(is_lit))
+    area = seen_area(best.fit, is_lit)
+    is_checkerboard = board.squares is not None and board.squares.kind == CHECKERBOARD
+    return LensCalibration(
+        best,
+        tuple(trials),
+        area,
+        is_lit,
+        len(pictures),
+        found,
+        tuple(objections(best.validation)),
+        tuple(warnings(best.fit, best.validation, area, is_checkerboard)),
+        board.remark,
+    )
 
 
-def _best(trials: Sequence[ModelTrial]) -> ModelTrial:
-    """The simplest that has a ray everywhere, and that none with more numbers beats by more than chance."""
-    whole = [trial for trial in trials if np.isfinite(trial.validation.worst_ray_px)] or list(trials)
+def _chosen_variant(pictures: Sequence[LensPicture], board: LensBoard, progress: Progress) -> LensBoard:
+    """The way of reading the board that finds most of it; as described unless another finds clearly more."""
+    step = max(1, len(pictures) // _TRIED_PICTURES)
+    some = pictures[::step]
+    best, most = board, -1.0
+    for variant in board.variants():
+        found = _find(some, variant, None, "comparing the board with its file", progress)
+        points = float(sum(sight.flat_points for sight in found))
+        if points > most:
+            best, most = variant, 1.25 * points
+        if len(found) > 0.5 * len(some) and variant is board:
+            break
+    return best
+
+
+def _check_one_camera(sights: Sequence[BoardSight], fit: LensFit) -> None:
+    """Refuse pictures whose names make two groups that different lenses took."""
+    groups: dict[str, list[BoardSight]] = {}
+    for sight in sights:
+        groups.setdefault(re.split(r"\d", sight.name)[0], []).append(sight)
+    large = {name: group for name, group in groups.items() if name and len(group) >= _LEAST_GROUP}
+    if len(large) < 2:
+        return
+    grid = fit.pixels[:: max(1, len(fit.pixels) // 400)]
+    fits = {name: placed_fit(fit.camera, group) for name, group in large.items()}
+    names = list(fits)
+    for one, other in zip(names, names[1:], strict=False):
+        apart_px = float(np.median(ray_difference_px(fits[one].camera, fits[other].camera, grid)))
+        own_px = max(fits[one].median_px, fits[other].median_px)
+        if apart_px > _TWO_CAMERAS_PX * max(1.0, own_px) and fit.median_px > 1.5 * own_px:
+            raise LensError(
+                f"pictures '{one}...' and '{other}...' were taken by two cameras, whose lenses differ by "
+                f"{apart_px:.1f} px; give those of one camera, as in {one}*.jpg"
+            )
+
+
+def _spread_sights(fit: LensFit, width: int, height: int) -> list[int]:
+    """Rows of the sharp pictures to take, spread over the image and over the ways the board was turned, best first."""
+    sharpness = np.array([sight.sharpness for sight in fit.sights])
+    usual = max(1e-9, float(np.percentile(sharpness, _SHARP)))
+    left = [row for row in range(len(fit.sights)) if sharpness[row] >= _MIN_SHARPNESS * usual]
+    kinds = _turned(fit.poses)
+    cells = [np.unique(cell_numbers(sight.pixels, width, height)) for sight in fit.sights]
+    seen = np.zeros((1 + _DIRECTIONS, CELLS[0] * CELLS[1]))
+    chosen: list[int] = []
+    while left and len(chosen) < _MOST_SIGHTS:
+        gains = [
+            float((1.0 / (1.0 + seen[kinds[row], cells[row]])).sum()) * min(1.0, sharpness[row] / usual) for row in left
+        ]
+        row = left.pop(int(np.argmax(gains)))
+        seen[kinds[row], cells[row]] += 1.0
+        chosen.append(row)
+    return chosen
+
+
+def _turned(poses: Array) -> NDArray[np.int64]:
+    """(V,) 0 where the board faces the camera, else which way it is turned."""
+    towards = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
+    faces = poses[:, :3, 2]
+    across = faces - np.sum(faces * towards, axis=1, keepdims=True) * towards
+    way = np.floor((np.arctan2(across[:, 1], across[:, 0]) + np.pi) / (2.0 * np.pi) * _DIRECTIONS).astype(np.int64)
+    return np.where(np.linalg.norm(across, axis=1) < _TILTED, 0, 1 + np.clip(way, 0, _DIRECTIONS - 1))
+
+
+def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:
+    """The simplest that has a ray at all pixels (G, 2), and that none with more numbers beats by more than chance."""
+    finite = [trial for trial in trials if np.isfinite(trial.validation.worst_ray_px)] or list(trials)
+    whole = [trial for trial in finite if trial.fit.camera.unproject(grid)[1].all()] or finite
     best = whole[0]
     for trial in whole[1:]:
         if _is_better(trial.validation, best.validation):
@@ -127,26 +220,11 @@ def _is_better(one: Validation, other: Validation) -> bool:
 def _find(
     pictures: Sequence[LensPicture], board: LensBoard, camera: CameraModel | None, step: str, progress: Progress
 ) -> list[BoardSight]:
-    def look(picture: LensPicture) -> BoardSight | None:
-        return find_board(picture.grey, picture.name, board, camera)
-
-    found = []
+    find: Callable[[LensPicture], BoardSight | None] = lambda p: find_board(p.grey, p.name, board, camera)  # noqa: E731
     with progress.step(step, len(pictures)) as advance:
-        for sight in in_parallel(look, pictures, os.cpu_count() or 1):
+        found = []
+        for sight in in_parallel(find, pictures, os.cpu_count() or 1):
             advance()
             if sight is not None:
                 found.append(sight)
     return found
-
-
-def _named(pictures: Sequence[LensPicture], sights: Sequence[BoardSight]) -> list[LensPicture]:
-    names = {sight.name for sight in sights}
-    return [picture for picture in pictures if picture.name in names]
-
-
-def _require(sights: Sequence[BoardSight], pictures: Sequence[LensPicture], board: LensBoard) -> None:
-    if len(sights) < _LEAST_SIGHTS:
-        raise LensError(
-            f"{board.name}: {len(sights)} of {len(pictures)} pictures show this board; 8 or more are needed. Is it the "
-            "board's own file? Film it from near by, still, in bright light, with all of it in the picture"
-        )

@@ -20,10 +20,10 @@ _TINY = 1e-300
 _OMEGA_STEP = 1e-6
 
 
-def by_lens(camera: CameraModel, points_camera: Array) -> Array:
+def derivatives_by_lens(camera: CameraModel, points_camera: Array) -> Array:
     """Derivatives (N, 2, 4 + D) of the pixels of points (N, 3) by fx, fy, cx, cy and the D coefficients.
 
-    They mean nothing where the lens does not see a point.
+    They are meaningless where the lens does not see a point.
     """
     with np.errstate(all="ignore"):
         if camera.distortion_model == "equidistant":
@@ -139,7 +139,7 @@ def with_lens(camera: CameraModel, lens: Array) -> CameraModel:
     return type(camera)(camera.name, camera.width, camera.height, fx, fy, cx, cy, tuple(distortion))
 
 
-def lens_of(camera: CameraModel) -> Array:
+def lens_numbers(camera: CameraModel) -> Array:
     """fx, fy, cx, cy [px] and the distortion."""
     return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
 
@@ -157,7 +157,7 @@ def fit_lens(
         rounds: how often the weights are found anew.
     """
     bundle = _Bundle(camera, sights, fixed)
-    lens = lens_of(camera)
+    lens = lens_numbers(camera)
     errors = bundle.residuals(lens, poses)
     scale = _FIRST_SCALE_PX
     for _ in range(rounds):
@@ -224,7 +224,7 @@ class _Bundle:
         by_pose = np.concatenate([-by_point @ hat(points), by_point], axis=2)
         of_lens = np.zeros((len(points), 2, len(lens)))
         if not self._fixed:
-            of_lens = np.where(valid[:, None, None], by_lens(camera, points), 0.0)
+            of_lens = np.where(valid[:, None, None], derivatives_by_lens(camera, points), 0.0)
         weights = 1.0 / (1.0 + np.sum(errors**2, axis=1) / scale**2)
         by_pose, of_lens = (by / self.spreads[:, None, None] for by in (by_pose, of_lens))
         poses_weighted, lens_weighted = (by * weights[:, None, None] for by in (by_pose, of_lens))
@@ -288,7 +288,7 @@ def _possible(lens: Array, camera: CameraModel) -> bool:
 
 _FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)
 _TRIED = 12  # pictures that focal lengths are tried on
-_LEAST_SIGHTS = 4
+_LEAST_SIGHTS = 3
 _ANGLES = 60
 _LARGEST = 100.0  # coefficient of a lens to start from
 _STEEPEST_DEG = 80.0  # beyond it a perspective image says nothing
@@ -311,11 +311,14 @@ def placed_fit(camera: CameraModel, sights: Sequence[BoardSight], rounds: int = 
     """Fit a lens that is roughly known to pictures whose poses are not.
 
     Raises:
-        LensError: fewer than four of them can be placed by it.
+        LensError: fewer than three of them can be placed by it.
     """
     placed = [(sight, found[0]) for sight in sights if (found := board_pose(camera, sight)) is not None]
     if len(placed) < _LEAST_SIGHTS:
-        raise LensError(f"{len(placed)} of {len(sights)} pictures of the board can be explained by a lens; film more")
+        raise LensError(
+            f"{len(placed)} of {len(sights)} pictures fit any lens, {_LEAST_SIGHTS} are needed: is it the board's own "
+            "file, with its counts and sizes?"
+        )
     return fit_lens(camera, [sight for sight, _ in placed], np.array([pose for _, pose in placed]), rounds=rounds)
 
 
@@ -326,48 +329,37 @@ def as_model(model: str, fit: LensFit) -> CameraModel:
         return camera
     rays, valid = camera.unproject(fit.pixels)
     widest = float(np.arccos(np.clip(rays[valid][:, 2].min(), -1.0, 1.0)))
+    if model in ("plumb_bob", "rational_polynomial"):
+        widest = min(widest, np.radians(_STEEPEST_DEG))
     angles = np.linspace(0.0, widest, _ANGLES)[1:]
     points = np.column_stack([np.sin(angles), np.zeros_like(angles), np.cos(angles)])
-    seen, _ = camera.project(points)
-    radii = (seen[:, 0] - camera.cx) / camera.fx
-    if model == "fov":
-        scale, distortion = _fov_of(angles, radii)
-    else:
-        scale, distortion = _perspective_of(model, angles, radii)
+    radii = (camera.project(points)[0][:, 0] - camera.cx) / camera.fx
+    scale, distortion = _resembling(model, angles, radii)
     k = [scale * camera.fx, 0.0, camera.cx, 0.0, scale * camera.fy, camera.cy, 0.0, 0.0, 1.0]
     return camera_from_info(camera.name, camera.width, camera.height, model, distortion, k)
 
 
-def _fov_of(angles: Array, radii: Array) -> tuple[float, list[float]]:
-    """Scale of the focal length, and omega, the best of a row of them."""
-    best = (np.inf, 1.0, 0.5)
-    for omega in np.linspace(0.02, 2.8, 140).tolist():
-        shape = np.arctan2(2.0 * np.tan(0.5 * omega) * np.sin(angles), np.cos(angles)) / omega
-        scale = float(shape @ radii / (shape @ shape))
-        best = min(best, (float(np.abs(scale * shape - radii).max()), scale, omega))
-    return best[1], [best[2]]
-
-
-def _perspective_of(model: str, angles: Array, radii: Array) -> tuple[float, list[float]]:
-    """Radial coefficients by linear least squares; the focal length is that of the middle."""
-    near = angles < np.radians(_STEEPEST_DEG)
-    x = np.tan(angles[near])
-    x2 = x * x
-    gain = radii[near] / x
-    # Errors of the radius, not of the gain, are what pixels show.
-    if model == "plumb_bob":
-        k = _least_squares(np.column_stack([x2, x2**2, x2**3]), gain - 1.0, x)
-        return 1.0, [k[0], k[1], 0.0, 0.0, k[2]]
-    k = _least_squares(np.column_stack([x2, x2**2, x2**3, -gain * x2, -gain * x2**2, -gain * x2**3]), gain - 1.0, x)
-    return 1.0, [k[0], k[1], 0.0, 0.0, *k[2:]]
-
-
-def _least_squares(columns: Array, wanted: Array, weights: Array) -> list[float]:
+def _resembling(model: str, angles: Array, radii: Array) -> tuple[float, list[float]]:
+    """Scale of the focal length and coefficients of a model whose radii (N,) at angles (N,) are these."""
+    if model == "fov":
+        trials = []
+        for omega in np.linspace(0.02, 2.8, 140).tolist():
+            shape = np.arctan2(2.0 * np.tan(0.5 * omega) * np.sin(angles), np.cos(angles)) / omega
+            scale = float(shape @ radii / (shape @ shape))
+            trials.append((float(np.abs(scale * shape - radii).max()), scale, omega))
+        _, scale, omega = min(trials)
+        return scale, [omega]
+    x = np.tan(angles)
+    gain = radii / x
+    columns = np.column_stack([x**2, x**4, x**6])
+    if model == "rational_polynomial":
+        columns = np.column_stack([columns, -gain[:, None] * columns])
     size = np.linalg.norm(columns, axis=0)
-    solved = np.linalg.lstsq(columns / size * weights[:, None], wanted * weights, rcond=1e-6)[0] / size
+    # Errors of the radius, not of the gain, are what pixels show.
+    k = np.linalg.lstsq(columns / size * x[:, None], (gain - 1.0) * x, rcond=1e-6)[0] / size
     # Where the board was seen near the axis alone, anything explains the rest.
-    found: list[float] = solved.tolist() if np.abs(solved).max() < _LARGEST else [0.0] * len(size)
-    return found
+    k = k if np.abs(k).max() < _LARGEST else np.zeros(len(size))
+    return 1.0, [k[0], k[1], 0.0, 0.0, *k[2:]]
 
 
 def _plain(focal_px: float, width: int, height: int) -> CameraModel:

@@ -12,7 +12,7 @@ import numpy as np
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, exp_so3
-from bodycam_ros.lens.lens_fit import lens_of, with_lens
+from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
 from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
 
 PointPair = tuple[Array, Array]
@@ -38,12 +38,12 @@ _TINY = 1e-12
 
 @dataclass(frozen=True)
 class LensMatch:
-    """What a recording's points say about its lens.
+    """A lens compared with a recording's points.
 
     Attributes:
         camera: its name.
-        scale: by which the focal lengths should be larger; 1 where nothing speaks against the lens.
-        error_px: median epipolar error with the lens as it is said to be [px].
+        scale: by which the focal lengths should be larger; 1 where nothing contradicts the lens.
+        error_px: median epipolar error with the lens as it is given [px].
         best_px: the same at ``scale`` [px].
         pairs: of pictures that were compared; of fewer than four nothing is concluded.
     """
@@ -56,12 +56,12 @@ class LensMatch:
 
     @property
     def matches(self) -> bool:
-        """Whether nothing speaks against the lens."""
+        """Whether nothing contradicts the lens."""
         return self.scale == 1.0
 
     @property
     def is_known(self) -> bool:
-        """Whether there was enough to tell."""
+        """Whether there were enough pairs."""
         return self.pairs >= _LEAST_PAIRS
 
     @property
@@ -70,8 +70,9 @@ class LensMatch:
         if self.matches:
             return f"camera {self.camera}: its lens fits its pictures ({self.error_px:.1f} px off)"
         return (
-            f"camera {self.camera}: was not recorded with its lens: points are {self.error_px:.1f} px off their "
-            f"epipolar lines, {self.best_px:.1f} px if focal lengths were {self.scale:.2f} times as long, "
+            f"camera {self.camera}: images do not fit its calibration (camera_info): points are "
+            f"{self.error_px:.1f} px off their epipolar lines, {self.best_px:.1f} px if focal lengths were "
+            f"{self.scale:.2f} times as long, "
             f"{_mode(self.scale)}. Measure the lens in the mode that was recorded in (bodycam lens), "
             "or record in the lens' mode"
         )
@@ -84,31 +85,32 @@ def lens_match(camera: CameraModel, pairs: Sequence[PointPair]) -> LensMatch:
         camera: as the recording says.
         pairs: points of some pictures, some tenths of a second apart; those between which it hardly turned say nothing.
     """
-    return judged(
-        camera, [[error_at(camera, scale, pair) for scale in SCALES] for pair in pairs if tells(camera, pair)]
+    return judge_lens(
+        camera,
+        [[epipolar_error(camera, scale, pair) for scale in SCALES] for pair in pairs if shows_lens(camera, pair)],
     )
 
 
-def tells(camera: CameraModel, pair: PointPair) -> bool:
+def shows_lens(camera: CameraModel, pair: PointPair) -> bool:
     """Whether the camera turned far enough between two pictures for them to tell of its lens."""
     return _turn_deg(camera, pair) >= _LEAST_TURN_DEG
 
 
-def error_at(camera: CameraModel, scale: float, pair: PointPair) -> float:
+def epipolar_error(camera: CameraModel, scale: float, pair: PointPair) -> float:
     """Median epipolar error of a pair [px] with focal lengths that are so many times as long; infinite if none fits."""
     return _epipolar_error(_scaled(camera, scale), pair)
 
 
-def judged(camera: CameraModel, of_pairs: Sequence[Sequence[float]]) -> LensMatch:
-    """What errors say.
+def judge_lens(camera: CameraModel, errors_pairs: Sequence[Sequence[float]]) -> LensMatch:
+    """The lens that errors of pairs show.
 
     Args:
         camera: as the recording says.
-        of_pairs: (pairs, SCALES) of ``error_at``, of pairs that tell.
+        errors_pairs: (pairs, SCALES) of ``epipolar_error``, of pairs that show the lens.
     """
-    if len(of_pairs) < _LEAST_PAIRS:
-        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(of_pairs))
-    errors = np.array(of_pairs)
+    if len(errors_pairs) < _LEAST_PAIRS:
+        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(errors_pairs))
+    errors = np.array(errors_pairs)
     whole = np.median(errors, axis=0)
     said, best = len(SCALES) // 2, int(np.argmin(whole))
     if not np.isfinite(whole[said]):
@@ -118,7 +120,7 @@ def judged(camera: CameraModel, of_pairs: Sequence[Sequence[float]]) -> LensMatc
     clear = whole[best] < _CLEAR_SHARE * whole[said] and gains >= _CLEAR_PAIRS
     if not clear or 1.0 / _MISMATCH < scale < _MISMATCH:
         scale, best = 1.0, said
-    return LensMatch(camera.name, scale, float(whole[said]), float(whole[best]), len(of_pairs))
+    return LensMatch(camera.name, scale, float(whole[said]), float(whole[best]), len(errors_pairs))
 
 
 def _mode(scale: float) -> str:
@@ -137,7 +139,7 @@ def _mode(scale: float) -> str:
 
 
 def _scaled(camera: CameraModel, scale: float) -> CameraModel:
-    lens = lens_of(camera)
+    lens = lens_numbers(camera)
     lens[:2] *= scale
     return with_lens(camera, lens)
 

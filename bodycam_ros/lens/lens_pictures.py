@@ -16,6 +16,7 @@ from bodycam_ros.recording.video_file import grey_pixels
 Grey = NDArray[np.uint8]
 
 _IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm"}
+_MOST_PICTURES = 120  # of a video, the sharpest of as many equal parts of it
 _MOST_BYTES = 700_000_000  # of pictures held at a time
 _SMALL_PX = 640  # width at which frames of a video are compared
 
@@ -28,7 +29,7 @@ class LensPicture:
     grey: Grey
 
 
-def lens_pictures(sources: Sequence[Path], most: int) -> list[LensPicture]:
+def lens_pictures(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[LensPicture]:
     """Pictures of videos, of images and of folders with images, all of one size, each with a name of its own.
 
     Raises:

@@ -1,7 +1,8 @@
-"""Whether a camera that does not find itself has the lens that it is said to have: a little work at each image."""
+"""A check of a camera's calibration against its own images: of a recording, or image by image while it runs."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.lens_match import SCALES, LensMatch, PointPair, error_at, judged, tells
+from bodycam_ros.lens.lens_match import SCALES, LensMatch, PointPair, epipolar_error, judge_lens, lens_match, shows_lens
 
 Grey = NDArray[np.uint8]
 
@@ -19,6 +20,11 @@ _LEAST_LEFT = 60
 _FAR = 0.12  # of the width, by which points must have moved between the two pictures
 _LONGEST = 30  # pictures from the first of a pair to the second
 _RETURN_PX = 0.5
+
+_PAIRS = 8
+_STEPS = 3  # scales of the lens that are tried at an image: some 8 ms
+_SPAN = 60  # images whose registration shows whether a check is needed
+_REGISTERED = 0.5  # share of them; a camera that is registered more often has its lens
 
 
 class FollowedPoints:
@@ -55,21 +61,15 @@ class FollowedPoints:
         return pair
 
 
-def followed_pairs(pictures: Iterable[Grey], most: int) -> Iterator[PointPair]:
-    """Pairs of pictures that have many points in common and show them in different places.
-
-    Args:
-        pictures: grey (H, W), one after the other; taken until there are enough pairs.
-        most: pairs.
-    """
-    found = 0
-    points = FollowedPoints()
-    for picture in pictures:
-        if (pair := points.add(picture)) is not None:
-            yield pair
-            found += 1
-            if found >= most:
-                return
+def match_images(camera: CameraModel, images: Iterable[Grey], most_images: int) -> LensMatch:
+    """Compare a lens with images, grey (H, W), one after the other; taken until there are enough pairs of them."""
+    points, pairs = FollowedPoints(), []
+    for image in islice(images, most_images):
+        if (pair := points.add(image)) is not None:
+            pairs.append(pair)
+            if len(pairs) == _PAIRS:
+                break
+    return lens_match(camera, pairs)
 
 
 def _followed(before: Grey, after: Grey, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -86,25 +86,14 @@ def _whole(pixels: NDArray[np.float32], scale: float) -> Array:
     return whole
 
 
-_PAIRS = 8
-_STEPS = 3
-"""Scales of the lens that are tried at an image: some 8 ms."""
-
-_SPAN = 60
-"""Images whose registration tells whether there is cause to ask."""
-
-_REGISTERED = 0.5
-"""Share of them: below it there is. Who finds itself in the map more often has its lens."""
-
-
 class LensWatch:
-    """Compares the lens of a camera with its images where the camera hardly finds itself in the map.
+    """Compares the lens of a camera with its images where the camera is hardly ever registered.
 
     Args:
         camera: as its camera_info says.
 
     Attributes:
-        match: what its images say, once enough of them have been compared; None until then.
+        match: the result, once enough images have been compared; None until then.
     """
 
     def __init__(self, camera: CameraModel) -> None:
@@ -118,39 +107,39 @@ class LensWatch:
 
     @property
     def is_doubted(self) -> bool:
-        """Whether the camera has hardly found itself of late."""
+        """Whether the camera was hardly registered of late."""
         return len(self._registered) == _SPAN and sum(self._registered) < _REGISTERED * _SPAN
 
     @property
     def remark(self) -> str:
-        """What speaks against the lens; empty if nothing does."""
+        """What contradicts the lens; empty if nothing does."""
         return "" if self.match is None or self.match.matches else self.match.text
 
     @property
-    def said(self) -> str:
-        """What is known of it, in a word."""
+    def state(self) -> str:
+        """Result of the comparison, in a word or two."""
         if self.match is None:
-            return "is compared" if self.is_doubted else "no cause for doubt"
+            return "being compared" if self.is_doubted else "not compared"
         return "another one" if self.remark else "fits"
 
-    def hear(self, is_registered: bool) -> None:
-        """Whether an image was registered."""
+    def note_registration(self, is_registered: bool) -> None:
+        """Count an image that was registered, or not."""
         self._registered.append(is_registered)
 
-    def look(self, picture: Grey) -> bool:
-        """Take the next image, grey (H, W), and do a step of what is to be compared; whether it has just been judged.
+    def add_image(self, image: Grey) -> bool:
+        """Take the next image, grey (H, W), and do a step of the comparison; whether it has just ended.
 
-        A step takes some milliseconds; while the camera finds itself, nothing is done.
+        A step takes some milliseconds; while the camera is registered, nothing is done.
         """
         if self.match is not None or not self.is_doubted:
             return False
         if self._waiting is None:
-            self._waiting = self._points.add(picture)
-            if self._waiting is not None and not tells(self._camera, self._waiting):
+            self._waiting = self._points.add(image)
+            if self._waiting is not None and not shows_lens(self._camera, self._waiting):
                 self._waiting = None
             return False
         for scale in SCALES[len(self._row) :][:_STEPS]:
-            self._row.append(error_at(self._camera, float(scale), self._waiting))
+            self._row.append(epipolar_error(self._camera, float(scale), self._waiting))
         if len(self._row) < len(SCALES):
             return False
         self._errors.append(self._row)
@@ -158,5 +147,5 @@ class LensWatch:
         self._row, self._waiting, self._points = [], None, FollowedPoints()
         if len(self._errors) < _PAIRS:
             return False
-        self.match = judged(self._camera, self._errors)
+        self.match = judge_lens(self._camera, self._errors)
         return True

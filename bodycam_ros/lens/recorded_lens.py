@@ -1,7 +1,8 @@
-"""Which lenses of a recording are not those that it was made with."""
+"""Cameras of a recording, or of a video, whose images do not fit their calibration."""
 
-from collections.abc import Collection, Iterator
-from itertools import islice
+import logging
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -9,36 +10,50 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.lens.lens_match import LensMatch, lens_match
-from bodycam_ros.lens.lens_watch import followed_pairs
+from bodycam_ros.lens.lens_match import LensMatch
+from bodycam_ros.lens.lens_watch import match_images
+from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 
-_PAIRS, _MOST_IMAGES = 8, 300
+logger = logging.getLogger(__name__)
+
+_MOST_IMAGES, _MOST_FRAMES = 300, 900
 
 
 def other_lenses(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]:
-    """What points of a bag say against the lenses of those of some cameras that it has; some seconds each.
+    """Those of some cameras of a bag whose images do not fit their lens; some seconds each.
 
     Raises:
         RecordingError: not a bag.
     """
     with open_recording(path) as recording:
         for camera in cameras:
-            if camera not in recording.cameras:
-                continue
-            pictures = islice(_pictures(recording, camera), _MOST_IMAGES)
-            match = lens_match(recording.camera_model(camera), list(followed_pairs(pictures, _PAIRS)))
-            if not match.matches:
-                yield match
+            if camera in recording.cameras:
+                images = _images(recording, camera)
+                match = match_images(recording.camera_model(camera), images, _MOST_IMAGES)
+                if not match.matches:
+                    yield match
 
 
-def _pictures(recording: Recording, camera: str) -> Iterator[NDArray[np.uint8]]:
-    """Those of the size that the lens is for; of another size the tracker has complained."""
+def compare_lens(source: MovingCamera) -> None:
+    """Warn of a lens that the points of a video contradict: no map would come of it."""
+    with source.frames() as frames:
+        match = match_images(source.camera, _grey_frames(frames), _MOST_FRAMES)
+    if not match.matches:
+        logger.warning("%s: %s", source.name, match.text)
+
+
+def _grey_frames(frames: Iterable[Frame]) -> Iterator[NDArray[np.uint8]]:
+    for frame in frames:
+        with suppress(RecordingError):
+            yield frame.grey()
+
+
+def _images(recording: Recording, camera: str) -> Iterator[NDArray[np.uint8]]:
+    """Those of the size that the lens is for; the tracker names others."""
     model = recording.camera_model(camera)
     for image in recording.images([camera]):
-        try:
+        with suppress(RecordingError):
             grey = decode_grey(image)
-        except RecordingError:
-            continue
-        if grey.shape == (model.height, model.width):
-            yield grey
+            if grey.shape == (model.height, model.width):
+                yield grey

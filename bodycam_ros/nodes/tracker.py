@@ -148,7 +148,7 @@ class TrackerStage(Stage[TrackerParameters]):
         tally.images, tally.latency_s = tally.images + 1, tally.latency_s + time.monotonic() - came_s
         tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
         # Not while others wait: to keep up comes first.
-        if self._lens is not None and not len(self._images) and self._lens.look(grey) and self._lens.remark:
+        if self._lens is not None and not len(self._images) and self._lens.add_image(grey) and self._lens.remark:
             self.log.warning(self._lens.remark)
 
     def _on_landmarks(self, message: Message) -> None:
@@ -163,7 +163,7 @@ class TrackerStage(Stage[TrackerParameters]):
         if self._answers.answered(matches.stamp_ns):
             self._tracker.hear(matches)
             if self._lens is not None:
-                self._lens.hear(matches.world_T_camera is not None)
+                self._lens.note_registration(matches.world_T_camera is not None)
         self.soon(self._track_next)
 
     def _on_request(self, message: Message) -> None:
@@ -172,7 +172,7 @@ class TrackerStage(Stage[TrackerParameters]):
 
     def health(self) -> list[Health]:
         """How the images of the last second fared."""
-        lens = (self._lens.said, self._lens.remark) if self._lens is not None else ("unknown", "")
+        lens = (self._lens.state, self._lens.remark) if self._lens is not None else ("unknown", "")
         source, has_info = self._source, self._tracker is not None
         return [
             self._health.of_tracker(

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from known_lenses import LENSES, held
 
-from bodycam_ros.lens.lens_fit import as_model, by_lens, first_fit, fit_lens, lens_of, with_lens
-from bodycam_ros.lens.lens_judgement import ray_grid
-from bodycam_ros.lens.lens_validation import ray_difference_px
+from bodycam_ros.lens.lens_fit import as_model, derivatives_by_lens, first_fit, fit_lens, lens_numbers, with_lens
+from bodycam_ros.lens.lens_quality import ray_difference_px, ray_grid
 
 _LIT = np.ones((480, 640), dtype=bool)
 
@@ -27,7 +26,7 @@ def test_derivatives_are_those_of_the_camera_model(model):
     camera = LENSES[model]
     points = np.random.default_rng(0).normal(0.0, 0.4, (40, 3)) + [0.0, 0.0, 1.2]
     points = points[camera.project(points)[1]]
-    lens, derivatives = lens_of(camera), by_lens(camera, points)
+    lens, derivatives = lens_numbers(camera), derivatives_by_lens(camera, points)
     for number in range(len(lens)):
         step = np.zeros(len(lens))
         step[number] = 1e-6

@@ -3,12 +3,12 @@ import pytest
 from known_lenses import LENSES
 
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.lens.lens_fit import lens_of, with_lens
+from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
 from bodycam_ros.lens.lens_match import lens_match
 
 
 def _scaled(camera, scale):
-    lens = lens_of(camera)
+    lens = lens_numbers(camera)
     lens[:2] *= scale
     return with_lens(camera, lens)
 

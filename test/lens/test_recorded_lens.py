@@ -27,7 +27,7 @@ def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path, capsy
             writer.write(topic, stamp_ns, message)
     (match,) = other_lenses(tmp_path / "bag", ["shin_left", "thigh_left"])
     line = match.text
-    assert "camera shin_left: was not recorded with its lens" in line
+    assert "camera shin_left: images do not fit its calibration (camera_info)" in line
     assert "1.33 times as long" in line
 
     # Of a result that is looked at afterwards those are asked that contradict the body, and are in the recording.

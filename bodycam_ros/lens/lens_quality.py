@@ -1,0 +1,267 @@
+"""How far a fitted lens is to be trusted, by pictures that were left out of the fit, and what to film to mend it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import Array, nearest_rotation
+from bodycam_ros.lens.board_detector import turned_to
+from bodycam_ros.lens.lens_fit import LensFit, fit_lens, lens_numbers
+
+TRUSTED_RADIUS = 0.9
+"""Of the image radius, up to which rays should be right."""
+
+CELLS = (6, 8)
+"""Rows and columns that a picture is divided into."""
+
+_GRID = (25, 33)
+_FOLDS, _FOLD_ROUNDS = 5, 2  # rounds of weights; they start from the whole fit
+_REACHED = 99.5  # percentile of the points' distances from the centre
+_APART = np.cos(np.radians(15.0))
+_LIT_SHARE, _LEAST_POINTS = 0.5, 2  # of a cell that the lens shows; points in a cell that is covered
+
+_MAX_ERROR_PX = 1.0  # median of pictures left out; more is a wrong model or board
+_MAX_RAY_ERROR_PX, _REFUSED_RAY_PX = 1.0, 5.0  # by how much lenses of fewer pictures differ where the board was seen
+_MIN_PICTURES, _MIN_COVERAGE, _MIN_TILTS = 8, 0.5, 3
+_MIN_REACH, _MIN_REACH_WHOLE = 0.8, 0.6  # of the image radius; of a board that must be whole in the picture
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Errors of pictures that were left out.
+
+    Attributes:
+        errors_px: (N,) of all points, each by the lens that was fitted without its picture, where that places it.
+        pixels, spreads, pictures: (N, 2) of them, (N,) how uncertain they are, and (N,) the picture of each.
+        ray_errors_px: (G,) expected error of the ray of each pixel of the grid; infinite where the lens has none.
+        lens_sigma: standard deviations of fx, fy, cx, cy [px] and the distortion.
+    """
+
+    errors_px: Array
+    pixels: Array
+    spreads: Array
+    pictures: NDArray[np.int64]
+    ray_errors_px: Array
+    lens_sigma: Array
+
+    @property
+    def median_px(self) -> float:
+        """Median error of the points left out [px]."""
+        return float(np.median(self.errors_px))
+
+    @property
+    def worst_ray_px(self) -> float:
+        """Largest expected error of a ray of the grid [px]."""
+        return float(self.ray_errors_px.max())
+
+
+@dataclass(frozen=True)
+class SeenArea:
+    """Where in the picture the board was seen.
+
+    Attributes:
+        is_lit, is_covered: (rows, columns) of cells; lit are those that the lens shows anything in.
+        radius_px: of the lit part around the image's centre.
+        reach: share of it out to which points were seen.
+        tilts: ways in which the board was turned.
+    """
+
+    is_lit: NDArray[np.bool_]
+    is_covered: NDArray[np.bool_]
+    radius_px: float
+    reach: float
+    tilts: int
+
+    @property
+    def coverage(self) -> float:
+        """Share of lit cells with points."""
+        return float((self.is_covered & self.is_lit).sum() / max(1, self.is_lit.sum()))
+
+
+def validate(fit: LensFit, grid: Array) -> Validation:
+    """Fit again without each fifth of the pictures, and measure the errors of those with that lens.
+
+    The lenses of four fifths differ from the whole's by as much as that is off (delete-d jackknife). A rotation of the
+    camera is taken out: that is a part of where the camera is mounted.
+
+    Args:
+        fit: the whole.
+        grid: (G, 2) pixels at which rays are compared.
+    """
+    pictures = np.arange(len(fit.sights))
+    folds = min(_FOLDS, len(pictures))
+    tests, rows = [], []
+    squares, lens_squares = np.zeros(len(grid)), np.zeros(len(lens_numbers(fit.camera)))
+    for fold in range(folds):
+        left_out = pictures[pictures % folds == fold]
+        used = np.setdiff1d(pictures, left_out)
+        part = fit_lens(fit.camera, [fit.sights[row] for row in used], fit.poses[used], rounds=_FOLD_ROUNDS)
+        test = fit_lens(part.camera, [fit.sights[row] for row in left_out], fit.poses[left_out], True, _FOLD_ROUNDS)
+        tests.append(test)
+        rows.append(left_out[test.rows])
+        squares += ray_difference_px(fit.camera, part.camera, grid) ** 2
+        lens_squares += (lens_numbers(part.camera) - lens_numbers(fit.camera)) ** 2
+    share = (folds - 1) / folds
+    return Validation(
+        errors_px=np.concatenate([test.errors_px for test in tests]),
+        pixels=np.concatenate([test.pixels for test in tests]),
+        spreads=np.concatenate([test.spreads for test in tests]),
+        pictures=np.concatenate(rows),
+        ray_errors_px=np.sqrt(share * squares),
+        lens_sigma=np.sqrt(share * lens_squares),
+    )
+
+
+def ray_difference_px(camera: CameraModel, other: CameraModel, grid: Array) -> Array:
+    """(G,) by how many pixels two lenses differ at the pixels (G, 2) of a grid, once one is turned to fit the other.
+
+    Infinite where one of them has no ray.
+    """
+    rays, valid = camera.unproject(grid)
+    others, other_valid = other.unproject(grid)
+    both = valid & other_valid
+    difference = np.full(len(grid), np.inf)
+    if both.sum() < 3:
+        return difference
+    camera_R_other = nearest_rotation(rays[both].T @ others[both])
+    seen, in_view = camera.project(others[both] @ camera_R_other.T)
+    difference[both] = np.where(in_view, np.linalg.norm(seen - grid[both], axis=1), np.inf)
+    return difference
+
+
+def image_radius(is_lit: NDArray[np.bool_]) -> float:
+    """Distance of the outermost lit pixels from the centre of the picture (H, W) [px]."""
+    height, width = is_lit.shape
+    down, across = np.nonzero(is_lit)
+    distances = np.hypot(across - 0.5 * (width - 1), down - 0.5 * (height - 1))
+    return float(np.percentile(distances, 99.9)) if len(distances) else 0.0
+
+
+def ray_grid(is_lit: NDArray[np.bool_], share: float = TRUSTED_RADIUS) -> Array:
+    """Lit pixels (G, 2) up to a share of the image radius."""
+    height, width = is_lit.shape
+    rows, columns = np.linspace(0, height - 1, _GRID[0]), np.linspace(0, width - 1, _GRID[1])
+    grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    at = grid.round().astype(int)
+    distances = np.linalg.norm(grid - 0.5 * np.array([width - 1, height - 1]), axis=1)
+    inside: Array = grid[is_lit[at[:, 1], at[:, 0]] & (distances <= share * image_radius(is_lit))]
+    return inside
+
+
+def cell_numbers(pixels: Array, width: int, height: int) -> NDArray[np.int64]:
+    """(N,) number of the cell that each pixel (N, 2) is in."""
+    rows, columns = CELLS
+    across = np.clip((pixels[:, 0] + 0.5) / width * columns, 0, columns - 1).astype(np.int64)
+    down = np.clip((pixels[:, 1] + 0.5) / height * rows, 0, rows - 1).astype(np.int64)
+    return down * columns + across
+
+
+def seen_area(fit: LensFit, is_lit: NDArray[np.bool_]) -> SeenArea:
+    """Where the board was seen, in a picture of which some pixels (H, W) are lit."""
+    height, width = is_lit.shape
+    every = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.float64)
+    cells = cell_numbers(every, width, height)
+    share = np.bincount(cells, is_lit.ravel().astype(np.float64)) / np.bincount(cells)
+    points = np.bincount(cell_numbers(fit.pixels, width, height), minlength=CELLS[0] * CELLS[1])
+    radius = image_radius(is_lit)
+    distances = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1)
+    return SeenArea(
+        is_lit=(share >= _LIT_SHARE).reshape(CELLS),
+        is_covered=(points >= _LEAST_POINTS).reshape(CELLS),
+        radius_px=radius,
+        reach=min(1.0, float(np.percentile(distances, _REACHED)) / radius),
+        tilts=_distinct(_faces_in_view(fit.poses)),
+    )
+
+
+def objections(validation: Validation) -> list[str]:
+    """Why the lens must not be used, each with what to do; none if it may."""
+    found = []
+    if validation.median_px > _MAX_ERROR_PX:
+        found.append(
+            f"pictures that were left out are off by {validation.median_px:.2f} px (median), more than "
+            f"{_MAX_ERROR_PX:g} px: no lens of this --model makes these pictures of this board; try another --model, "
+            "check that the board is flat and its file right, and hold it still"
+        )
+    if not validation.worst_ray_px <= _REFUSED_RAY_PX:
+        found.append(
+            "lenses of fewer pictures differ too much where the board was seen "
+            f"({_pixels(validation.worst_ray_px)}, more than {_REFUSED_RAY_PX:g} px): film the board larger and "
+            "tilted, in more places; or take a --model with fewer coefficients"
+        )
+    return found
+
+
+def warnings(fit: LensFit, validation: Validation, area: SeenArea, must_be_whole: bool) -> list[str]:
+    """What makes the lens less certain than it could be, each with what to film.
+
+    Args:
+        fit: the lens.
+        validation: of it.
+        area: where the board was seen.
+        must_be_whole: a checkerboard, which is found only where all of it is in the picture.
+    """
+    found = []
+    if len(fit.sights) < _MIN_PICTURES:
+        found.append(
+            f"{len(fit.sights)} sharp pictures show the board; take {_MIN_PICTURES} or more, the board still while the "
+            "camera looks, in bright light"
+        )
+    if area.coverage < _MIN_COVERAGE:
+        found.append(
+            f"the board was seen in {area.coverage:.0%} of the picture, less than {_MIN_COVERAGE:.0%}; bring it to the "
+            f"{_where_lacking(area)} of the picture"
+        )
+    if area.reach < (_MIN_REACH_WHOLE if must_be_whole else _MIN_REACH):
+        how = "whole, as near to the corners as it goes" if must_be_whole else "close by, cut off by the border"
+        found.append(
+            f"the board was seen out to {area.reach:.0%} of the image radius, and beyond that the lens is a guess; "
+            f"bring it out to the corners, {how}"
+        )
+    if area.tilts < _MIN_TILTS:
+        found.append(
+            f"the board was turned in {area.tilts} ways only, less than {_MIN_TILTS}, so focal length and distance are "
+            "hard to separate; tilt it by 30 to 45 deg to the left, the right, up and down, and turn it in its plane"
+        )
+    if validation.worst_ray_px > _MAX_RAY_ERROR_PX:
+        found.append(
+            f"rays where the board was seen are uncertain by up to {_pixels(validation.worst_ray_px)}, more than "
+            f"{_MAX_RAY_ERROR_PX:g} px; film the board larger, nearer, tilted, and in the corners"
+        )
+    return found
+
+
+def _pixels(error_px: float) -> str:
+    return f"{error_px:.1f} px" if np.isfinite(error_px) else "some have no ray"
+
+
+def _faces_in_view(poses: Array) -> Array:
+    """(V, 3) the boards' faces in a view straight at each."""
+    towards = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
+    turns = np.array([turned_to(direction) for direction in towards])
+    faces: Array = np.einsum("vij,vj->vi", turns, poses[:, :3, 2])
+    return faces
+
+
+def _distinct(faces: Array) -> int:
+    """How many of the directions (V, 3) are apart from each other."""
+    kept: list[Array] = []
+    for face in faces:
+        if all(float(face @ other) < _APART for other in kept):
+            kept.append(face)
+    return len(kept)
+
+
+def _where_lacking(area: SeenArea) -> str:
+    """The parts of the picture, in words, where the board was seen least."""
+    lacking = area.is_lit & ~area.is_covered
+    parts = []
+    for down, upper in enumerate(("upper", "middle", "lower")):
+        for across, left in enumerate(("left", "middle", "right")):
+            rows, columns = (np.array_split(np.arange(n), 3)[k] for n, k in zip(CELLS, (down, across), strict=True))
+            cells = np.ix_(rows, columns)
+            if lacking[cells].sum() > 0.5 * max(1, area.is_lit[cells].sum()):
+                parts.append("centre" if upper == left else f"{upper} {left}")
+    return ", ".join(parts) or "border"
