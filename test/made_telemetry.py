@@ -1,4 +1,4 @@
-"""Videos with a GoPro's telemetry of satellites in a track beside the picture."""
+"""Videos with a GoPro's telemetry of satellites and inertial sensors in a track beside the picture."""
 
 import struct
 from datetime import UTC, datetime, timedelta
@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import numpy as np
 
 _EVERY_S = 0.5
 
@@ -35,11 +36,48 @@ def payload(at: datetime, gps9: bool, fix: int = 3) -> bytes:
     return nested(b"DEVC", record(b"DVID", b"L", 4, bytes(4)), gyroscope, nested(b"STRM", *stream))
 
 
-def add_telemetry(video: Path, path: Path, began: datetime, gps9: bool = False, content: bytes | None = None) -> Path:
+def inertial_payloads(
+    gyroscope: np.ndarray, accelerometer: np.ndarray, rate_hz: float, iori: tuple[float, ...] | None = None
+) -> list[bytes]:
+    """Payloads each half of a second, of samples (N, 3) in a HERO8's axes: X right, Y forward, Z up.
+
+    Args:
+        gyroscope: [rad/s].
+        accelerometer: [m/s^2].
+        rate_hz: of both.
+        iori: orientation of each image against the camera, a quaternion (w, x, y, z).
+    """
+    length = round(rate_hz * _EVERY_S)
+    payloads = []
+    for first in range(0, len(gyroscope), length):
+        streams = []
+        for name, values, scale in ((b"GYRO", gyroscope, 939), (b"ACCL", accelerometer, 417)):
+            x, y, z = values[first : first + length].T
+            numbers = np.round(scale * np.stack([x, -z, y], axis=1)).astype(">i2")
+            fields = [record(b"ORIN", b"c", 1, b"XzY"), record(b"SCAL", b"s", 2, struct.pack(">h", scale))]
+            streams.append(nested(b"STRM", *fields, record(name, b"s", 6, numbers.tobytes())))
+        if iori is not None:
+            numbers = np.round(32767 * np.array(iori)).astype(">i2")
+            streams.append(nested(b"STRM", record(b"IORI", b"s", 8, numbers.tobytes())))
+        payloads.append(nested(b"DEVC", record(b"DVID", b"L", 4, bytes(4)), *streams))
+    return payloads
+
+
+def add_telemetry(
+    video: Path,
+    path: Path,
+    began: datetime,
+    gps9: bool = False,
+    content: bytes | None = None,
+    payloads: list[bytes] | None = None,
+) -> Path:
     """Copy a video of some seconds, with a payload each half of a second; ``began`` is UTC at its media time 0.
 
     A track of other data lies before the telemetry, as a GoPro's time code does.
     """
+    if payloads is None:
+        times = [began + timedelta(seconds=number * _EVERY_S) for number in range(4)]
+        payloads = [payload(time, gps9) if content is None else content for time in times]
     with av.open(str(video)) as source, av.open(str(path), "w") as container:
         picture = source.streams.video[0]
         copied = container.add_stream_from_template(picture)
@@ -53,10 +91,10 @@ def add_telemetry(video: Path, path: Path, began: datetime, gps9: bool = False, 
         time_code = av.Packet(bytes(4))
         time_code.stream, time_code.time_base, time_code.pts, time_code.dts = before, Fraction(1, 1000), 0, 0
         container.mux(time_code)
-        for number in range(4):
-            told = content if content is not None else payload(began + timedelta(seconds=number * _EVERY_S), gps9)
-            packet = av.Packet(told)
+        for number, each in enumerate(payloads):
+            packet = av.Packet(each)
             packet.stream, packet.time_base = data, Fraction(1, 1000)
             packet.pts = packet.dts = round(1e3 * number * _EVERY_S)
+            packet.duration = round(1e3 * _EVERY_S)
             container.mux(packet)
     return path

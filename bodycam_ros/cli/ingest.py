@@ -122,7 +122,9 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
 
 
 def _table(summary: "IngestSummary") -> Table:
-    table = Table(Column("camera", no_wrap=True), "frames", "per second", "size", "read-out [ms]", "in the bag")
+    table = Table(
+        Column("camera", no_wrap=True), "frames", "per second", "size", "read-out [ms]", "imu [Hz]", "in the bag"
+    )
     for camera in summary.cameras:
         stream = camera.stream
         readout_s = stream.camera.readout_s
@@ -132,6 +134,7 @@ def _table(summary: "IngestSummary") -> Table:
             f"{_rate_hz(camera):.2f}",
             f"{stream.camera.written_lens.width} x {stream.camera.written_lens.height}",
             "not given" if readout_s is None else f"{1e3 * readout_s:.1f}",
+            f"{camera.imu_samples / max(1e-9, stream.camera.video.duration_s):.0f}" if camera.imu_samples else "none",
             _how(camera),
             style="red" if camera.remarks else None,
         )

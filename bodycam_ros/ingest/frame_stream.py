@@ -119,17 +119,17 @@ class FrameStream:
                 continue
             if info_due_ns is None:
                 self.tally.first_ns = info_due_ns = stamp_ns
-                yield _stamped(stamp_ns, f"/{name}/timing", self._timing(stamp_ns))
+                yield stamped_message(stamp_ns, f"/{name}/timing", self._timing(stamp_ns))
             if stamp_ns >= info_due_ns:
                 info_due_ns += _INFO_EVERY_NS
-                yield _stamped(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
+                yield stamped_message(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
             self.tally.frames += 1
             self.tally.last_ns = stamp_ns
             if message.__msgtype__ == COMPRESSED_VIDEO:
                 message.timestamp = time_message(make, stamp_ns)
             else:
                 message.header = header_message(make, stamp_ns, optical_frame(name))
-            yield _stamped(stamp_ns, f"/{name}/image_raw/{topic}", message)
+            yield stamped_message(stamp_ns, f"/{name}/image_raw/{topic}", message)
 
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
@@ -172,7 +172,8 @@ class FrameStream:
                 self.tally.without_key += 1
 
 
-def _stamped(stamp_ns: int, topic: str, message: Message) -> StampedMessage:
+def stamped_message(stamp_ns: int, topic: str, message: Message) -> StampedMessage:
+    """A message serialised."""
     cdr = bytes(recording_typestore().serialize_cdr(message, message.__msgtype__))
     return StampedMessage(stamp_ns, topic, message.__msgtype__, cdr)
 

@@ -14,11 +14,13 @@ from bodycam_ros.ingest.camera_offsets import plausible_time
 from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.find_videos import find_videos
 from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
+from bodycam_ros.ingest.inertial_stream import imu_messages, read_inertial_samples
 from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
 from bodycam_ros.lens.lens_match import LensMatch, lens_match
 from bodycam_ros.lens.lens_watch import match_images
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
 from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.telemetry import InertialSamples
 from bodycam_ros.recording.video_file import grey_pixels
 
 _EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
@@ -31,10 +33,12 @@ class IngestedCamera:
 
     Attributes:
         stream: what was read.
+        imu_samples: of its inertial sensor in the bag.
         remarks: for the user, sentences that name the camera.
     """
 
     stream: FrameStream
+    imu_samples: int
     remarks: tuple[str, ...]
 
 
@@ -114,8 +118,10 @@ def ingest(
     streams = [FrameStream(camera, times[camera.name], base_ns, as_jpeg, _threads(jobs, timed)) for camera in timed]
     start_s = min(_interval(camera, times)[0] for camera in timed)
     total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
+    imus, imu_faults = _inertial_samples(timed)
     with write_recording(output, force, INGEST) as writer:
         messages = [stream.messages() for stream in streams]
+        messages += [imu_messages(name, samples, times[name], base_ns) for name, samples in imus.items()]
         with merged_ahead(messages, lambda message: message.stamp_ns, jobs) as merged:
             for message in merged:
                 writer.write_serialized(message.topic, message.message_type, message.stamp_ns, message.cdr)
@@ -124,8 +130,31 @@ def ingest(
         written = [stream for stream in streams if stream.tally.frames]
         _check_any([stream.camera for stream in written], faults)
     return IngestSummary(
-        tuple(IngestedCamera(stream, tuple(_remarks(stream))) for stream in written), tuple(faults), base
+        tuple(
+            IngestedCamera(
+                stream,
+                len(imus[name].media_s) if (name := stream.camera.name) in imus else 0,
+                (*_remarks(stream), *([imu_faults[name]] if name in imu_faults else [])),
+            )
+            for stream in written
+        ),
+        tuple(faults),
+        base,
     )
+
+
+def _inertial_samples(cameras: Sequence[IngestCamera]) -> tuple[dict[str, InertialSamples], dict[str, str]]:
+    """Camera -> samples of its inertial sensor; and what is wrong with those that cannot be used."""
+    found, faults = {}, {}
+    for camera in cameras:
+        try:
+            samples = read_inertial_samples(camera)
+        except RecordingError as error:
+            faults[camera.name] = f"camera {camera.name}: inertial sensor left out: {error}"
+            continue
+        if samples is not None:
+            found[camera.name] = samples
+    return found, faults
 
 
 def _check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:

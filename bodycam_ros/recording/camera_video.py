@@ -6,11 +6,12 @@ from datetime import datetime
 from pathlib import Path
 
 import av
+import numpy as np
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording import video_file
 from bodycam_ros.recording.sound import SoundBlock, sound_blocks
-from bodycam_ros.recording.telemetry import satellite_times, stabilisation
+from bodycam_ros.recording.telemetry import InertialSamples, inertial_samples, satellite_times, stabilisation
 from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
 
 _CLOCK_S = 2.0
@@ -125,6 +126,24 @@ class CameraVideo:
     def stabilisation(self) -> str:
         """Why the frames are stabilised electronically by what a GoPro's file says; empty if nothing says so."""
         return next((reason for path in self.files if (reason := stabilisation(path))), "")
+
+    def inertial_samples(self) -> InertialSamples | None:
+        """Gyroscope and accelerometer of a GoPro, in the camera's media time; None without telemetry.
+
+        Raises:
+            RecordingError: see ``telemetry.inertial_samples``.
+        """
+        parts = [
+            replace(samples, media_s=samples.media_s + chapter.start_s)
+            for chapter in self.chapters
+            if (samples := inertial_samples(chapter.path)) is not None
+        ]
+        if not parts:
+            return None
+        columns = zip(*((part.media_s, part.gyroscope, part.accelerometer) for part in parts), strict=True)
+        media_s, gyroscope, accelerometer = (np.concatenate(column) for column in columns)
+        later = np.concatenate([[True], media_s[1:] > np.maximum.accumulate(media_s)[:-1]])
+        return InertialSamples(media_s[later], gyroscope[later], accelerometer[later])
 
     def satellite_times(self) -> list[tuple[float, float]]:
         """Media time [s] and UTC [s since 1970] by the satellites that a GoPro heard; see ``telemetry``."""

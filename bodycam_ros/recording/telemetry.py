@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from av.error import FFmpegError
@@ -148,25 +149,25 @@ def _user_data(path: Path) -> bytes:
     """Content of the box moov/udta/GPMF of an MP4; empty if there is none."""
     try:
         with path.open("rb") as file:
-            end = path.stat().st_size
-            for wanted in (b"moov", b"udta", b"GPMF"):
-                while file.tell() + 8 <= end:
-                    at = file.tell()
-                    size, name = struct.unpack(">I4s", file.read(8))
-                    if size == 1:
-                        size = struct.unpack(">Q", file.read(8))[0]
-                    size = size or end - at
-                    if size < 8:
-                        return b""
-                    if name == wanted:
-                        end = at + size
-                        break
-                    file.seek(at + size)
-                else:
-                    return b""
-            return file.read(max(0, end - file.tell()))
+            return next(_boxes(file, 0, path.stat().st_size, (b"moov", b"udta", b"GPMF")), b"")
     except (OSError, struct.error):
         return b""
+
+
+def _boxes(file: BinaryIO, at: int, end: int, names: tuple[bytes, ...]) -> Iterator[bytes]:
+    """Contents of the boxes of an MP4 that lie within each other by these names."""
+    while at + 8 <= end:
+        file.seek(at)
+        size, name = struct.unpack(">I4s", file.read(8))
+        size = struct.unpack(">Q", file.read(8))[0] if size == 1 else size or end - at
+        if size < 8:
+            return
+        if name == names[0]:
+            if len(names) == 1:
+                yield file.read(min(at + size, end) - file.tell())
+            else:
+                yield from _boxes(file, file.tell(), min(at + size, end), names[1:])
+        at += size
 
 
 def _streams(content: bytes, depth: int = 0) -> Iterator[Records]:
