@@ -129,15 +129,14 @@ class TagView:
     breadths: NDArray[np.float64]
 
 
-def detect_tags(image: NDArray[np.uint8], camera: CameraModel, family: str) -> list[TagView]:
-    """Find the tags of a family in a photograph (rows, columns, 3) and refine their corners by their edges.
+def detect_tags(gray: NDArray[np.uint8], camera: CameraModel, family: str) -> list[TagView]:
+    """Find the tags of a family in a grey picture (rows, columns) and refine their corners by their edges.
 
     Raises:
         MapError: the family is unknown.
     """
     if family not in FAMILIES:
         raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
-    gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
     return refined_tags(gray, camera, FAMILIES[family])
 
 
@@ -157,13 +156,16 @@ def refined_tags(
     """
     from scipy.ndimage import spline_filter
 
-    # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their middle.
-    spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
     views: dict[int, TagView] = {}
+    spline = None
     for tag, rough in find_tags(gray, camera, family):
         breadths = breadths_of(rough)
         if tag in views or breadths.min() < min_breadth_px:
             continue
+        if spline is None:
+            # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their
+            # middle.
+            spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
         corners = corners_of_edges(spline, rough, breadths, camera, tolerance_px)
         if corners is not None:
             views[tag] = TagView(tag, corners, breadths)

@@ -14,14 +14,14 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.alignment import BoardAlignment, BoardResidual, align_to_board
-from bodycam_ros.mapping.apriltag import TagView, detect_tags
+from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board, read_board
-from bodycam_ros.mapping.features import ImageFeatures, extract_all, read_photograph
+from bodycam_ros.mapping.features import ImageFeatures, extract_all
 from bodycam_ros.mapping.floor import Floor, find_floor
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
-from bodycam_ros.mapping.progress import Progress, TimedProgress, in_parallel
+from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure, choose_descriptors
@@ -122,9 +122,8 @@ def build_map(
     camera_of_name = photographs.camera_of_name
 
     # Features, with the detector that body cameras use.
-    features = _features(photographs, settings.features.max_features, workers, timed)
-    # Before the minutes of structure from motion: a board that no photograph shows should cost seconds.
-    tags = {} if board is None else _tag_views(photographs, features, board, workers, timed)
+    features, tags = _features(photographs, settings.features.max_features, board, workers, timed)
+    # Before structure from motion: a board that no photograph shows should cost seconds.
     if board is not None and not any(tags.values()):
         problem = (
             f"{photographs.where}: no photograph shows a tag of the board ({board.family}: "
@@ -206,42 +205,30 @@ def _align_to_floor(
     return structure.transformed(scale, floor.map_R_world, -turned @ floor.origin), floor
 
 
-def _features(photographs: Photographs, max_features: int, workers: int, progress: Progress) -> list[ImageFeatures]:
-    """Features of all photographs that can be read and belong to the camera; the others are warned about."""
+def _features(
+    photographs: Photographs, max_features: int, board: Board | None, workers: int, progress: Progress
+) -> tuple[list[ImageFeatures], dict[str, list[TagView]]]:
+    """Features, and tags of the board by name, of all photographs that can be used; the others are warned about."""
     features: list[ImageFeatures] = []
+    tags: dict[str, list[TagView]] = {}
     skipped = []
+    family = None if board is None else board.family
     with progress.step("extracting features", len(photographs.paths)) as advance:
-        for result in extract_all(photographs.paths, photographs.camera_of_name, max_features, workers):
+        for result in extract_all(photographs.paths, photographs.camera_of_name, max_features, family, workers):
             if isinstance(result, MapError):
                 _LOG.warning("skipped: %s", result)
                 skipped.append(result)
             else:
-                features.append(result)
+                features.append(result[0])
+                known = () if board is None else board.corners_board
+                tags[result[0].name] = [view for view in result[1] if view.tag in known]
             advance()
     if len(features) < 2:
         raise MapError(
             f"{photographs.where}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
             f"are needed; the first that cannot: {skipped[0]}"
         )
-    return features
-
-
-def _tag_views(
-    photographs: Photographs, features: Sequence[ImageFeatures], board: Board, workers: int, progress: Progress
-) -> dict[str, list[TagView]]:
-    """Photograph -> the board's tags that it shows."""
-
-    def detect(name: str) -> list[TagView]:
-        picture, camera = read_photograph(photographs.folder / name), photographs.camera_of_name[name]
-        return [view for view in detect_tags(picture, camera, board.family) if view.tag in board.corners_board]
-
-    names = [image.name for image in features]
-    tags = {}
-    with progress.step("measuring the board", len(names)) as advance:
-        for name, views in zip(names, in_parallel(detect, names, workers), strict=True):
-            tags[name] = views
-            advance()
-    return tags
+    return features, tags
 
 
 def _registrations(

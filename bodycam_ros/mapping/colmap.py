@@ -23,6 +23,7 @@ _MAX_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
 _TRIAL = """import resource, sys, pycolmap
 resource.setrlimit(resource.RLIMIT_AS, (4 << 30,) * 2)
 pycolmap.Reconstruction(sys.argv[1])"""
+_MAX_TRIALS = 1000  # of two-view geometry; pairs that need more have few inliers, and others tie their photographs
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
 _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
@@ -246,6 +247,7 @@ def write_and_verify(database: Path, pairs: Sequence[tuple[str, str]], matches: 
             opened.write_matches(ids[first], ids[second], rows)
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.random_seed = _RANDOM_SEED
+    options.ransac.max_num_trials = _MAX_TRIALS
     pycolmap.verify_matches(database, _list_pairs(database, pairs), options)
 
 
@@ -289,13 +291,19 @@ _JOINING_TOLERANCE, _FINAL_TOLERANCE = 1e-3, 1e-4  # relative decrease at which 
 
 
 def complete(
-    database: Path, coarse: pycolmap.Reconstruction, min_angle_deg: float, workers: int, advance: Callable[[], None]
+    database: Path,
+    coarse: pycolmap.Reconstruction,
+    min_views: int,
+    min_angle_deg: float,
+    workers: int,
+    advance: Callable[[], None],
 ) -> pycolmap.Reconstruction:
     """Triangulate all that photographs match, register those that the coarse model lacks, and adjust everything.
 
     Args:
         database: with all features, and verified matches.
         coarse: has the poses of most of its photographs, by their names.
+        min_views: of a point; others are dropped.
         min_angle_deg: least angle between two rays of a point.
         workers: threads.
         advance: called twice.
@@ -318,6 +326,9 @@ def complete(
         _register_others(mapper, triangulation)
     mapper.complete_and_merge_tracks(triangulation)
     mapper.end_reconstruction(False)
+    # They would cost a third of the adjustment.
+    for point_id in [i for i, point in model.points3D.items() if point.track.length() < min_views]:
+        model.delete_point3D(point_id)
     advance()
     # Some of what was matched along one line is wrong, so outliers must not pull before they are known.
     adjust(model, workers, _JOINING_OUTLIER_PX, _JOINING_TOLERANCE)

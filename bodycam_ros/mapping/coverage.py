@@ -36,7 +36,7 @@ _HEIGHTS_M = (0.5, 1.5)  # of the lowest body cameras, such as on shins, and the
 _STEP_DEG = 15.0  # between directions
 _MAX_ELEVATION_DEG = 60.0  # up and down, to which body cameras point most of the time
 _MAX_PLACES = 80  # on the floor; a large place gets a wider spacing
-_MAX_COUNTED = 2000  # landmarks around a place; of more, every n-th counts for n
+_MAX_COUNTED = 700  # landmarks around a place; of more, every n-th counts for n
 
 _MISSING = 0.5  # share of the places that must see enough in a direction, and of the directions at a place
 _MAX_LINES = 4

@@ -24,7 +24,7 @@ from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
 
-_REGISTERING_FEATURES = 1000  # largest of each photograph that find the poses; with all it takes five times as long
+_REGISTERING_FEATURES = 700  # largest of each photograph that find the poses; with all it takes five times as long
 _MAX_ERROR_PX = 1.0  # reprojection error of a landmark, A section 4.1
 _MIN_ANGLE_DEG = 2.0  # between two rays of a landmark, A section 4.1
 _MIN_VIEWS = 3  # photographs: two rays always nearly meet, the third reveals a wrong match
@@ -76,7 +76,7 @@ def reconstruct(
         _check_fits(coarse, distinct(list(camera_of_name.values()))[0], workers)
         database = _match_in_full(features, camera_of_name, coarse, pairs, scratch, workers, progress)
         with progress.step("adjusting the bundle", 3) as advance:
-            model = colmap.complete(database, coarse, _MIN_ANGLE_DEG, workers, advance)
+            model = colmap.complete(database, coarse, _MIN_VIEWS, _MIN_ANGLE_DEG, workers, advance)
             # A 4.1
             colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
             structure = colmap.structure_from(model, camera_of_name)
