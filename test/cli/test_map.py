@@ -17,7 +17,6 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.mapping.alignment import align_to_board
 from bodycam_ros.mapping.apriltag import detect_tags
 from bodycam_ros.mapping.board import read_board
-from bodycam_ros.mapping.features import read_photograph
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -66,7 +65,7 @@ def test_the_board_lies_where_the_map_begins(built, sample):
     chosen = [row for row, name in enumerate(reference_map.image_names) if name in NEAR]
     views = [
         detect_tags(
-            read_photograph(sample / "reference" / reference_map.image_names[row]),
+            cv2.imread(str(sample / "reference" / reference_map.image_names[row]), cv2.IMREAD_GRAYSCALE),
             photographs.camera_of_name[reference_map.image_names[row]],
             "36h11",
         )

@@ -72,7 +72,7 @@ def test_the_wall_that_is_missing_is_named(middle_deg: float) -> None:
 
 def test_counts_are_those_of_a_projection() -> None:
     """What a camera sees is counted anew, landmark by landmark."""
-    reference_map = hall(0.0, 220.0, landmarks=1500)
+    reference_map = hall(0.0, 220.0, landmarks=600)
     coverage = measured(reference_map)
     place, elevation, azimuth = 3, 5, 14
     forward_azimuth = np.radians(coverage.azimuths_deg[azimuth])
@@ -93,5 +93,5 @@ def test_counts_are_those_of_a_projection() -> None:
         cosine = -reference_map.descriptor_view[row] @ offset / np.linalg.norm(offset)
         scale_px = BODY_CAMERA.fx * reference_map.descriptor_size[row] / np.linalg.norm(offset)
         seen += bool(valid[0] and BODY_CAMERA.in_image(pixel)[0] and cosine > 0.5 and scale_px > 1.0)
-    assert seen > 100
+    assert seen > 40
     assert coverage.visible[place, elevation, azimuth] == seen

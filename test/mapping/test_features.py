@@ -23,7 +23,7 @@ def photograph(tmp_path):
 
 
 def test_blobs_are_found_where_they_are_and_as_large_as_they_are(photograph):
-    features = extract_features(photograph, CAMERA, 4000)
+    features, _ = extract_features(photograph, CAMERA, 4000)
     for cx, cy, sigma in BLOBS:
         nearest = np.linalg.norm(features.pixels - [cx, cy], axis=1).argmin()
         assert features.pixels[nearest] == pytest.approx([cx, cy], abs=0.12)
@@ -36,7 +36,7 @@ def test_what_cannot_be_used_comes_as_its_error_and_in_order(tmp_path, photograp
     small = tmp_path / "small.png"
     cv2.imwrite(str(small), np.zeros((100, 120), np.uint8))
     paths = [broken, photograph, small]
-    first, second, third = extract_all(paths, {path.name: CAMERA for path in paths}, 4000, workers=2)
+    first, second, third = extract_all(paths, {path.name: CAMERA for path in paths}, 4000, None, workers=2)
     assert isinstance(first, MapError) and "broken.jpg" in str(first)
-    assert second.name == "blobs.png"
+    assert second[0].name == "blobs.png"
     assert isinstance(third, MapError) and "120x100" in str(third) and "240x200" in str(third)
