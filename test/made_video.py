@@ -47,6 +47,7 @@ def make_video(
     fast_start: bool = False,
     preset: str = "veryfast",
     size: tuple[int, int] = (WIDTH, HEIGHT),
+    bits: int = 8,
 ) -> Path:
     """Write an MP4.
 
@@ -58,6 +59,7 @@ def make_video(
         sound: media times [s] -> samples -1 to 1, as AAC.
         created: creation_time, as in "2024-05-01T12:00:00Z".
         fast_start: put the index in front.
+        bits: of a channel, 8 or 10.
     """
     times_s = [number / rate_hz for number in range(frames)] if times_s is None else times_s
     options = {"movflags": "faststart"} if fast_start else {}
@@ -66,7 +68,7 @@ def make_video(
             container.metadata["creation_time"] = created
         stream = container.add_stream(codec, rate=Fraction(rate_hz).limit_denominator(1001))
         stream.width, stream.height = size
-        stream.pix_fmt = "yuv420p"
+        stream.pix_fmt = pixels = "yuv420p10le" if bits == 10 else "yuv420p"
         context = stream.codec_context
         context.time_base = Fraction(1, _TICKS_HZ)
         context.gop_size = keyframe_every
@@ -80,7 +82,7 @@ def make_video(
         heard = container.add_stream("aac", rate=SOUND_HZ, layout="mono") if sound else None
         for number, media_s in enumerate(times_s):
             frame = av.VideoFrame.from_ndarray(picture(first + number, *size), format="gray")
-            frame = frame.reformat(format="yuv420p", dst_color_range=2 if full_range else 1)
+            frame = frame.reformat(format=pixels, dst_color_range=2 if full_range else 1)
             frame.pts, frame.time_base = round(media_s * _TICKS_HZ), Fraction(1, _TICKS_HZ)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))

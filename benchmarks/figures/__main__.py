@@ -73,6 +73,7 @@ def measurements(mode: str) -> Iterator[Measurement]:
         yield Measurement("bones", partial(recorded_motion.bones, name="dev_rom"))
     if mode == "full":
         yield Measurement("ordinary cameras", recorded_motion.ordinary_cameras)
+        yield Measurement("worn footage", recorded_motion.worn_footage)
         for which, passes in (("north", 1), ("south", 1), ("south", 3)):
             yield Measurement(f"half map {which} {passes}", partial(maps.half, walk=walk, which=which, passes=passes))
         yield Measurement("map from body cameras", maps.body_cameras_alone)

@@ -43,13 +43,19 @@ class Bench:
         assert self.shared is not None
         return self.shared / "recordings" / name
 
-    def body(self, of: str = "dev_rom", bag: Path | None = None) -> Path:
-        """Body of a range of motion, calibrated once; of the sample that which the repository carries."""
+    def body(self, of: str = "dev_rom", bag: Path | None = None, recording_name: str | None = None) -> Path:
+        """Body of a range of motion, calibrated once; of the sample that which the repository carries.
+
+        Args:
+            of: name of the body.
+            bag: of the range of motion, if not the recording's.
+            recording_name: the recording, if not ``of``.
+        """
         if of == "sample":
             return REPOSITORY / "bags/body.yaml"
         with self._lock:
             if of not in self._bodies:
-                path, recording = self.work / f"{of}.body.yaml", self.recording(of)
+                path, recording = self.work / f"{of}.body.yaml", self.recording(recording_name or of)
                 given = (bag or recording / "bag", "--map", self.map, "--rig", recording / "rig.yaml")
                 bodycam("body", *given, "-o", path, "--jobs", self.jobs)
                 self._bodies[of] = path

@@ -10,6 +10,7 @@ from benchmarks.figures.bench import Bench, errors, verdict
 from benchmarks.figures.command import bodycam
 from benchmarks.figures.figure import Figure
 from benchmarks.figures.score import score
+from benchmarks.worn_footage import write_worn_footage
 
 
 def recording(bench: Bench, name: str) -> Iterator[Figure]:
@@ -17,6 +18,18 @@ def recording(bench: Bench, name: str) -> Iterator[Figure]:
     ran = bench.replay(name, bench.recording(name) / "bag", bench.body("sample" if name == "sample" else "dev_rom"))
     yield from errors(name, score(bench.out(name), bench.recording(name)))
     yield Figure(f"{name}: verdict", verdict(ran))
+
+
+def worn_footage(bench: Bench) -> Iterator[Figure]:
+    """Range of motion and walk behind swinging cloth, with exposure in jumps, a smear, noise and strong compression."""
+    bags = {
+        name: write_worn_footage(bench.recording(name) / "bag", bench.work / f"{name} worn")
+        for name in ("dev_rom", "dev_walk")
+    }
+    group = "dev_walk, worn footage"
+    ran = bench.replay(group, bags["dev_walk"], bench.body("dev_rom worn", bags["dev_rom"], "dev_rom"))
+    yield from errors(group, score(bench.out(group), bench.recording("dev_walk")))
+    yield Figure(f"{group}: verdict", verdict(ran))
 
 
 def bones(bench: Bench, name: str) -> Iterator[Figure]:

@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
     cameras, faults = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
     if rig is not None:
-        there = {camera.name for camera in cameras}
+        there = {camera.topic_name for camera in cameras}
         lacking = [camera for camera in rig.cameras if camera not in there]
         faults += [f"camera {camera}: is in {arguments.rig}, but has no video that can be used" for camera in lacking]
     with shown_progress() as progress:

@@ -106,7 +106,7 @@ class FrameStream:
             self.tally.fault = str(error)
 
     def _stamped_frames(self) -> Iterator[StampedMessage]:
-        make, name, lens = recorded_messages(), self.camera.name, self.camera.written_lens
+        make, name, lens = recorded_messages(), self.camera.topic_name, self.camera.written_lens
         info_due_ns: int | None = None
         latest_s = (self.camera.video.duration_s or math.inf) + _ASTRAY_S
         for media_s, topic, message in self._frames():
@@ -137,7 +137,7 @@ class FrameStream:
         timing = SaidTiming(
             stamp_ns, time.source, readout, offset_sigma=time.start_sigma_s, drift_sigma=time.drift_sigma
         )
-        return timing_message(recorded_messages(), self.camera.name, timing)
+        return timing_message(recorded_messages(), self.camera.topic_name, timing)
 
     def _frames(self) -> Iterator[tuple[float, str, Message]]:
         """Media time [s], end of the topic, and message without a stamp."""
@@ -151,7 +151,7 @@ class FrameStream:
                 data = np.frombuffer(content, dtype=np.uint8)
                 yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format="jpeg", data=data)
         else:
-            frame_id = optical_frame(self.camera.name)
+            frame_id = optical_frame(self.camera.topic_name)
             for timed in self._packets():
                 data, kind = np.frombuffer(timed.packet.data, dtype=np.uint8), _FORMATS[timed.packet.codec]
                 message = make(COMPRESSED_VIDEO, frame_id=frame_id, data=data, format=kind)

@@ -15,7 +15,16 @@ _LARGEST_S = 1e6
 
 
 def synchronous_offsets(cameras: Sequence[str]) -> Offsets:
-    """Clocks of genlocked cameras, whose files all start with the same frame."""
+    """Clocks of genlocked cameras, whose files all start with the same frame.
+
+    Raises:
+        RecordingError: a camera was stopped in between, so its next file starts at an unknown time.
+    """
+    if parts := [name for name in cameras if ", part " in name]:
+        raise RecordingError(
+            f"{', '.join(parts)}: files do not follow each other without a gap, so it is unknown when the later ones "
+            "started; give the starts with --offsets"
+        )
     times = {name: CameraTime(name, 0.0, 0.0, 0.0, 0.0, "given") for name in cameras}
     return Offsets(cameras[0], times, dict.fromkeys(cameras, 1.0))
 

@@ -29,8 +29,8 @@ def read_inertial_samples(camera: IngestCamera) -> InertialSamples | None:
     """
     path = camera.video.path
     if not isinstance(camera.video, CameraVideo):
-        path = path / camera.name
-    for name in dict.fromkeys((path.stem, camera.name)):
+        path = path / camera.topic_name
+    for name in dict.fromkeys((path.stem, camera.topic_name)):
         if (csv := path.with_name(f"{name}.csv")).is_file():
             return _read_csv(csv)
     return camera.video.inertial_samples() if isinstance(camera.video, CameraVideo) else None

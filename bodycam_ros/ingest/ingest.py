@@ -121,7 +121,11 @@ def ingest(
     imus, imu_faults = _inertial_samples(timed)
     with write_recording(output, force, INGEST) as writer:
         messages = [stream.messages() for stream in streams]
-        messages += [imu_messages(name, samples, times[name], base_ns) for name, samples in imus.items()]
+        messages += [
+            imu_messages(camera.topic_name, imus[camera.name], times[camera.name], base_ns)
+            for camera in timed
+            if camera.name in imus
+        ]
         with merged_ahead(messages, lambda message: message.stamp_ns, jobs) as merged:
             for message in merged:
                 writer.write_serialized(message.topic, message.message_type, message.stamp_ns, message.cdr)
@@ -178,7 +182,7 @@ def _overlapping(
     kept, faults = [], []
     for camera in cameras:
         begin_s, end_s = _interval(camera, times)
-        others = [_interval(other, times) for other in cameras if other is not camera]
+        others = [_interval(other, times) for other in cameras if other.topic_name != camera.topic_name]
         if not others or any(begin < end_s and begin_s < end for begin, end in others):
             kept.append(camera)
             continue

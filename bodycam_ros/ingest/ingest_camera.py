@@ -17,15 +17,17 @@ _TOPIC_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 @dataclass(frozen=True)
 class IngestCamera:
-    """One camera.
+    """One camera, or a part of its recording after a gap.
 
     Attributes:
+        topic_name: the camera in the names of topics.
         video: what it recorded.
         lens: its intrinsics, of upright frames in the size recorded.
         readout_s: from the middle of the exposure of the first row to that of the last [s]; None: not given.
         scale: size of frames in the bag, as a share of the size recorded.
     """
 
+    topic_name: str
     video: CameraVideo | ImageFolder
     lens: CameraModel
     readout_s: float | None
@@ -33,7 +35,7 @@ class IngestCamera:
 
     @property
     def name(self) -> str:
-        """The camera's name."""
+        """The camera's name, with the number of a later part: ``head, part 2``."""
         return self.video.camera
 
     @property
@@ -63,10 +65,11 @@ def load_cameras(
     Returns:
         The cameras that can be used, and for each of the others what is wrong with it.
     """
-    cameras, faults = [], []
+    cameras: list[IngestCamera] = []
+    faults = []
     for files in found:
         try:
-            cameras.append(_load(files, lens_folder, rate_hz, scale))
+            cameras += _load(files, lens_folder, rate_hz, scale)
         except BodycamError as error:
             faults.append(f"camera {files.camera}: left out: {error}")
     return cameras, faults
@@ -100,7 +103,7 @@ def _check_name(files: CameraFiles) -> None:
         )
 
 
-def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> IngestCamera:
+def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> list[IngestCamera]:
     video: CameraVideo | ImageFolder
     if files.are_images:
         _check_name(files)
@@ -120,4 +123,5 @@ def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, s
             f"{video.path}: was recorded with electronic stabilisation ({reason}), which moves and bends each image as "
             "no fixed lens does; record with it off"
         )
-    return IngestCamera(video, lens, readout_s, scale)
+    parts = video.parts() if isinstance(video, CameraVideo) else [video]
+    return [IngestCamera(files.camera, part, lens, readout_s, scale) for part in parts]

@@ -1,5 +1,6 @@
 """What one camera recorded, its chapters joined: cameras begin a new file every few gigabytes."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -17,6 +18,7 @@ from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
 _CLOCK_S = 2.0
 """Times of creation are whole seconds, taken now before the first frame, now after it."""
 
+_GOPRO_CHAPTER = re.compile(r"G[HXLP](\d\d)\d{4}$", re.IGNORECASE)
 _COMPARED = 65_536  # [bytes] of both ends, to know a copy
 
 
@@ -72,6 +74,20 @@ class CameraVideo:
                     f"({_told(first.facts)}); give the files of one recording"
                 )
         return cls(camera, tuple(chapters))
+
+    def parts(self) -> list["CameraVideo"]:
+        """The video cut where chapters do not follow each other: the camera was stopped, or a file is missing.
+
+        Later parts are named after the camera and their number: ``head, part 2``. Each has media times of its own.
+        """
+        gaps = [k for k in range(1, len(self.chapters)) if _has_gap(self.chapters[k - 1], self.chapters[k])]
+        parts = []
+        for number, (first, end) in enumerate(zip([0, *gaps], [*gaps, len(self.chapters)], strict=True), start=1):
+            start_s = self.chapters[first].start_s
+            chapters = (replace(chapter, start_s=chapter.start_s - start_s) for chapter in self.chapters[first:end])
+            name = self.camera if number == 1 else f"{self.camera}, part {number}"
+            parts.append(CameraVideo(name, tuple(chapters)))
+        return parts
 
     @property
     def path(self) -> Path:
@@ -163,6 +179,17 @@ def _overlap(before: Chapter, path: Path, facts: FileFacts) -> bool:
     later_s = (facts.created - before.facts.created).total_seconds()
     # Some cameras give all chapters the time at which the first began.
     return _CLOCK_S < later_s < before.facts.duration_s - _CLOCK_S
+
+
+def _has_gap(before: Chapter, after: Chapter) -> bool:
+    """Whether a file begins later than the one before ends, by the camera's clock or the numbers in their names."""
+    earlier, later = (_GOPRO_CHAPTER.match(chapter.path.stem) for chapter in (before, after))
+    if earlier and later and int(later[1]) > int(earlier[1]) + 1:
+        return True
+    created = before.facts.created, after.facts.created
+    if created[0] is None or created[1] is None:
+        return False
+    return (created[1] - created[0]).total_seconds() > before.facts.duration_s + _CLOCK_S
 
 
 def _ends(path: Path) -> tuple[bytes, bytes]:

@@ -289,3 +289,40 @@ def test_reduced_frames_and_their_lens(videos: Path, option: tuple[str, ...]) ->
     assert (model.fx, model.cx) == (20.0, (WIDTH / 2 + 0.5) / 2 - 0.5)
     expected = cv2.resize(picture(0), (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
     assert np.abs(grey.astype(int) - expected).mean() < 4.0
+
+
+@pytest.mark.parametrize(
+    "options", [{"codec": "libx265", "bits": 10}, {"rate_hz": 60000 / 1001}, {"size": (3840, 2160)}]
+)
+def test_what_action_cameras_write(tmp_path: Path, options: dict[str, object]) -> None:
+    """HEVC with 10 bits, 59.94 frames a second and 4K go into the bag as they are, and come out as they were."""
+    size = options.get("size", (WIDTH, HEIGHT))
+    make_video(tmp_path / "head.mp4", frames=20, **options)
+    write_lens(tmp_path / "head.yaml", size)
+    assert main(["ingest", str(tmp_path / "head.mp4"), "-o", str(tmp_path / "bag")]) == 0
+    with open_recording(tmp_path / "bag") as recording:
+        images = list(recording.images(["head"]))
+    interval_ns = 1e9 / options.get("rate_hz", RATE_HZ)
+    np.testing.assert_allclose(np.diff([image.stamp_ns for image in images]), interval_ns, atol=2e4)
+    errors = [np.abs(decode_grey(image) - picture(n, *size).astype(int)).mean() for n, image in enumerate(images)]
+    assert len(images) == 20 and max(errors) < 6.0
+
+
+def test_a_camera_that_was_stopped_in_between_has_two_parts(videos: Path) -> None:
+    (videos / "head").mkdir()
+    for number, created in ((1, "2024-05-01T12:00:00Z"), (2, "2024-05-01T12:00:08Z")):
+        make_video(videos / "head" / f"GH0{number}0042.MP4", frames=90, created=created)
+    write_lens(videos / "head" / "head.yaml")
+    for name in ("shin", "thigh"):
+        (videos / name).mkdir()
+        make_video(videos / name / "GH010042.MP4", frames=330, created="2024-05-01T12:00:00Z")
+        write_lens(videos / name / f"{name}.yaml")
+    for file in [*videos.glob("*.mp4"), *videos.glob("*.yaml")]:
+        file.unlink()
+    code, bag = ingest(videos)
+    assert code == 0
+    with open_recording(bag) as recording:
+        assert recording.cameras == ("head", "shin", "thigh")
+        stamps_s = np.array([1e-9 * (image.stamp_ns - CREATED_S * 10**9) for image in recording.images(["head"])])
+    assert len(stamps_s) == 180
+    assert np.sort(np.diff(stamps_s))[-1] == pytest.approx(5.0 + 1 / RATE_HZ, abs=1e-3)
