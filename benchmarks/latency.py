@@ -22,7 +22,7 @@ from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.latency import Latency
+    from benchmarks.latency_stages import Latency
 
 _CAMERAS_A_CORE = 2
 """That a core holds in real time; where to begin to look for a rate at which nothing queues."""
@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, delay: int, frame_s: float) -> _Played:
     """Play at a rate, or without one at the first of it, a half, a quarter ... at which nothing queues."""
-    from bodycam_ros.evaluate.latency import cost_of_image, latency_of, play_live
+    from benchmarks.latency_stages import cost_of_image, latency_of, play_live
 
     while True:
         with scratch_folder(Path(tempfile.gettempdir())) as scratch:
@@ -109,7 +109,7 @@ def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, de
 def _table(played: Sequence[_Played]) -> Table:
     import numpy as np
 
-    from bodycam_ros.evaluate.latency import STAGES
+    from benchmarks.latency_stages import STAGES
 
     columns = ("cams", "rate", "delay", *(stage[:5] for stage in STAGES), "p50", "p95", "p99", "at 1")
     table = Table(*columns, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
