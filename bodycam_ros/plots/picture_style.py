@@ -1,25 +1,30 @@
 """Colours and typography of all pictures."""
 
-from typing import Any
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
 
+import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
 
 LEFT, RIGHT, CENTRE = "#1f6fb4", "#dd7a12", "#33383d"
 """Sides of the body: blue and orange stay apart for every eye."""
 
 TRUTH = "#a9b0b7"
 WARNING = "#c8102e"
-"""Lost cameras, gaps, instants without any camera, a result that is wrong; nothing else is red."""
+"""Lost cameras, gaps, frames without any camera, a result that is wrong; nothing else is red."""
 
 CAUTION, GOOD = "#9a6700", "#2c7f78"
 """A result that is doubtful, and one that is good."""
 
 RELATIVE, ROTATION_ONLY = "#7a6cb4", "#d9b13b"
-"""A camera that grown landmarks hold, and one that knows only how it turns."""
+"""A camera registered by extended landmarks, and one of which only the rotation is known."""
 
 EQUIPMENT = "#8e4a8a"
-"""What stands beside the body, thinner than its limbs."""
+"""Equipment, drawn thinner than limbs."""
 
 INK, QUIET, FAINT = "#22272b", "#6b747c", "#e3e7ea"
 
@@ -30,6 +35,7 @@ TYPOGRAPHY: Any = {
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.0,
     "text.color": INK,
+    "text.parse_math": False,
     "axes.labelcolor": QUIET,
     "axes.edgecolor": QUIET,
     "axes.linewidth": 0.6,
@@ -42,6 +48,20 @@ TYPOGRAPHY: Any = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
 }
+_DOTS_PER_INCH = 110
+
+
+@contextmanager
+def open_picture(file: Path | IO[bytes], width: float, height: float) -> Iterator[Figure]:
+    """A white figure of a size [in], written as PNG at the end of the block.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    with matplotlib.rc_context(TYPOGRAPHY):
+        figure = Figure(figsize=(width, height), facecolor="white")
+        yield figure
+        figure.savefig(file, dpi=_DOTS_PER_INCH, format="png")
 
 
 def side_colour(segment: str) -> str:
@@ -53,26 +73,12 @@ def side_colour(segment: str) -> str:
 
 def panel_title(axes: Axes, title: str, note: str = "") -> None:
     """A title above the left end of a panel, and a quiet note after it."""
+    offset: Any = {"textcoords": "offset points"}
     text = axes.annotate(
-        title,
-        (0.0, 1.0),
-        (0.0, 7.0),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        weight="bold",
-        fontsize=10.0,
+        title, (0.0, 1.0), (0.0, 7.0), xycoords="axes fraction", weight="bold", fontsize=10.0, **offset
     )
     if note:
-        axes.annotate(
-            note,
-            (1.0, 0.0),
-            (8.0, 0.0),
-            xycoords=text,
-            textcoords="offset points",
-            color=QUIET,
-            fontsize=8.5,
-            va="bottom",
-        )
+        axes.annotate(note, (1.0, 0.0), (8.0, 0.0), xycoords=text, color=QUIET, fontsize=8.5, va="bottom", **offset)
 
 
 def light_grid(axes: Axes) -> None:
@@ -80,10 +86,3 @@ def light_grid(axes: Axes) -> None:
     axes.grid(axis="y", color=FAINT, linewidth=0.7)
     axes.set_axisbelow(True)
     axes.tick_params(length=2.5, width=0.6)
-
-
-PAGE_POLICY = (
-    '<meta http-equiv="Content-Security-Policy" '
-    "content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'none'\">"
-)
-"""For the head of a page, before anything else: names of cameras and files come from anywhere."""
