@@ -8,10 +8,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import degrees, hypot
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -28,6 +26,7 @@ from bodycam_ros.cli.options import (
     settings_from_flags,
 )
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal, widened
@@ -36,12 +35,10 @@ if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-    from bodycam_ros.plots.report_tables import ReportTable
     from bodycam_ros.static_cameras.body_from_outside import MeasuredBody
     from bodycam_ros.static_cameras.body_shape import MeasureSettings
 
 _SUFFIXES = (".yaml", ".yml")
-_LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 _MM_PER_M = 1000.0
 
 
@@ -161,35 +158,18 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     Terminal().print(f"\nbody written to {arguments.output}, report to {page}", soft_wrap=True)
 
 
-def print_report(diagnosis: "CalibrationDiagnosis", console: Console | None = None) -> None:
+def print_report(diagnosis: "CalibrationDiagnosis", console: Terminal | None = None) -> None:
     """Print the tables of a diagnosis, then its warnings; rows with a warning are red."""
-    from bodycam_ros.plots.report_tables import report_tables, summary_line
+    from bodycam_ros.plots.report_tables import report_sections, summary_line
 
     console = console or widened(Terminal())
     console.print(summary_line(diagnosis))
-    for table in report_tables(diagnosis):
-        console.print(Text.assemble("\n", (table.title, "bold"), "  ", (table.note, "dim")))
-        console.print(_report_table(table))
+    for section in report_sections(diagnosis):
+        print_section(console, section)
     for number, warning in enumerate(diagnosis.warnings, start=1):
         console.print(Text.assemble((f"warning {number}: ", "bold red"), warning))
     if not diagnosis.warnings:
         console.print(Text("no warnings", "green"))
-
-
-def _report_table(content: "ReportTable") -> Table:
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    for index, heading in enumerate(content.columns):
-        justify: Literal["left", "right"] = "left" if index in content.text_columns else "right"
-        # Text, not str: square brackets hold units here, not rich's markup. Folded, no letter is lost on any width.
-        table.add_column(
-            Text(heading.replace(" [", "\n[")),
-            justify=justify,
-            overflow="fold",
-            max_width=_LIST_WIDTH if heading == content.columns[-1] else None,
-        )
-    for index, row in enumerate(content.rows):
-        table.add_row(*map(Text, row), style="bold red" if index in content.flagged else None)
-    return table
 
 
 def _print_imus(body: "BodyModel") -> None:

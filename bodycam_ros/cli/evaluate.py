@@ -1,16 +1,16 @@
 """bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from bodycam_ros.cli.options import add_map, add_output, add_stations, add_surface
 from bodycam_ros.cli.progress import shown_progress, waiting
-from bodycam_ros.cli.tables import exit_code, figure_tables, gait_table, print_verdict
+from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
 from bodycam_ros.errors import RecordingError, StationError
 from bodycam_ros.terminal import Terminal, widened
 
@@ -42,8 +42,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--compare",
         type=Path,
         metavar="OUT2",
-        help="the same recording solved without the equipment: distances from constrained points, and with --stations "
-        "close-ups of both",
+        help="the same recording solved without the equipment: distances from constrained points",
     )
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
@@ -72,7 +71,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     static = parser.add_argument_group("static cameras")
     add_stations(
         static,
-        "with --recording: where its static cameras are; adds outside.png, the body over their images, feet.png",
+        "with --recording: where its static cameras are; adds outside.png, the body over their images",
     )
     add_surface(static)
     add_map(static, required=False)
@@ -87,10 +86,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
-    from bodycam_ros.evaluate.close_ups import close_ups
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.overlay_picture import overlay_views
-    from bodycam_ros.evaluate.report_folder import check_report_folder, write_report
+    from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
+    from bodycam_ros.evaluate.report_sections import report_sections
+    from bodycam_ros.evaluate.summary import summary
     from bodycam_ros.output_place import check_output
 
     folder, recording = arguments.output, arguments.recording
@@ -110,10 +110,14 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         with shown_progress() as progress:
             more = _outside_pictures(evaluation, recording, outside, arguments.overlay_video, progress)
-            both = evaluation.constraints
-            shown = () if both is None else close_ups(both, recording, outside)
-            write_report(evaluation, folder, overlay, more, shown)
-    _print(evaluation, folder)
+            write_report(evaluation, folder, overlay, more)
+    console = widened(Terminal())
+    for section in report_sections(summary(evaluation)):
+        print_section(console, section)
+    for line in (*report_lines(evaluation), f"written to {folder}"):
+        console.print(line, soft_wrap=True)
+    for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
+        console.print(Text(f"doubtful: {doubt}", "yellow"), soft_wrap=True)
     print_verdict(Terminal(), evaluation.verdict)
     if recording is not None:
         compare_lenses(evaluation.verdict, recording)
@@ -145,7 +149,10 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
             if getattr(arguments, flag) is not None:
                 raise RecordingError(f"--{flag} needs --truth, which OUT is compared with")
         return None
-    clock = arguments.clock or (_FOUND if is_captured(arguments.truth) else _SHARED)
+    is_other = is_captured(arguments.truth)
+    if not is_other and arguments.align is arguments.clock is arguments.points is None:
+        return None
+    clock = arguments.clock or (_FOUND if is_other else _SHARED)
     return AgreementOptions(arguments.align or _ALIGNMENTS[0], clock == _SHARED, arguments.points)
 
 
@@ -177,10 +184,9 @@ def _outside_pictures(
         BodyError: the surface cannot be used.
         RecordingError: not a recording, or an image that cannot be decoded.
     """
-    from bodycam_ros.evaluate.feet_picture import draw_feet, has_feet
     from bodycam_ros.evaluate.outside_picture import OutsideScene, draw_outside, outside_views
     from bodycam_ros.evaluate.overlay_picture import check_station, draw_outside_video
-    from bodycam_ros.evaluate.report_folder import FEET, OUTSIDE, VIDEO
+    from bodycam_ros.evaluate.report import OUTSIDE, VIDEO
 
     solved = evaluation.solved
     scene = OutsideScene.read(solved, recording, files)
@@ -193,8 +199,6 @@ def _outside_pictures(
             f"{solved.path} has; is it the recording that this was solved from?"
         )
     more: dict[str, Callable[[Path], None]] = {OUTSIDE: partial(draw_outside, views)}
-    if has_feet(evaluation):
-        more[FEET] = partial(draw_feet, evaluation)
     if video is not None:
         anew = scene.unlearned()
         more[VIDEO] = lambda path: draw_outside_video(anew, solved, recording, video, path, progress)
@@ -207,58 +211,10 @@ def _check_earlier(folder: Path) -> None:
     Raises:
         OutputError: there are such.
     """
-    from bodycam_ros.evaluate.report_folder import FIGURES, WRITTEN
+    from bodycam_ros.evaluate.report import FIGURES, WRITTEN
     from bodycam_ros.output_place import check_file
 
     check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
     if not (folder / FIGURES).exists():
         for name in WRITTEN:
             check_file(folder / name, force=False, mark=b"", what="part of a report")
-
-
-def _print(evaluation: "Evaluation", folder: Path) -> None:
-    from bodycam_ros.evaluate.agreement_section import agreement_lines
-    from bodycam_ros.evaluate.summary import summary
-
-    figures, agreement = summary(evaluation), evaluation.agreement
-    console = widened(Terminal())  # units are in square brackets
-    for table in figure_tables(figures, evaluation.verdict):
-        console.print(table)
-    if evaluation.gait is not None:
-        console.print(gait_table(evaluation.gait, evaluation.true_gait))
-    lines = list(_remarks(figures))
-    if agreement is not None and (evaluation.comparison is None or agreement.clock.start_sigma_s != 0.0):
-        lines += agreement_lines(agreement)
-    for line in (*lines, f"written to {folder}"):
-        console.print(line, soft_wrap=True)
-    for doubt in () if agreement is None else agreement.doubts:
-        console.print(Text(f"doubtful: {doubt}", "yellow"), soft_wrap=True)
-
-
-def _remarks(figures: Mapping[str, Any]) -> Iterator[str]:
-    yield (
-        f"{figures['instants']} instants in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the "
-        f"images covered; {figures['instants_without_camera']} instants without any camera"
-    )
-    if figures["blur"]:
-        yield f"registered at a motion of {_by_motion(figures['blur'])} px per image"
-    yield from (f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"])
-    sliding = figures["sliding"].get("all", {"stances": 0})
-    if sliding["stances"]:
-        beyond = figures.get("sliding_against_truth", {}).get("all", {"beyond": {"stances": 0}})["beyond"]
-        against = f"; {beyond['mean_mm']:.2f} mm beyond the true ones" if beyond["stances"] else ""
-        yield (
-            f"feet in stance slide by {sliding['mean_mm']:.2f} mm on average, {sliding['max_mm']:.1f} mm at most, in "
-            f"{sliding['stances']} stances of heel or ball{against}"
-        )
-    if "truth" in figures:
-        truth = figures["truth"]
-        yield f"truth: coverage {truth['coverage']:.1%}, scale {truth['scale']:.5f}, tilt {truth['tilt_deg']:.3f} deg"
-        if truth["links_missing"]:
-            yield f"in the truth, but not in the body: {', '.join(truth['links_missing'])}"
-
-
-def _by_motion(classes: Sequence[Mapping[str, Any]]) -> str:
-    """The registered share of each class of image motion; the last class has no upper end."""
-    spans = [f"{c['low_px']:g}" + ("+" if c["high_px"] is None else f" to {c['high_px']:g}") for c in classes]
-    return ", ".join(f"{span}: {c['registered']:.1%}" for span, c in zip(spans, classes, strict=True))

@@ -18,8 +18,6 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
-_PICTURE = "rounds.png"
-
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
@@ -38,7 +36,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.offline.extend import extend_map
     from bodycam_ros.plots.coverage_picture import draw_coverage
-    from bodycam_ros.plots.rounds_picture import draw_rounds
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 
     recording, output = arguments.recording, arguments.output
@@ -51,11 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
         extended = extension.reference_map
         coverage = measure_coverage(extended, progress)
     extended = with_coverage(extended, coverage)
-    name = "/".join(recording.resolve().parts[-2:])
-    title = f"{printable(arguments.map.resolve().name)}, extended by {printable(name)}"
 
     def draw(folder: Path) -> None:
-        draw_rounds(extension.rounds, extended, known, folder / _PICTURE, title)
         draw_coverage(coverage, extended, folder / COVERAGE_FILE, f"Coverage of {printable(output.name)}")
 
     extended.save(output, force=arguments.force, also=draw)
@@ -63,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     Terminal().print("\n".join(coverage_lines(coverage, extended)), soft_wrap=True)
     Terminal().print(
         f"{extended.grown} landmarks added by body cameras to {known}, {len(extended.image_names)} pictures; "
-        f"written to {output}, drawn in {output / _PICTURE}",
+        f"written to {output}, drawn in {output / COVERAGE_FILE}",
         soft_wrap=True,
     )
     return 0

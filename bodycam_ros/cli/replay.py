@@ -142,8 +142,7 @@ def _outside(arguments: argparse.Namespace) -> "OutsideInput | None":
 
 
 def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> None:
-    from bodycam_ros.cli.tables import equipment_tables, print_verdict
-    from bodycam_ros.evaluate.equipment_figures import equipment_figures
+    from bodycam_ros.cli.tables import print_section, print_verdict
     from bodycam_ros.offline.replay_output import clock_remarks
 
     terminal = Terminal()
@@ -151,9 +150,11 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
         print_rounds(summary.rounds)
     terminal.print(_table(summary))
     if summary.equipment is not None:
-        wide = widened(Terminal())
-        for table in equipment_tables(equipment_figures(summary.equipment, summary.start_ns)):
-            wide.print(table)
+        from bodycam_ros.evaluate.equipment_figures import equipment_figures
+        from bodycam_ros.evaluate.report_sections import equipment_sections
+
+        for section in equipment_sections(equipment_figures(summary.equipment, summary.start_ns)):
+            print_section(widened(Terminal()), section)
     for remark in remarks:
         terminal.print(remark, style="red", soft_wrap=True)
     jumped = {jump.camera for jump in summary.jumps}

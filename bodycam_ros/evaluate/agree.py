@@ -19,11 +19,11 @@ from bodycam_ros.evaluate.agreement import (
     AngleAgreement,
     LimitsOfAgreement,
     PointAgreement,
-    Spread,
 )
-from bodycam_ros.evaluate.alignment import Alignment, Tracked, aligned, clock_of, too_little
+from bodycam_ros.evaluate.alignment import Alignment, Tracked, aligned, clock_of, rate_shared_clock, too_little
 from bodycam_ros.evaluate.anatomical_angles import PLANES, angles_of_points, joint_name, kind_and_side, planes_of
 from bodycam_ros.evaluate.clock_search import Clock, unit_found
+from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.names_file import Place, places_of
 from bodycam_ros.geometry import Array, log_so3, nearest_rotation
@@ -82,7 +82,7 @@ def agree(solved: SolvedRecording, captured: CapturedMotion, options: AgreementO
         rigid = aligned(tracked, theirs, options.align, with_scale=False)
     except ValueError as error:
         raise too_little(captured, tracked) from error
-    points = _points(tracked, theirs, world, solved.world_T_link[solved.urdf.root][seen])
+    points = _points(tracked, theirs, world)
     found = Agreement(
         name=captured.path.resolve().name,
         kind=captured.kind,
@@ -90,8 +90,6 @@ def agree(solved: SolvedRecording, captured: CapturedMotion, options: AgreementO
         clock=clock,
         align=options.align,
         scale=free.scale,
-        theirs_R_ours=world.R,
-        theirs_t_ours=world.t,
         unit_m=unit,
         points=points,
         angles=_angles(solved, captured, clock, places, points, seen),
@@ -100,7 +98,7 @@ def agree(solved: SolvedRecording, captured: CapturedMotion, options: AgreementO
     )
     if options.align == NONE:
         return found
-    without_scale = replace(found, points=_points(tracked, theirs, rigid, solved.world_T_link[solved.urdf.root][seen]))
+    without_scale = replace(found, points=_points(tracked, theirs, rigid))
     return replace(found, rigid_error=float(np.nanmean(without_scale.position_errors)))
 
 
@@ -112,29 +110,18 @@ def joints_of(solved: SolvedRecording) -> dict[str, str]:
 
 def _clock(solved: SolvedRecording, captured: CapturedMotion, tracked: Tracked, options: AgreementOptions) -> Clock:
     if options.shares_clock:
-        return Clock(1e-9 * float(captured.stamps_ns[0] - solved.start_ns))
+        return rate_shared_clock(tracked, captured, Clock(1e-9 * float(captured.stamps_ns[0] - solved.start_ns)))
     if len(solved.stamps_ns) < 2:
         raise RecordingError(f"{solved.path}: has one instant, by which no clock can be found")
     return clock_of(tracked, captured)
 
 
-def _points(tracked: Tracked, theirs: Array, world: Alignment, world_T_root: Array) -> tuple[PointAgreement, ...]:
+def _points(tracked: Tracked, theirs: Array, world: Alignment) -> tuple[PointAgreement, ...]:
     ours = world.scale * tracked.ours(world.at) @ world.R.T + world.t
-    heading = _level(world.R @ world_T_root[:, :3, :3])
     return tuple(
-        PointAgreement(name, place.link, place.is_fitted, ours[:, column], theirs[:, column], heading)
+        PointAgreement(name, place.link, place.is_fitted, ours[:, column], theirs[:, column])
         for column, (name, place) in enumerate(tracked.places.items())
     )
-
-
-def _level(world_R_root: Array) -> Array:
-    """Rotations (T, 3, 3) from the world, z up, into axes that turn with the body but stay level."""
-    forward = world_R_root[:, :, 0].copy()
-    forward[:, 2] = 0.0
-    length = np.linalg.norm(forward, axis=1, keepdims=True)
-    x = np.where(length > 1e-6, forward / np.maximum(length, 1e-6), np.array([1.0, 0.0, 0.0]))
-    z = np.tile(np.array([0.0, 0.0, 1.0]), (len(x), 1))
-    return np.stack([x, np.cross(z, x), z], axis=1)
 
 
 def _angles(
@@ -243,7 +230,6 @@ def _in_order(segment: str) -> tuple[int, str]:
 
 
 CM_PER_M = 100.0
-DIRECTIONS = ("forward", "left", "up")
 
 
 def agreement_figures(agreement: Agreement) -> dict[str, Any]:
@@ -260,43 +246,36 @@ def agreement_figures(agreement: Agreement) -> dict[str, Any]:
         "starts_at_sigma_s": agreement.clock.start_sigma_s,
         "clock_rate": agreement.clock.rate,
         "clock_rate_sigma": agreement.clock.rate_sigma,
-        "clock_likeness": agreement.clock.likeness,
-        "clock_lead": agreement.clock.lead,
         "doubts": list(agreement.doubts),
         "names_left_out": list(agreement.left_out),
-        "position_cm": asdict(Spread.of(CM_PER_M * agreement.position_errors)),
+        "position_cm": asdict(Distribution.of(CM_PER_M * agreement.position_errors)),
         "position_rigid_mean_cm": CM_PER_M * agreement.rigid_error,
-        "angle_deg": asdict(Spread.of(np.degrees(np.array(turned)))) if turned else None,
+        "angle_deg": asdict(Distribution.of(np.degrees(np.array(turned)))) if turned else None,
         "points": {point.name: _point(point) for point in agreement.points},
         "joints": {joint_name(angle.segment): _angle(angle) for angle in agreement.angles},
     }
 
 
 def _point(point: PointAgreement) -> dict[str, Any]:
-    along = {
-        direction: _limits(CM_PER_M * errors, np.zeros(len(errors)))
-        for direction, errors in zip(DIRECTIONS, point.errors_along.T, strict=True)
-    }
     return {
         "on": point.link,
         "place_fitted": point.is_fitted,
         "seen": float(np.isfinite(point.theirs[:, 0]).mean()),
-        "position_cm": asdict(Spread.of(CM_PER_M * point.errors)),
-        "along_cm": along,
+        "position_cm": asdict(Distribution.of(CM_PER_M * point.errors)),
     }
 
 
 def _angle(angle: AngleAgreement) -> dict[str, Any]:
     ours, theirs = np.degrees(angle.ours), np.degrees(angle.theirs)
     planes = {
-        plane: {"error_deg": asdict(Spread.of(np.abs(a - b)))} | _limits(a, b)
+        plane: {"error_deg": asdict(Distribution.of(np.abs(a - b)))} | _limits(a, b)
         for plane, a, b in zip(PLANES, ours.T, theirs.T, strict=True)
         if np.isfinite(b).any()
     }
     turned = np.degrees(np.abs(angle.ours_turned - angle.theirs_turned))
     return {
         "from": "centres of joints" if angle.from_points else "rotations of bones",
-        "angle_deg": asdict(Spread.of(turned)),
+        "angle_deg": asdict(Distribution.of(turned)),
         "planes": planes,
     }
 

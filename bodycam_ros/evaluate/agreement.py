@@ -32,7 +32,6 @@ class PointAgreement:
         link: of ours that it is on.
         is_fitted: where on the link it is was fitted, so that no constant error shows.
         ours, theirs: (T, 3) [m]; theirs NaN where it was not seen.
-        body_R_world: (T, 3, 3) axes of our root, forward left up but level.
     """
 
     name: str
@@ -40,7 +39,6 @@ class PointAgreement:
     is_fitted: bool
     ours: Array
     theirs: Array
-    body_R_world: Array
 
     @property
     def is_camera(self) -> bool:
@@ -52,12 +50,6 @@ class PointAgreement:
         """(T,) [m] distance; NaN where it was not seen."""
         distance: Array = np.linalg.norm(self.ours - self.theirs, axis=1)
         return distance
-
-    @property
-    def errors_along(self) -> Array:
-        """(T, 3) [m] ours less theirs, forward, to the left and up of the body."""
-        along: Array = (self.body_R_world @ (self.ours - self.theirs)[..., None])[..., 0]
-        return along
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +82,6 @@ class Agreement:
         clock: of theirs by ours.
         align: which of ``ALIGNMENTS`` brought our world to theirs.
         scale: of theirs over ours, as a similarity has it; errors are free of it only with that alignment.
-        theirs_R_ours, theirs_t_ours: (3, 3) and (3,) [m] of the alignment.
         unit_m: metres of the unit that the file was found to be in; None where it says.
         points: joints, markers and cameras.
         angles: joints.
@@ -104,8 +95,6 @@ class Agreement:
     clock: Clock
     align: str
     scale: float
-    theirs_R_ours: Array
-    theirs_t_ours: Array
     unit_m: float | None
     points: tuple[PointAgreement, ...]
     angles: tuple[AngleAgreement, ...]
@@ -134,25 +123,10 @@ class Agreement:
         return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in found)
 
     @property
-    def scale_used(self) -> float:
-        """By which ours was scaled."""
-        return self.scale if self.align == SIMILARITY else 1.0
-
-    @property
     def joints(self) -> tuple[PointAgreement, ...]:
         """Centres of joints, of which constant errors show, too; without any, markers, and without these cameras."""
         body = tuple(point for point in self.points if not point.is_camera)
         return tuple(point for point in body if not point.is_fitted) or body or self.points
-
-    @property
-    def markers(self) -> tuple[PointAgreement, ...]:
-        """Points whose place on the body was fitted, beside joints whose place is known."""
-        return tuple(point for point in self.points if point.is_fitted and point not in self.joints)
-
-    @property
-    def cameras(self) -> tuple[PointAgreement, ...]:
-        """Centres of cameras that the other system captured, too."""
-        return tuple(point for point in self.points if point.is_camera)
 
     @property
     def position_errors(self) -> Array:
@@ -166,25 +140,6 @@ class Agreement:
 
 
 _WITHIN = 1.96
-
-
-@dataclass(frozen=True)
-class Spread:
-    """What A section 5.1 says of errors: mean, median, standard deviation, least and greatest; NaN of no values."""
-
-    mean: float
-    median: float
-    sd: float
-    min: float
-    max: float
-
-    @classmethod
-    def of(cls, values: Array) -> "Spread":
-        """The spread of values of any shape; those that are NaN do not count."""
-        known = values[np.isfinite(values)]
-        if not known.size:
-            return cls(*[np.nan] * 5)
-        return cls(*(float(of(known)) for of in (np.mean, np.median, np.std, np.min, np.max)))
 
 
 @dataclass(frozen=True)
@@ -210,3 +165,35 @@ class LimitsOfAgreement:
             return cls(*[np.nan] * 4)
         bias, sd = float(difference.mean()), float(difference.std())
         return cls(bias, bias - _WITHIN * sd, bias + _WITHIN * sd, float(np.sqrt((difference**2).mean())))
+
+
+_UNITS = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inches"}
+
+
+def agreement_lines(agreement: Agreement) -> list[str]:
+    """How the two were compared, in sentences."""
+    clock = agreement.clock
+    when = f"Their first frame is at {clock.start_s:.3f} s of this recording"
+    if clock.start_sigma_s == 0.0:
+        when += ", as its stamps say."
+    else:
+        rate = "counts as ours"
+        if clock.rate != 1.0:
+            rate = f"counts seconds of {clock.rate:.5f} s (+-{clock.rate_sigma:.5f})"
+        when += f" (+-{1e3 * clock.start_sigma_s:.1f} ms), and their clock {rate}."
+    scale = f"{agreement.scale:.4f} ({100.0 * (agreement.scale - 1.0):+.2f} %)"
+    if agreement.align == NONE:
+        where = f"Worlds are taken to be the same; a similarity would have a scale of {scale}."
+    elif agreement.align == SIMILARITY:
+        rigid = f"{100.0 * agreement.rigid_error:.2f} cm"
+        where = f"Worlds are aligned by a similarity of scale {scale}; without it joints are {rigid} off on average."
+    else:
+        where = f"Worlds are aligned rigidly; a similarity would have a scale of {scale}."
+    lines = [f"{when} {where} {len(agreement.stamps_ns)} frames are compared."]
+    if agreement.unit_m is not None:
+        unit = _UNITS.get(agreement.unit_m, f"{agreement.unit_m:.4f} m")
+        lines.append(f"The file does not say its unit; by the size of the body it is {unit}.")
+    if agreement.left_out:
+        some = ", ".join(agreement.left_out[:12]) + (" ..." if len(agreement.left_out) > 12 else "")
+        lines.append(f"Not compared, because their names are unknown (--points maps them): {some}.")
+    return lines

@@ -8,7 +8,7 @@ import numpy as np
 from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import NONE, SIMILARITY
-from bodycam_ros.evaluate.clock_search import Clock, Signals, fitted_clock, found_clock
+from bodycam_ros.evaluate.clock_search import Clock, Signals, fitted_clock, found_clock, rate_clock
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.names_file import Place
 from bodycam_ros.geometry import Array, inverse, transform_points, umeyama
@@ -28,6 +28,12 @@ _MOST_INSTANTS = 1500
 
 _SPEED_S = 0.04
 """Speeds are taken over this time."""
+
+_CHANCE_LEVEL = 0.5
+"""Clocks that are found with a greater chance are none."""
+
+_SHARED_CHANCE_LEVEL = 0.05
+"""Motions that agree as well at a greater share of other offsets are not the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,25 +203,49 @@ def _fitted(used: Tracked, some: Tracked, captured: CapturedMotion, clock: Clock
 
 def _searched(used: Tracked, captured: CapturedMotion, with_distances: bool) -> Clock:
     """The clock by which points move most alike, markers as their segments' origins do."""
+    found = found_clock(*_both_signals(used, captured, with_distances))
+    if found is None or found.chance > _CHANCE_LEVEL:
+        how = "" if found is None else f" better than by chance (probability {found.chance:.0%})"
+        raise RecordingError(
+            f"{captured.path}: at no offset in time it shows the motion of this recording{how} (of points "
+            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml says "
+            "which point is which, --clock shared that stamps are of one clock"
+        )
+    return found
+
+
+def rate_shared_clock(tracked: Tracked, captured: CapturedMotion, clock: Clock) -> Clock:
+    """A shared clock with how sure it is that the two show one motion.
+
+    Raises:
+        RecordingError: they agree no better than at other offsets in time.
+    """
+    exact = {name: place for name, place in tracked.places.items() if not place.is_fitted}
+    used = tracked.only(exact if len(exact) >= _ENOUGH else tracked.places)
+    if len(used.seconds) < 2 or len(captured.stamps_ns) < 2:
+        return clock
+    rated = rate_clock(clock, *_both_signals(used, captured, with_distances=len(exact) >= _ENOUGH))
+    if rated.chance > _SHARED_CHANCE_LEVEL:
+        raise RecordingError(
+            f"{captured.path}: is not of the same motion by this clock: motions correlate by {rated.likeness:.2f}, and "
+            f"at {rated.chance:.0%} of other offsets in time they do as well; is it of another recording? --clock "
+            "found searches for the offset"
+        )
+    return rated
+
+
+def _both_signals(
+    used: Tracked, captured: CapturedMotion, with_distances: bool
+) -> tuple[Signals, tuple[float, float], Signals, float]:
+    """Our signals and their span, the other's and its duration [s], by motions that are equally smooth."""
     ours = _as_captured(used, captured, used.known_at)
     sigma_s = max(_SMOOTH_S, _bell_s(ours, captured))
     ours = ours.smoothed(sigma_s)
     theirs = replace(captured, points={name: captured.points[name] for name in used.places}).smoothed(sigma_s)
     pairs = _pairs(ours) if with_distances else []
     first_s, last_s = float(used.seconds[0]), float(used.seconds[-1])
-    found = found_clock(
-        lambda seconds: _signals(ours, pairs)(seconds - first_s),
-        (first_s, last_s),
-        _signals(theirs, pairs),
-        captured.duration_s,
-    )
-    if found is None:
-        raise RecordingError(
-            f"{captured.path}: at no offset in time it shows the motion of this recording (of points "
-            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml says "
-            "which point is which, --clock shared that stamps are of one clock"
-        )
-    return found
+    here = _signals(ours, pairs)
+    return lambda seconds: here(seconds - first_s), (first_s, last_s), _signals(theirs, pairs), captured.duration_s
 
 
 def _bell_s(ours: CapturedMotion, captured: CapturedMotion) -> float:

@@ -26,6 +26,7 @@ _APART_S = 0.5
 """Offsets farther from the best than this are other matches, not the same one."""
 
 _CLEARLY = 0.02  # by which a clock that goes at another rate is more like: in a short recording nearly any is as good
+_LEAD_BY_CHANCE = 0.4  # mean lead of unrelated motions
 _LARGEST = 1.0 - 1e-6  # correlation that Fisher's transform is taken of
 _LEAST_SPREAD = 0.05  # of chance: a short recording has too few other offsets to measure less
 _ROBUST_M = 0.02
@@ -43,10 +44,13 @@ class Clock:
         rate: seconds of ours in one of the other's.
         start_sigma_s: standard deviation of ``start_s``, 0 where the clock was given.
         rate_sigma: of ``rate``.
-        likeness: mean correlation of what no frame of reference changes; NaN where the clock was given.
+        likeness: mean correlation of what no frame of reference changes; NaN where it is unknown.
         lead: of the likeness over that at the second best offset, both by Fisher's transform, in standard deviations
             over all other offsets: what two motions reach by chance. Of n independent offsets the lead is then
             exponentially distributed with the mean 1 / sqrt(2 ln n), 0.4 and less. NaN where the clock was given.
+        chance: how probable it is that two unrelated motions agree as well: of a clock that was found, by its lead; of
+            one that was given, the share of other offsets at which these two agree as well. NaN where the recordings
+            are too short to measure it.
     """
 
     start_s: float
@@ -55,6 +59,7 @@ class Clock:
     rate_sigma: float = 0.0
     likeness: float = np.nan
     lead: float = np.nan
+    chance: float = np.nan
 
     def theirs(self, ours_s: Array) -> Array:
         """Times (N,) since the start of our recording [s], as times since the other's first frame [s]."""
@@ -88,12 +93,49 @@ def found_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, 
             continue
         at, value, lead = likeness
         if best is None or value > best.likeness + _CLEARLY:
-            best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value, lead=lead)
+            best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value, lead=lead, chance=_chance_of(lead))
     return best if best is not None and best.likeness >= _LEAST_LIKENESS else None
 
 
+def rate_clock(clock: Clock, ours: Signals, ours_span: tuple[float, float], theirs: Signals, theirs_s: float) -> Clock:
+    """A clock that was given, with the likeness of the motions by it and the chance of such a match.
+
+    Args:
+        clock: to rate.
+        ours: of our recording.
+        ours_span: first and last time [s] that it has.
+        theirs: of the other, by times since its first frame.
+        theirs_s: how long it is [s].
+    """
+    count = int(clock.rate * theirs_s / _STEP_S) + 1
+    sampled = theirs(np.linspace(0.0, (count - 1) * _STEP_S / clock.rate, count))
+    mean, enough = _correlations(ours(np.arange(ours_span[0], ours_span[1], _STEP_S)), sampled)
+    shift = round((clock.start_s - ours_span[0]) / _STEP_S) + count - 1
+    if not 0 <= shift < len(mean) or not enough[shift]:
+        return clock
+    # The given start lies between two shifts.
+    at = shift + int(np.argmax(mean[max(shift - 1, 0) : shift + 2])) - min(shift, 1)
+    others = enough & (np.abs(np.arange(len(mean)) - at) > _APART_S / _STEP_S)
+    chance = float(np.mean(mean[others] >= mean[at])) if others.any() else np.nan
+    return replace(clock, likeness=float(mean[at]), chance=chance)
+
+
+def _chance_of(lead: float) -> float:
+    """How probable a lead is between unrelated motions, at the best of all rates."""
+    return float(min(1.0, len(RATES) * np.exp(-lead / _LEAD_BY_CHANCE)))
+
+
 def _likeness(a: Array, b: Array) -> tuple[int, float, float] | None:
-    """The shift of b (F, M) in a (F, N) with the greatest mean correlation, that, and its lead; NaN counts nowhere.
+    """The shift of b (F, M) in a (F, N) with the greatest mean correlation, that, and its lead; NaN counts nowhere."""
+    mean, enough = _correlations(a, b)
+    if not enough.any():
+        return None
+    at = int(np.argmax(mean))
+    return at - (b.shape[1] - 1), float(mean[at]), _lead(mean, enough, at)
+
+
+def _correlations(a: Array, b: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Mean correlation (S,) of b (F, M) with a (F, N) at all shifts, and whether enough overlaps there.
 
     Sums over what overlaps, at all shifts at once, are convolutions.
     """
@@ -114,13 +156,8 @@ def _likeness(a: Array, b: Array) -> tuple[int, float, float] | None:
     counts = (n >= least) & (spread > 1e-3 * n**2)
     correlation = np.where(counts, (n * sab - sa * sb) / np.maximum(spread, 1e-12), np.nan)
     enough = counts.sum(axis=0) >= max(1, int(counts.any(axis=1).sum() * 0.5))
-    if not enough.any():
-        return None
-    mean = np.where(
-        enough, np.nansum(np.where(counts, correlation, 0.0), axis=0) / np.maximum(counts.sum(axis=0), 1), -1.0
-    )
-    at = int(np.argmax(mean))
-    return at - (b.shape[1] - 1), float(mean[at]), _lead(mean, enough, at)
+    total = np.nansum(np.where(counts, correlation, 0.0), axis=0)
+    return np.where(enough, total / np.maximum(counts.sum(axis=0), 1), -1.0), enough
 
 
 def _lead(mean: Array, enough: NDArray[np.bool_], at: int) -> float:

@@ -1,4 +1,4 @@
-"""A solved recording with all that can be said about it."""
+"""A solved recording with all measures of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from bodycam_ros.evaluate import health
 from bodycam_ros.evaluate.agree import AgreementOptions, agree
 from bodycam_ros.evaluate.agreement import Agreement
-from bodycam_ros.evaluate.brightness import Brightness, brightness
-from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.clock_search import Clock
+from bodycam_ros.evaluate.comparison import Comparison, compare
+from bodycam_ros.evaluate.constraints import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.gait import Gait, solved_gait, true_gait
 from bodycam_ros.evaluate.health import CameraHealth
-from bodycam_ros.evaluate.held_points import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.evaluate.truth_as_captured import compare_with_truth
+from bodycam_ros.evaluate.truth_as_captured import agree_with_truth, rate_same_motion
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
@@ -40,11 +40,11 @@ class Evaluation:
         angle_ranges: joint -> least and greatest angle [rad].
         jitter: (T, S) [m].
         sliding: foot -> how it slides while it stands.
-        brightness: camera -> its brightness over time; empty unless the recording was given.
         verdict: whether the result may be used: the one that was stored, or judged again.
         comparison: with the truth, if that was given.
         true_sliding: foot -> how it slides while the true foot stands; empty without truth.
-        agreement: with the truth, or with what another system captured, if that was given.
+        agreement: with what another system captured, if that was given.
+        same_motion: clock of the truth or the other system, with how sure it is that the two show one motion.
         gait: how the body walks; None where it does not.
         true_gait: the same of the truth.
         constraints: beside the same recording solved without equipment, if that was given.
@@ -60,14 +60,21 @@ class Evaluation:
     angle_ranges: Mapping[str, tuple[float, float]]
     jitter: Array
     sliding: Mapping[str, Sliding]
-    brightness: Mapping[str, Brightness]
     verdict: Verdict
     comparison: Comparison | None
     true_sliding: Mapping[str, SlidingAgainstTruth]
     agreement: Agreement | None = None
+    same_motion: Clock | None = None
     gait: Gait | None = None
     true_gait: Gait | None = None
     constraints: WithAndWithout | None = None
+
+    @property
+    def truth_name(self) -> str:
+        """Name of the truth or of what another system captured; empty without either."""
+        if self.comparison is not None:
+            return self.comparison.truth_name
+        return "" if self.agreement is None else self.agreement.name
 
 
 def evaluate(
@@ -82,9 +89,9 @@ def evaluate(
     Args:
         solved_path: the bag.
         truth_path: folder of the recording, or of its truth, or what another system captured, to score against.
-        recording_path: the bag with the images, whose intrinsics allow reprojection errors and a look at the lenses,
-            and which shows how bright it was.
-        options: how that is compared; by default by a similarity, and by the same clock if it is a recording's truth.
+        recording_path: the bag with the images, whose intrinsics allow reprojection errors and checks of lenses.
+        options: how that is compared as another system's motion; by default a recording's truth is not, and its clock
+            is ours.
         without_path: bag of the same recording solved without the equipment.
 
     Raises:
@@ -100,12 +107,15 @@ def evaluate(
     if models:
         reprojection = health.reprojection_errors(solved, models)
         cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
-    agreement = comparison = None
+    agreement = comparison = same_motion = None
     if captured is not None:
         agreement = agree(solved, captured, options or AgreementOptions())
+        same_motion = agreement.clock
     elif truth is not None:
-        options = options or AgreementOptions(shares_clock=True)
-        comparison, agreement, truth = compare_with_truth(solved, truth, options)
+        if options is not None:
+            agreement, truth = agree_with_truth(solved, truth, options)
+        comparison = compare(solved, truth)
+        same_motion = rate_same_motion(solved, truth)
     constraints = None
     if without_path is not None:
         constraints = with_and_without(solved, read_solved(without_path), truth, comparison)
@@ -121,11 +131,11 @@ def evaluate(
         angle_ranges=health.angle_ranges(solved),
         jitter=health.jitter(solved),
         sliding=sliding(solved),
-        brightness={} if recording_path is None else brightness(solved, recording_path),
         verdict=solved_verdict(solved, models),
         comparison=comparison,
         true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
         agreement=agreement,
+        same_motion=same_motion,
         gait=solved_gait(solved),
         constraints=constraints,
         true_gait=None if comparison is None else true_gait(solved, comparison),

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.brightness import image_motion
 from bodycam_ros.evaluate.comparison import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
-from bodycam_ros.plots.overlay import Overlay
+from bodycam_ros.plots.overlay import project_overlay
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.map_photographs import CameraSight
 from bodycam_ros.results.body_motion import interpolated
@@ -204,8 +203,16 @@ def reprojection_errors(solved: SolvedRecording, models: Mapping[str, CameraMode
         at_ns = np.array([matches.stamp_ns])
         if solved.is_solved_at(at_ns).all():
             world_T_camera = interpolated(solved.stamps_ns, poses[matches.camera], at_ns)[0]
-            errors[matches.camera].append(Overlay.of(models[matches.camera], world_T_camera, (), matches).errors)
+            errors[matches.camera].append(project_overlay(models[matches.camera], world_T_camera, (), matches).errors)
     return {camera: Distribution.of(np.concatenate([np.zeros(0), *values])) for camera, values in errors.items()}
+
+
+def image_motion(record: CameraRecord) -> Array:
+    """Motion of a camera's picture (K,) [px per image], interpolated over images without tracks; NaN without any."""
+    known = np.isfinite(record.image_motion)
+    if not known.any():
+        return np.full(len(known), np.nan)
+    return np.interp(record.stamps_ns, record.stamps_ns[known], record.image_motion[known])
 
 
 def _health(record: CameraRecord, solved: SolvedRecording) -> CameraHealth:

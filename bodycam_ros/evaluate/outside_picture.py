@@ -4,11 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bodycam_ros.body.body_model import BodyModel
@@ -16,7 +13,7 @@ from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, TYPOGRAPHY, panel_title, side_colour
+from bodycam_ros.plots.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -147,7 +144,6 @@ _LEARNED_S = 0.5
 """Images before the instant by which colours are learned."""
 
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
-_DOTS_PER_INCH = 130
 _ROOM = 1.15  # of the window around the body
 _SMALLEST_PX = 80
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
@@ -223,10 +219,8 @@ def draw_outside(views: Sequence[OutsideView], path: Path) -> None:
     """
     columns = min(len(views), 2 if len(views) in (2, 4) else 3)
     rows = -(-len(views) // columns)
-    with matplotlib.rc_context(TYPOGRAPHY):
-        width, height = max(2, columns) * _PANEL_INCHES, rows * (_PANEL_INCHES + _TITLE_INCHES) + _KEY_INCHES
-        figure = Figure(figsize=(width, height), facecolor="white")
-        FigureCanvasAgg(figure)
+    width, height = max(2, columns) * _PANEL_INCHES, rows * (_PANEL_INCHES + _TITLE_INCHES) + _KEY_INCHES
+    with open_picture(path, width, height) as figure:
         panels = figure.subplots(rows, columns, squeeze=False)
         for axes, view in zip(panels.flat, [*views, *[None] * panels.size], strict=False):
             axes.axis("off")
@@ -241,7 +235,6 @@ def draw_outside(views: Sequence[OutsideView], path: Path) -> None:
             wspace=0.02,
             hspace=_TITLE_INCHES / _PANEL_INCHES,
         )
-        figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 
 def _draw_view(axes: Axes, view: OutsideView) -> None:

@@ -4,12 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -20,8 +17,8 @@ from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.evaluate.outside_picture import OutsideScene
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.plots.overlay import GOOD, GOOD_PX, Overlay
-from bodycam_ros.plots.picture_style import EQUIPMENT, QUIET, TYPOGRAPHY, WARNING, panel_title, side_colour
+from bodycam_ros.plots.overlay import GOOD, GOOD_PX, Overlay, project_overlay
+from bodycam_ros.plots.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import interpolated
@@ -38,7 +35,6 @@ _LATEST_S = 20.0
 
 _COLUMNS = 3
 _PANEL_INCHES = (5.3, 4.3)
-_DOTS_PER_INCH = 110
 _WHITE_PERCENTILE = 99.5
 
 
@@ -92,9 +88,7 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
         OSError: the file cannot be written.
     """
     rows = -(-CAMERAS // _COLUMNS)
-    with matplotlib.rc_context(TYPOGRAPHY):
-        figure = Figure(figsize=(_COLUMNS * _PANEL_INCHES[0], rows * _PANEL_INCHES[1]), facecolor="white")
-        FigureCanvasAgg(figure)
+    with open_picture(path, _COLUMNS * _PANEL_INCHES[0], rows * _PANEL_INCHES[1]) as figure:
         for axes, view in zip(figure.subplots(rows, _COLUMNS).flat, [*views, *[None] * CAMERAS], strict=False):
             axes.axis("off")
             if view is not None:
@@ -107,7 +101,6 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
             color=QUIET,
         )
         figure.subplots_adjust(left=0.015, right=0.985, top=0.95, bottom=0.045, wspace=0.04, hspace=0.14)
-        figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 
 def _draw_view(axes: Axes, view: OverlayView) -> None:
@@ -161,7 +154,7 @@ def _view(
         seconds=float(solved.seconds(np.array([time_ns]))[0]),
         registered=matches.world_T_camera is not None,
         image=decode_grey(image),
-        overlay=Overlay.of(model, _pose_at(solved, poses, at_ns), limbs, matches),
+        overlay=project_overlay(model, _pose_at(solved, poses, at_ns), limbs, matches),
     )
 
 

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate.agree import agreement_figures
-from bodycam_ros.evaluate.brightness import Brightness, blur_classes
 from bodycam_ros.evaluate.comparison import Comparison, Distribution
-from bodycam_ros.evaluate.constraint_section import constraint_figures
+from bodycam_ros.evaluate.constraints import constraint_figures
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.gait_section import gait_figures
+from bodycam_ros.evaluate.gait_figures import gait_figures
 from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.sliding import Sliding
 from bodycam_ros.results.camera_record import StationRecord
@@ -44,10 +43,7 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         "jitter_mm": _spread(MM_PER_M * evaluation.jitter),
         "sliding": {foot: _sliding(sliding) for foot, sliding in evaluation.sliding.items()},
         "joint_ranges_deg": {name: np.degrees(limits).tolist() for name, limits in evaluation.angle_ranges.items()},
-        "blur": [asdict(blur) for blur in blur_classes(solved.cameras)],
-        "cameras": {
-            health.camera: _camera(health, evaluation.brightness.get(health.camera)) for health in evaluation.cameras
-        },
+        "cameras": {health.camera: _camera(health) for health in evaluation.cameras},
     }
     if solved.stations:
         figures["stations"] = {record.station: _station(record) for record in solved.stations}
@@ -59,6 +55,8 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
             foot: {"solved": _sliding(of.solved), "true": _sliding(of.true), "beyond": _sliding(of.beyond)}
             for foot, of in evaluation.true_sliding.items()
         }
+    if (clock := evaluation.same_motion) is not None:
+        figures["same_motion"] = {"correlation": clock.likeness, "by_chance": clock.chance}
     if evaluation.agreement is not None:
         figures["agreement"] = agreement_figures(evaluation.agreement)
     if evaluation.constraints is not None:
@@ -110,7 +108,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
     return {"level": verdict.level.word, "text": verdict.text, "findings": findings}
 
 
-def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
+def _camera(health: CameraHealth) -> dict[str, Any]:
     figures = {
         "images": health.images,
         "registered": health.registered,
@@ -126,12 +124,6 @@ def _camera(health: CameraHealth, light: Brightness | None) -> dict[str, Any]:
         figures["clock"] = _clock(health.timing)
     if health.reprojection is not None:
         figures["reprojection_px"] = asdict(health.reprojection)
-    if light is not None:
-        figures["brightness"] = {
-            "median": float(np.median(light.level)),
-            "range": light.range,
-            "saturated": float(light.saturated.mean()),
-        }
     return figures
 
 

@@ -2,32 +2,44 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from bodycam_ros.evaluate.blur_panels import draw_blur, draw_brightness
+from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.evaluate.comparison import Distribution
-from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.figure_panel import draw_figures, draw_sights, draw_stations
+from bodycam_ros.evaluate.figure_panel import draw_figures
+from bodycam_ros.evaluate.registration_panel import draw_sights, draw_stations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import CAUTION, GOOD, INK, QUIET, TYPOGRAPHY, WARNING
+from bodycam_ros.plots.picture_style import (
+    CAUTION,
+    GOOD,
+    INK,
+    QUIET,
+    WARNING,
+    light_grid,
+    open_picture,
+    panel_title,
+    side_colour,
+)
+from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
 from bodycam_ros.verdict import Level, Verdict
 
 _VERDICT_COLOURS = {Level.GOOD: GOOD, Level.DOUBTFUL: CAUTION, Level.WRONG: WARNING}
-_MOST_LETTERS = 150
-"""Of the line below the name; the terminal and summary.json have the rest."""
+_MAX_LETTERS = 150
+"""Of the line below the name; the report and summary.json have the rest."""
 
-_SIZE_INCHES = (16.0, 11.6)
-_BLUR_INCHES = 2.6
-_EQUIPMENT_INCHES = 2.6
-_DOTS_PER_INCH = 110
+_WIDTH, _HEIGHT, _EQUIPMENT_HEIGHT = 16.0, 11.6, 2.6  # [in]
+_LEFT_COLUMN, _RIGHT_COLUMN = (0.095, 0.405), (0.6, 0.365)
+_MIN_GAP_MM = 0.1  # lower end of the logarithmic scale of equipment; cameras measure no less
+_DASHES: tuple[tuple[int, tuple[int, ...]], ...] = ((0, ()), (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)))
+"""Of attachments, by name without the side."""
 
 
 def draw_summary(evaluation: Evaluation, path: Path) -> None:
@@ -36,114 +48,136 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    with matplotlib.rc_context(TYPOGRAPHY):
-        width, height = _SIZE_INCHES
-        equipment = evaluation.solved.equipment
-        heights = [height, _BLUR_INCHES, *([_EQUIPMENT_INCHES] if equipment is not None else [])]
-        whole = Figure(figsize=(width, sum(heights)), facecolor="white")
-        FigureCanvasAgg(whole)
-        figure, strip, *below = whole.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
-        _draw_headline(figure, evaluation, top=0.975)
-        draw_figures(figure.add_axes((0.03, 0.545, 0.94, 0.335)), evaluation)
-        left, right = (0.095, 0.405), (0.6, 0.365)
-        registrations = figure.add_axes((left[0], 0.232, left[1], 0.258))
-        if evaluation.cameras:
-            draw_sights(registrations, evaluation)
-        else:
-            draw_stations(registrations, evaluation.solved)
-        draw_errors(_stacked(figure, left, (0.045, 0.182), ERROR_PANELS, registrations), evaluation)
-        draw_angles(_stacked(figure, right, (0.045, 0.49), ANGLE_PANELS, registrations), evaluation)
-        draw_blur(strip.add_axes((left[0], 0.2, left[1], 0.6)), evaluation)
-        draw_brightness(strip.add_axes((right[0], 0.2, right[1], 0.6), sharex=registrations), evaluation)
+    equipment = evaluation.solved.equipment
+    height = _HEIGHT + (_EQUIPMENT_HEIGHT if equipment is not None else 0.0)
+    with open_picture(path, _WIDTH, height) as figure:
+
+        def add_panel(column: tuple[float, float], bottom: float, top: float, shared: Axes | None = None) -> Axes:
+            """Axes between two heights, given as shares of a picture without equipment."""
+            low, high = (1.0 - (1.0 - share) * _HEIGHT / height for share in (bottom, top))
+            return figure.add_axes((column[0], low, column[1], high - low), sharex=shared)
+
+        _draw_headline(figure, evaluation, height)
+        draw_figures(add_panel((0.03, 0.94), 0.545, 0.88), evaluation)
+        registrations = add_panel(_LEFT_COLUMN, 0.232, 0.49)
+        (draw_sights if evaluation.cameras else draw_stations)(registrations, evaluation)
+        for draw, column, (bottom, top), count in (
+            (draw_errors, _LEFT_COLUMN, (0.055, 0.182), ERROR_PANELS),
+            (draw_angles, _RIGHT_COLUMN, (0.055, 0.49), ANGLE_PANELS),
+        ):
+            gap, panels = 0.018, []
+            each = (top - bottom + gap) / count
+            for index in range(count):
+                high = top - index * each
+                panels.append(add_panel(column, high - each + gap, high, registrations))
+                panels[-1].tick_params(labelbottom=index == count - 1)
+            draw(panels, evaluation)
         if equipment is not None:
-            panel = below[0].add_axes((left[0], 0.2, right[0] + right[1] - left[0], 0.6), sharex=registrations)
+            panel = add_panel((0.095, 0.87), -0.16, -0.03, registrations)
             draw_equipment(panel, evaluation.solved, equipment)
         figure.align_ylabels()
-        whole.savefig(path, dpi=_DOTS_PER_INCH, format="png")
 
 
-def _draw_headline(figure: SubFigure, evaluation: Evaluation, top: float) -> None:
-    """Name, duration and key figures, below a height of the figure (0 to 1)."""
+def _draw_headline(figure: Figure, evaluation: Evaluation, height: float) -> None:
+    """Name, duration, verdict and key figures."""
     solved = evaluation.solved
+    name, below, verdict = (1.0 - inches / height for inches in (0.29, 0.66, 0.93))
     duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
-    figure.text(0.03, top, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
-    what = f"{duration_s:.1f} s, instants: {len(solved.stamps_ns)}, cameras: {_counted(evaluation)}"
+    figure.text(0.03, name, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
+    what = f"{duration_s:.1f} s, frames: {len(solved.stamps_ns)}, cameras: {len(evaluation.cameras)}"
+    if solved.stations:
+        what += f", static cameras: {len(solved.stations)}"
     if evaluation.comparison is not None:
         what += f", truth: {evaluation.comparison.truth_name}"
-    figure.text(0.03, top - 0.032, what, fontsize=10.0, color=QUIET, va="top")
+    elif evaluation.agreement is not None:
+        what += f", compared with {evaluation.agreement.name}"
+    figure.text(0.03, below, what, fontsize=10.0, color=QUIET, va="top")
     colour = _VERDICT_COLOURS[evaluation.verdict.level]
-    figure.text(
-        0.03, top - 0.055, verdict_line(evaluation.verdict), fontsize=11.0, weight="bold", color=colour, va="top"
-    )
+    figure.text(0.03, verdict, verdict_line(evaluation.verdict), fontsize=11.0, weight="bold", color=colour, va="top")
     figures = key_figures(evaluation)
-    for number, (value, caption) in enumerate(figures):
-        across = 0.97 - 0.112 * (len(figures) - 1 - number)
-        figure.text(across, top, value, fontsize=17.0, color=INK, va="top", ha="right")
-        figure.text(across, top - 0.032, caption, fontsize=9.0, color=QUIET, va="top", ha="right")
+    for index, (value, caption) in enumerate(figures):
+        across = 0.97 - 0.112 * (len(figures) - 1 - index)
+        figure.text(across, name, value, fontsize=17.0, color=INK, va="top", ha="right")
+        figure.text(across, below, caption, fontsize=9.0, color=QUIET, va="top", ha="right")
 
 
 def verdict_line(verdict: Verdict) -> str:
-    """The verdict and the likely cause of the worst finding, as short as a line is."""
+    """The verdict and the likely cause of the worst finding, shortened to a line."""
     line = verdict.text
     if verdict.findings and verdict.findings[0].why:
         line += f" ({verdict.findings[0].subject}: {verdict.findings[0].why})"
-    return line if len(line) <= _MOST_LETTERS else f"{line[: _MOST_LETTERS - 3]}..."
+    return line if len(line) <= _MAX_LETTERS else f"{line[: _MAX_LETTERS - 3]}..."
 
 
 def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
     """(value, caption) of the figures to judge by."""
-    figures = [(f"{100.0 * evaluation.image_coverage:.1f} %", "body solved"), *_cameras(evaluation)]
-    if evaluation.comparison is None:
+    solved = (f"{100.0 * evaluation.image_coverage:.1f} %", "body solved")
+    cameras = _camera_figures(evaluation)
+    if (comparison := evaluation.comparison) is not None:
+        rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()])
         return [
-            *figures,
-            (_millimetres(evaluation.position_sigma), "root sigma, median"),
-            (_millimetres(evaluation.jitter), "jitter, median"),
+            solved,
+            cameras[0],
+            (f"{CM_PER_M * float(comparison.position_errors.mean()):.2f} cm", "position error, mean"),
+            (f"{float(rotations.mean()):.2f}°", "rotation error, mean"),
+            (f"{100.0 * (comparison.scale - 1.0):+.2f} %", "scale error"),
+            (f"{np.degrees(comparison.tilt):.2f}°", "tilt"),
         ]
-    comparison = evaluation.comparison
-    rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()])
-    return [
-        *figures[:2],
-        (f"{CM_PER_M * float(comparison.position_errors.mean()):.2f} cm", "position error, mean"),
-        (f"{float(rotations.mean()):.2f}°", "rotation error, mean"),
-        (f"{100.0 * (comparison.scale - 1.0):+.2f} %", "scale error"),
-        (f"{np.degrees(comparison.tilt):.2f}°", "tilt"),
-    ]
+    if (agreement := evaluation.agreement) is not None:
+        off = CM_PER_M * float(np.nanmean(agreement.position_errors))
+        return [solved, *cameras, (f"{off:.2f} cm", "position difference, mean")]
+    sigma, jitter = (_millimetres(values) for values in (evaluation.position_sigma, evaluation.jitter))
+    return [solved, *cameras, (sigma, "root sigma, median"), (jitter, "jitter, median")]
 
 
-def _counted(evaluation: Evaluation) -> str:
-    static = f"{len(evaluation.solved.stations)} static"
-    if not evaluation.solved.stations:
-        return str(len(evaluation.cameras))
-    return f"{len(evaluation.cameras)} and {static}" if evaluation.cameras else static
-
-
-def _cameras(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """(value, caption): how often worn cameras knew where they are; without any, how often static ones saw the body."""
-    if evaluation.cameras:
-        images = [health.images for health in evaluation.cameras]
-        registered = np.average([health.registered for health in evaluation.cameras], weights=images)
-        landmarks = np.mean([health.landmarks for health in evaluation.cameras])
-        seen = [(f"{landmarks:.0f}", "landmarks per image")] if np.isfinite(landmarks) else []  # not in a slim bag
-        return [(f"{100.0 * registered:.1f} %", "cameras registered"), *seen]
-    segments = np.concatenate([record.segments for record in evaluation.solved.stations])
-    return [(f"{100.0 * np.mean(segments > 0):.1f} %", "body seen"), (f"{segments.mean():.1f}", "segments per image")]
-
-
-def _stacked(
-    figure: SubFigure, across: tuple[float, float], span: tuple[float, float], count: int, shared: Axes
-) -> list[Axes]:
-    """Panels one upon the other that share their time axis; the lowest shows its ticks."""
-    gap = 0.018
-    height = (span[1] - span[0] - gap * (count - 1)) / count
-    panels = []
-    for number in range(count):
-        bottom = span[1] - (number + 1) * height - number * gap
-        axes = figure.add_axes((across[0], bottom, across[1], height), sharex=shared)
-        axes.tick_params(labelbottom=number == count - 1)
-        panels.append(axes)
-    return panels
+def _camera_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
+    """How often body cameras were registered; without any, how often static ones measured the body."""
+    if not evaluation.cameras:
+        segments = np.concatenate([record.segments for record in evaluation.solved.stations])
+        observed = (f"{100.0 * np.mean(segments > 0):.1f} %", "body observed")
+        return [observed, (f"{segments.mean():.1f}", "segments per image")]
+    registered = np.average(
+        [each.registered for each in evaluation.cameras], weights=[c.images for c in evaluation.cameras]
+    )
+    landmarks = np.mean([each.landmarks for each in evaluation.cameras])
+    counted = [(f"{landmarks:.0f}", "landmarks per image")] if np.isfinite(landmarks) else []  # not in a slim bag
+    return [(f"{100.0 * registered:.1f} %", "cameras registered"), *counted]
 
 
 def _millimetres(metres: Array) -> str:
     median = MM_PER_M * Distribution.of(metres).median
     return f"{median:.1f} mm" if math.isfinite(median) else "unknown"
+
+
+def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord) -> None:
+    """Draw the distance of each attachment's points over time (B figure 12), thin and faint while it was released."""
+    panel_title(axes, f"Distance from {record.name}", "between points that should coincide; faint: released")
+    kinds = list(dict.fromkeys(map(_kind, record.attachments)))
+    low, high = np.inf, 10.0 * _MIN_GAP_MM
+    handles = []
+    for column, name in enumerate(record.attachments):
+        distance = np.maximum(MM_PER_M * record.deviations[:, column], _MIN_GAP_MM)
+        known = distance[np.isfinite(distance)]
+        if known.size:
+            low, high = min(low, float(known.min())), max(high, float(known.max()))
+        style: Any = {"color": side_colour(name), "linestyle": _DASHES[kinds.index(_kind(name)) % len(_DASHES)]}
+        held = record.held[:, column]
+        for mask, width, alpha in ((held, 1.5, 1.0), (~held, 0.8, 0.45)):
+            # A step longer at the beginning of each stretch, so that lines meet.
+            shown = mask | np.append(mask[1:], False)
+            curve = broken_at_gaps(solved, record.stamps_ns, np.where(shown, distance, np.nan))
+            axes.plot(*curve, linewidth=width, alpha=alpha, **style)
+        handles.append(Line2D([], [], label=name, linewidth=1.5, **style))
+    axes.set_yscale("log")
+    axes.set_ylim(min(low, high / 10.0) / 1.5, high * 1.5)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set_ylabel("distance [mm]")
+    axes.set_xlabel("time [s]")
+    if not record.placed.any():
+        axes.text(0.5, 0.5, "its pose was never known", transform=axes.transAxes, ha="center", color=QUIET)
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(handles), borderaxespad=0)
+    light_grid(axes)
+
+
+def _kind(name: str) -> str:
+    return name.removesuffix("_left").removesuffix("_right")

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullLocator
-from numpy.typing import NDArray
+from matplotlib.ticker import NullLocator
 
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
@@ -26,7 +25,7 @@ from bodycam_ros.plots.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.results.solved_recording import GAP_FRAMES, SolvedRecording
+from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
 
 LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_arm", "elbow": "forearm"}
 """Joint -> the kind of segment that it moves."""
@@ -35,8 +34,7 @@ _BENDS_BACKWARDS = "knee"
 _MOVES_ALL_ROUND = "shoulder"
 
 ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
-_SHORT_SCALE = 30.0  # ends of the scale: up to this ratio there are ticks at 3 and 30 too
-_MOST_DECADES = 3  # with a tick each; more would touch
+_SHORT_SCALE = 30.0  # ends of the scale: up to this ratio there are ticks at 2 and 5 too
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
 _LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
 _DASHED = (0, (3, 2))
@@ -192,8 +190,9 @@ def _scale_by_decades(axes: Axes, errors: Array) -> None:
     high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
     axes.set_yscale("log", nonpositive="clip")
     axes.set_ylim(low, high)
-    subs = (1.0, 3.0) if high < _SHORT_SCALE * low else (1.0,)
-    axes.yaxis.set_major_locator(LogLocator(subs=subs, numticks=_MOST_DECADES + 1))
+    subs = (1.0, 2.0, 5.0) if high < _SHORT_SCALE * low else (1.0,)
+    ticks = [sub * 10.0**decade for decade in range(-4, 6) for sub in subs]
+    axes.set_yticks([tick for tick in ticks if low <= tick <= high])
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
 
@@ -205,12 +204,6 @@ def _mark_blind(axes: Axes, evaluation: Evaluation) -> None:
         axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
     for start, end in evaluation.gaps:
         axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
-
-
-def broken_at_gaps(solved: SolvedRecording, stamps_ns: NDArray[np.int64], values: Array) -> tuple[Array, Array]:
-    """Times (N,) [s] and values (N, ...) of a curve (T, ...) at stamps (T,), with a NaN in each gap of time."""
-    after = np.flatnonzero(np.diff(stamps_ns) > GAP_FRAMES * solved.frame_ns) + 1
-    return np.insert(solved.seconds(stamps_ns), after, np.nan), np.insert(values, after, np.nan, axis=0)
 
 
 def _lone_marker(curve: tuple[Array, Array]) -> str:

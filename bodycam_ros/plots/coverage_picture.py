@@ -9,8 +9,7 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.coverage import Coverage
-from bodycam_ros.mapping.coverage_gaps import Gap, find_gaps
+from bodycam_ros.mapping.coverage import Coverage, Gap, find_gaps
 from bodycam_ros.plots.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -30,7 +29,7 @@ def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, t
     Raises:
         OSError: the file cannot be written.
     """
-    gaps = find_gaps(coverage, reference_map)
+    gaps = find_gaps(coverage)
     caption = (
         f"a body camera would be registered in {100 * coverage.share:.0f} % of all directions; "
         f"{len(reference_map.image_names)} photographs, {len(reference_map.landmark_ids)} landmarks"
@@ -91,7 +90,8 @@ def _draw_plan(axes: Axes, coverage: Coverage, reference_map: ReferenceMap, gaps
     axes.plot(points[:, 0], points[:, 1], ".", color=QUIET, markersize=1.2, alpha=0.35, zorder=0)
     floor, at_floor = np.unique(np.round(places[:, :2], 3), axis=0, return_inverse=True)
     mean = np.bincount(at_floor.ravel(), coverage.share_by_place) / np.bincount(at_floor.ravel())
-    axes.scatter(*floor.T, c=mean, cmap=LANDMARKS, norm=_SHARE, s=130.0, edgecolors="white", linewidths=0.6, zorder=2)
+    x, y = floor.T
+    axes.scatter(x, y, c=mean, cmap=LANDMARKS, norm=_SHARE, s=130.0, edgecolors="white", linewidths=0.6, zorder=2)
     length = _ARROW * float((high - low).max())
     axes.quiver(
         *centres[:, :2].T, *(length * forward[:, :2]).T, color=INK, angles="xy", scale_units="xy", scale=1.0,

@@ -148,6 +148,12 @@ class SolvedRecording:
                 yield record, self.world_T_link[link]
 
 
+def broken_at_gaps(solved: SolvedRecording, stamps_ns: NDArray[np.int64], values: Array) -> tuple[Array, Array]:
+    """Times (N,) [s] and values (N, ...) of a curve (T, ...) at stamps (T,), with a NaN in each gap of time."""
+    after = np.flatnonzero(np.diff(stamps_ns) > solved.longest_step_ns) + 1
+    return np.insert(solved.seconds(stamps_ns), after, np.nan), np.insert(values, after, np.nan, axis=0)
+
+
 def read_solved(path: Path) -> SolvedRecording:
     """Read what was solved.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.evaluate.page import Block, Heading, Link, Page, Table, Text, number
+from bodycam_ros.plots.page import Link, Page, Section, Table, number, render_page
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Study, StudySteps
@@ -146,11 +146,9 @@ def write_study_report(title: str, results: Sequence[RecordingResult], folder: P
     Raises:
         OutputError: they cannot be written.
     """
-    from bodycam_ros.evaluate.report_folder import html  # loads matplotlib
-
     page = _page(title, results, folder)
     with whole_files(folder) as unfinished:
-        (unfinished / PAGE).write_text(html(page, unfinished), encoding="utf-8")
+        (unfinished / PAGE).write_text(render_page(page), encoding="utf-8")
         (unfinished / CSV).write_text(study_csv(results, folder), encoding="utf-8")
 
 
@@ -163,11 +161,11 @@ def _page(title: str, results: Sequence[RecordingResult], folder: Path) -> Page:
         page = (result.report / _REPORT).relative_to(folder).as_posix()
         first = name if result.failure else Link(name, page)
         rows.append((first, *others, *(column.cell(result) for column in columns)))
-    blocks: list[Block] = [Text(f"{count_verdicts(results)}."), Table(headings, rows)]
+    sections = [Section(table=Table(headings, rows, frozenset(range(4))))]
     failures = [(r.recording.name, r.failure.step.name, r.failure.failure or "") for r in results if r.failure]
     if failures:
-        blocks += [Heading("Failed"), Table(("recording", "step", "reason"), failures)]
-    return Page(title, tuple(blocks))
+        sections.append(Section("Failed", table=Table(("recording", "step", "reason"), failures, frozenset(range(3)))))
+    return Page(title, [f"{count_verdicts(results)}."], sections)
 
 
 def study_csv(results: Sequence[RecordingResult], folder: Path) -> str:

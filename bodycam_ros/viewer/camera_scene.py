@@ -18,7 +18,7 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
-from bodycam_ros.plots.overlay import GOOD, GOOD_PX, Overlay
+from bodycam_ros.plots.overlay import GOOD, GOOD_PX, project_overlay
 from bodycam_ros.plots.picture_style import EQUIPMENT, WARNING, side_colour
 from bodycam_ros.plots.stick_figure import Bone
 from bodycam_ros.recording.bag_file import BagFile
@@ -198,7 +198,7 @@ def draw_picture(
     size = (round(model.width * scale), round(model.height * scale))
     grey = cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA)
     pixels = np.ascontiguousarray(np.repeat(np.asarray(grey, dtype=np.uint8)[:, :, None], 3, axis=2))
-    overlay = Overlay.of(model, world_T_camera, limbs, matches)
+    overlay = project_overlay(model, world_T_camera, limbs, matches)
     for line in overlay.equipment:
         _draw_lines(pixels, scale * np.stack([line[:-1], line[1:]], axis=1), rgb(EQUIPMENT), 1)
     for segment, line in overlay.limbs:

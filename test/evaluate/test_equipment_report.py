@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from held_ride import OFF, UNPLACED, write_held
 from known_walk import FRAME_NS, FRAMES, Walk
 from matplotlib.figure import Figure
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.messages.health import EQUIPMENT

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from bodycam_ros.evaluate.report_folder import write_report
 from known_walk import LOST, START_NS, Walk, write_images, write_solved
 from numpy.typing import NDArray
 
@@ -18,7 +19,6 @@ from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate import report_folder
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.figure_panel import sight_table
-from bodycam_ros.evaluate.report_folder import write_report
 from bodycam_ros.evaluate.time_panels import flexion, limb_joints
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.plots.picture_style import LEFT, RIGHT, WARNING

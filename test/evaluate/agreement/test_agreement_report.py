@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodycam_ros.evaluate.page import Heading, Page, Picture, Table, Text, number
+from bodycam_ros.evaluate.report_folder import html, markdown
 from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
 from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.page import Heading, Page, Picture, Table, Text, number
-from bodycam_ros.evaluate.report_folder import html, markdown
 from bodycam_ros.plots.picture_style import LEFT, TRUTH
 
 WRITTEN = [

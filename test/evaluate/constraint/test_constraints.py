@@ -7,14 +7,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from bodycam_ros.evaluate.close_ups import close_ups
+from bodycam_ros.evaluate.held_points import WithAndWithout, with_and_without
 from held_ride import UNPLACED, write_held
 from known_walk import FRAMES, Walk, walking_body, write_solved
 from static_cameras.dressed_body import stations_around
 
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.close_ups import close_ups
-from bodycam_ros.evaluate.held_points import WithAndWithout, with_and_without
 from bodycam_ros.evaluate.outside_picture import OutsideFiles
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.plots.picture_style import EQUIPMENT

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bodycam_ros.evaluate.gait_section import draw_gait, gait_figures, gait_section
 from known_gait import KnownGait
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.evaluate import gait as gait_module
 from bodycam_ros.evaluate.gait import FootEvents, Gait, foot_events, gait
-from bodycam_ros.evaluate.gait_section import draw_gait, gait_figures, gait_section
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import transform_points
 

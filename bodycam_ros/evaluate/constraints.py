@@ -1,26 +1,23 @@
 """How far what equipment holds is from where it is held, in a motion with the constraint and in one without."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.comparison import Comparison, compare
-from bodycam_ros.evaluate.space_axes import frame_space
+from bodycam_ros.evaluate.comparison import Comparison, Distribution, compare
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import EQUIPMENT, QUIET, TYPOGRAPHY, side_colour
+from bodycam_ros.plots.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
 from bodycam_ros.results.topics import published_robot
+
+_MAX_PANELS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,36 +147,49 @@ def _held_points(
     return tuple(sorted(found, key=lambda point: not point.segment.startswith("foot")))
 
 
-_SIZE_INCHES = (14.0, 7.0)
-_DOTS_PER_INCH = 110
-_TURN_DEG = 55.0
+def constraint_figures(both: WithAndWithout) -> dict[str, Any]:
+    """Figures by name, the unit at the end of the name."""
+    rows: dict[str, tuple[Array, Array]] = {
+        f"{point.name.replace('_', ' ')} [mm]": (1e3 * point.off_with, 1e3 * point.off_without) for point in both.points
+    }
+    if both.true_with is not None and both.true_without is not None:
+        ours, other = both.true_with, both.true_without
+        rows["joints against the truth [cm]"] = (100.0 * ours.position_errors, 100.0 * other.position_errors)
+        rows["angles against the truth [deg]"] = (_angle_errors_deg(ours), _angle_errors_deg(other))
+    return {
+        "with": both.solved.path.name,
+        "without": both.other.path.name,
+        "instants": len(both.stamps_ns),
+        "measures": {
+            name: {"with": asdict(Distribution.of(a)), "without": asdict(Distribution.of(b))}
+            for name, (a, b) in rows.items()
+        },
+    }
 
 
-def draw_ways_with_and_without(both: WithAndWithout, path: Path) -> None:
-    """Write the picture as PNG: ways of held points in colour, of what holds them beneath.
+def _angle_errors_deg(comparison: Comparison) -> Array:
+    angles: Array = np.degrees(np.array([joint.angle_errors for joint in comparison.joints.values()]))
+    return angles
+
+
+def draw_constraints(both: WithAndWithout, path: Path) -> None:
+    """Write a picture as PNG: distances from where the equipment holds points, with it and without (B figure 12).
 
     Raises:
         OSError: the file cannot be written.
     """
-    points = both.firm
-    every = 1e3 * np.concatenate([way for point in points for way in (point.held_at, point.with_it, point.without)])
-    heading = both.solved.motion.world_T_root[:, :2, 0].mean(axis=0)
-    ahead_deg = float(np.degrees(np.arctan2(heading[1], heading[0])))
-    with matplotlib.rc_context(TYPOGRAPHY):
-        figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
-        FigureCanvasAgg(figure)
-        for number, (name, whose) in enumerate((("with", "with_it"), ("without", "without"))):
-            axes: Any = figure.add_axes((0.02 + 0.49 * number, 0.0, 0.46, 0.95), projection="3d")
-            frame_space(axes, every, ahead_deg - _TURN_DEG)
-            for point in points:
-                axes.plot(*(1e3 * point.held_at).T, color=EQUIPMENT, linewidth=3.0, alpha=0.35)
-                axes.plot(*(1e3 * getattr(point, whose)).T, color=side_colour(point.segment), linewidth=1.3)
-            off = 1e3 * np.array([np.linalg.norm(getattr(point, whose) - point.held_at, axis=1) for point in points])
-            figure.text(0.03 + 0.49 * number, 0.95, name, fontsize=12.0, weight="bold")
-            note = f"{off.mean():.1f} mm from where the equipment holds them on average, {off.max():.1f} mm at most"
-            figure.text(0.03 + 0.49 * number, 0.92, note, color=QUIET)
-        sides = {point.segment: side_colour(point.segment) for point in points}
-        handles = [Line2D([], [], color=colour, label=name.replace("_", " ")) for name, colour in sides.items()]
-        handles.append(Line2D([], [], color=EQUIPMENT, linewidth=3.0, alpha=0.35, label="what holds them"))
-        figure.legend(handles=handles, loc="lower center", ncols=len(handles))
-        figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
+    points = both.firm[:_MAX_PANELS]
+    with open_picture(path, 14.0, 3.4) as figure:
+        panels = figure.subplots(1, len(points), squeeze=False)[0]
+        for axes, point in zip(panels, points, strict=True):
+            for off, colour, name in ((point.off_without, CAUTION, "without"), (point.off_with, INK, "with")):
+                seconds, values = broken_at_gaps(both.solved, both.stamps_ns, 1e3 * off)
+                label = f"{name}: {1e3 * float(off.mean()):.1f} mm, {1e3 * float(off.max()):.1f} at most"
+                axes.plot(seconds, values, color=colour, linewidth=1.4, label=label)
+            axes.set_ylim(0.0, 1.35e3 * max(1e-3, float(max(point.off_without.max(), point.off_with.max()))))
+            axes.set_xlabel("time [s]")
+            axes.set_ylabel("distance [mm]")
+            axes.legend(loc="upper right", ncols=2, labelcolor=QUIET)
+            light_grid(axes)
+            panel_title(axes, point.name.replace("_", " "), "from where the equipment holds it")
+        figure.subplots_adjust(left=0.05, right=0.985, top=0.86, bottom=0.15, wspace=0.18)

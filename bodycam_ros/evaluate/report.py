@@ -1,0 +1,120 @@
+"""Writes an evaluation into a folder: figures, pictures and one page with all of them, or nothing."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.agreement import agreement_lines
+from bodycam_ros.evaluate.clock_search import Clock
+from bodycam_ros.evaluate.constraints import draw_constraints
+from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.joint_picture import draw_joint_errors
+from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
+from bodycam_ros.evaluate.report_sections import report_sections
+from bodycam_ros.evaluate.summary import summary
+from bodycam_ros.evaluate.summary_picture import draw_summary
+from bodycam_ros.plots.page import Page, Picture, Section, render_page
+from bodycam_ros.whole_file import whole_files
+
+FIGURES, PAGE, OUTSIDE, VIDEO = "summary.json", "report.html", "outside.png", "outside.mp4"
+_CAPTIONS = {
+    "summary.png": "The recording at a glance.",
+    "joints.png": "How far each joint is off over time.",
+    "constraints.png": "Distances from where the equipment holds points, with it and without.",
+    "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
+    OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
+}
+WRITTEN = (*_CAPTIONS, PAGE, VIDEO)
+"""Names of what may be written beside the figures."""
+
+
+def check_report_folder(folder: Path) -> None:
+    """Refuse a place that cannot become a report folder, before the work is done.
+
+    Raises:
+        RecordingError: it is a file, or a bag.
+    """
+    what = f"give another folder for {FIGURES} and {PAGE}"
+    if folder.exists() and not folder.is_dir():
+        raise RecordingError(f"{folder}: is a file; {what}")
+    if (folder / "metadata.yaml").exists():
+        raise RecordingError(f"{folder}: is a ros2 bag folder; {what}")
+
+
+def report_lines(evaluation: Evaluation) -> list[str]:
+    """What is not in tables, in sentences."""
+    solved = evaluation.solved
+    duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
+    lines = [
+        f"{len(solved.stamps_ns)} frames in {duration_s:.2f} s, {evaluation.image_coverage:.1%} of the images covered; "
+        f"{int(evaluation.blind.sum())} frames without any camera"
+    ]
+    lines += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in evaluation.gaps]
+    if (clock := evaluation.same_motion) is not None and evaluation.truth_name:
+        lines.append(f"same motion as {evaluation.truth_name}: {describe_match(clock)}")
+    if evaluation.agreement is not None:
+        lines += agreement_lines(evaluation.agreement)
+    return lines
+
+
+def describe_match(clock: Clock) -> str:
+    """How sure it is that two motions are the same."""
+    if clock.likeness != clock.likeness:
+        return "too short to tell"
+    likeness = f"they correlate by {clock.likeness:.3f}"
+    if clock.chance != clock.chance:
+        return f"{likeness}; too short to tell how probable that is by chance"
+    if clock.lead != clock.lead:
+        return f"{likeness}, and at {clock.chance:.0%} of other offsets in time as well"
+    return f"{likeness}; unrelated motions do so with a probability of {max(clock.chance, 1e-9):.2g}"
+
+
+def write_report(
+    evaluation: Evaluation,
+    folder: Path,
+    overlay: Sequence[OverlayView] = (),
+    more: Mapping[str, Callable[[Path], None]] = MappingProxyType({}),
+) -> None:
+    """Write figures, pictures and the page; earlier ones are replaced.
+
+    Args:
+        evaluation: what was found.
+        folder: to write to.
+        overlay: views of body cameras.
+        more: name of another file -> writes it to a path.
+
+    Raises:
+        RecordingError: the place cannot become a report folder.
+        OutputError: it cannot be written.
+    """
+    check_report_folder(folder)
+    figures = summary(evaluation)
+    with whole_files(folder) as unfinished:
+        (unfinished / FIGURES).write_text(json.dumps(figures, indent=1, allow_nan=False) + "\n")
+        draw_summary(evaluation, unfinished / "summary.png")
+        if evaluation.truth_name:
+            draw_joint_errors(evaluation, unfinished / "joints.png")
+        if evaluation.constraints is not None:
+            draw_constraints(evaluation.constraints, unfinished / "constraints.png")
+        if overlay:
+            draw_overlays(overlay, unfinished / "overlay.png")
+        for name, write in more.items():
+            write(unfinished / name)
+        pictures = [
+            Picture((unfinished / name).read_bytes(), caption)
+            for name, caption in _CAPTIONS.items()
+            if (unfinished / name).exists()
+        ]
+        verdict = evaluation.verdict
+        doubts = () if evaluation.agreement is None else evaluation.agreement.doubts
+        warnings = [*(f"{f.level.word}: {f.text}" for f in verdict.findings), *(f"doubtful: {d}" for d in doubts)]
+        sections = [
+            Section(warnings=warnings, pictures=pictures[:1]),
+            *report_sections(figures),
+            Section("pictures", pictures=pictures[1:]),
+        ]
+        lines = [f"Verdict: {verdict.text}.", *report_lines(evaluation)]
+        page = Page(evaluation.solved.path.resolve().name, lines, sections)
+        (unfinished / PAGE).write_text(render_page(page), encoding="utf-8")
