@@ -105,7 +105,7 @@ class Agreement:
     def doubts(self) -> tuple[str, ...]:
         """Why the two may not be of the same motion, and what to do; empty where nothing speaks against it."""
         found = []
-        if self.clock.lead < _LEAST_LEAD:
+        if self.clock.start_sigma_s > 0.0 and self.clock.lead < _LEAST_LEAD:
             found.append(
                 f"the best clock offset is hardly better than the second best (by {self.clock.lead:.1f} standard "
                 f"deviations of chance, expected {_LEAST_LEAD:g} or more)"

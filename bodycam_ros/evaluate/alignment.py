@@ -32,8 +32,10 @@ _SPEED_S = 0.04
 _CHANCE_LEVEL = 0.5
 """Clocks that are found with a greater chance are none."""
 
-_SHARED_CHANCE_LEVEL = 0.05
+_SHARED_CHANCE_LEVEL = 0.02
 """Motions that agree as well at a greater share of other offsets are not the same."""
+
+_WORST_LEAD = -1.0  # of a shared clock over all other offsets, in their standard deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,10 +227,10 @@ def rate_shared_clock(tracked: Tracked, captured: CapturedMotion, clock: Clock) 
     if len(used.seconds) < 2 or len(captured.stamps_ns) < 2:
         return clock
     rated = rate_clock(clock, *_both_signals(used, captured, with_distances=len(exact) >= _ENOUGH))
-    if rated.chance > _SHARED_CHANCE_LEVEL:
+    if rated.chance > _SHARED_CHANCE_LEVEL or rated.lead < _WORST_LEAD:
         raise RecordingError(
             f"{captured.path}: is not of the same motion by this clock: motions correlate by {rated.likeness:.2f}, and "
-            f"at {rated.chance:.0%} of other offsets in time they do as well; is it of another recording? --clock "
+            f"at {rated.chance:.0%} of other offsets in time they do better; is it of another recording? --clock "
             "found searches for the offset"
         )
     return rated

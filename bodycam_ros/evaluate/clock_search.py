@@ -47,7 +47,8 @@ class Clock:
         likeness: mean correlation of what no frame of reference changes; NaN where it is unknown.
         lead: of the likeness over that at the second best offset, both by Fisher's transform, in standard deviations
             over all other offsets: what two motions reach by chance. Of n independent offsets the lead is then
-            exponentially distributed with the mean 1 / sqrt(2 ln n), 0.4 and less. NaN where the clock was given.
+            exponentially distributed with the mean 1 / sqrt(2 ln n), 0.4 and less. Negative where
+            another offset is better than the clock that was given.
         chance: how probable it is that two unrelated motions agree as well: of a clock that was found, by its lead; of
             one that was given, the share of other offsets at which these two agree as well. NaN where the recordings
             are too short to measure it.
@@ -117,12 +118,12 @@ def rate_clock(clock: Clock, ours: Signals, ours_span: tuple[float, float], thei
     at = shift + int(np.argmax(mean[max(shift - 1, 0) : shift + 2])) - min(shift, 1)
     others = enough & (np.abs(np.arange(len(mean)) - at) > _APART_S / _STEP_S)
     chance = float(np.mean(mean[others] >= mean[at])) if others.any() else np.nan
-    return replace(clock, likeness=float(mean[at]), chance=chance)
+    return replace(clock, likeness=float(mean[at]), lead=_lead(mean, enough, at), chance=chance)
 
 
 def _chance_of(lead: float) -> float:
     """How probable a lead is between unrelated motions, at the best of all rates."""
-    return float(min(1.0, len(RATES) * np.exp(-lead / _LEAD_BY_CHANCE)))
+    return float(np.minimum(1.0, len(RATES) * np.exp(-lead / _LEAD_BY_CHANCE)))
 
 
 def _likeness(a: Array, b: Array) -> tuple[int, float, float] | None:

@@ -84,10 +84,9 @@ def _draw_panel(axes: Axes, kind: str, unit: str, curves: Mapping[str, tuple[Arr
         axes.plot(*curve, color=side_colour(segment), linewidth=1.2)
     values = np.concatenate([np.zeros(0), *(values for _, values in curves.values())])
     known = values[np.isfinite(values)]
-    panel_title(axes, kind, f"mean {known.mean():.2f} {unit}" if known.size else "unknown")
-    if known.size:
-        axes.set_ylim(0.0, 1.1 * float(known.max()) + 1e-6)
-        light_grid(axes)
-    else:
-        axes.set_yticks([])
-        axes.spines["left"].set_visible(False)
+    if not known.size:
+        axes.axis("off")
+        return
+    panel_title(axes, kind, f"mean {known.mean():.2f} {unit}")
+    axes.set_ylim(0.0, 1.1 * float(known.max()) + 1e-6)
+    light_grid(axes)

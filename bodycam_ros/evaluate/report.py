@@ -66,7 +66,7 @@ def describe_match(clock: Clock) -> str:
     likeness = f"they correlate by {clock.likeness:.3f}"
     if clock.chance != clock.chance:
         return f"{likeness}; too short to tell how probable that is by chance"
-    if clock.lead != clock.lead:
+    if clock.start_sigma_s == 0.0:
         return f"{likeness}, and at {clock.chance:.0%} of other offsets in time as well"
     return f"{likeness}; unrelated motions do so with a probability of {max(clock.chance, 1e-9):.2g}"
 

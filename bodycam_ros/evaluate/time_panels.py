@@ -188,6 +188,8 @@ def _scale_by_decades(axes: Axes, errors: Array) -> None:
     """A logarithmic scale: a limb that is lost is wrong by orders of magnitude more than one that is not."""
     low = max(float(errors.mean(axis=1).min()), _LEAST_ERROR) / _ROOM
     high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
+    if errors.max() <= 0.0:
+        return
     axes.set_yscale("log", nonpositive="clip")
     axes.set_ylim(low, high)
     subs = (1.0, 2.0, 5.0) if high < _SHORT_SCALE * low else (1.0,)

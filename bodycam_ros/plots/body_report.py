@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import mirrored
+from bodycam_ros.calibration.anthropometry import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, JointDiagnosis
 from bodycam_ros.plots.page import Page, Picture, Section, render_page
 from bodycam_ros.plots.picture_style import FAINT, INK, QUIET, WARNING, open_picture, panel_title, side_colour
@@ -66,7 +66,9 @@ def _draw_n_pose(axes: Axes, body: BodyModel, diagnosis: CalibrationDiagnosis) -
     for name, place in joints.items():
         axes.plot(*place, "o", color=WARNING if name in warned else side_colour(name), markersize=4.5)
     for measured in diagnosis.bones:
-        if {measured.start, measured.end} <= set(joints):
+        # Of the trunk only what is across: other lengths would hide each other; they are in the table.
+        is_shown = SegmentName(measured.segment).side or mirrored(measured.start) == measured.end
+        if is_shown and {measured.start, measured.end} <= set(joints):
             start, end = joints[measured.start], joints[measured.end]
             if mirrored(measured.start) == measured.end:
                 axes.plot(*np.stack([start, end]).T, color=QUIET, linewidth=0.6, linestyle=(0, (4, 3)))
@@ -83,7 +85,7 @@ def _draw_n_pose(axes: Axes, body: BodyModel, diagnosis: CalibrationDiagnosis) -
     reach = float(abs(points[:, 0]).max()) + _LABEL_ROOM_M + _NAME_ROOM_M
     axes.set_xlim(-reach, reach)
     axes.set_ylim(points[:, 1].min() - 0.08, points[:, 1].max() + 0.08)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.axis("off")
     panel_title(axes, "N-pose from the front", "its left is on the right; squares: cameras")
 

@@ -57,7 +57,7 @@ def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: P
     np.testing.assert_array_equal(after.points_world[:settled], before.points_world)
     assert f"{after.grown} landmarks added by body cameras" in " ".join(done.stdout.split())
     assert {name.split("/")[0] for name in after.image_names[len(before.image_names) :]} <= set(CAMERAS)
-    picture = cv2.imread(str(out / "rounds.png"))
+    picture = cv2.imread(str(out / "coverage.png"))
     assert picture is not None and picture.std() > 5
     # It is a map like any other: it is replaced only where that is wanted.
     refused = run("map", "extend", stretch, "--map", out, "-o", out, "--force")
@@ -97,7 +97,7 @@ def test_a_recording_in_which_nothing_registers_leaves_the_map_as_it_was(
     np.testing.assert_array_equal(before.landmark_ids, after.landmark_ids)
     np.testing.assert_array_equal(before.descriptors, after.descriptors)
     assert after.grown == 0 and after.image_names == before.image_names
-    assert cv2.imread(str(out / "rounds.png")) is not None
+    assert cv2.imread(str(out / "coverage.png")) is not None
 
 
 def test_a_map_without_photographs_grows_too(part: Path, stretch: Path, tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodycam_ros.evaluate.equipment_panel import draw_equipment
 from held_ride import OFF, UNPLACED, write_held
 from known_walk import FRAME_NS, FRAMES, Walk
 from matplotlib.figure import Figure
@@ -15,6 +14,7 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
 from bodycam_ros.evaluate.figure_panel import draw_figures
+from bodycam_ros.evaluate.summary_picture import draw_equipment
 from bodycam_ros.messages.health import EQUIPMENT
 from bodycam_ros.plots.picture_style import CENTRE, LEFT
 from bodycam_ros.plots.picture_style import EQUIPMENT as EQUIPMENT_COLOUR

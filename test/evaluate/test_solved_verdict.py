@@ -6,13 +6,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from bodycam_ros.evaluate.report_folder import write_report
 from known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.report import write_report
 from bodycam_ros.evaluate.solved_verdict import published_body, solved_verdict
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import verdict_line

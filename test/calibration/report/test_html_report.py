@@ -4,12 +4,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from bodycam_ros.plots.body_picture import body_png
 from known_calibration import calibrated_body, good_diagnosis, worrying_diagnosis
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.plots.body_report import html_report
+from bodycam_ros.plots.body_report import body_png, html_report
 
 VOID = {"meta", "img"}
 

@@ -14,7 +14,8 @@ from rich.console import Console
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.cli.body import print_report
-from bodycam_ros.plots.report_tables import ReportTable, report_tables
+from bodycam_ros.plots.page import Table
+from bodycam_ros.plots.report_tables import report_sections
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +23,11 @@ def diagnosis() -> CalibrationDiagnosis:
     return worrying_diagnosis(calibrated_body())
 
 
-def tables(diagnosis: CalibrationDiagnosis) -> dict[str, ReportTable]:
-    return {table.title: table for table in report_tables(diagnosis)}
+def tables(diagnosis: CalibrationDiagnosis) -> dict[str, Table]:
+    return {section.heading: section.table for section in report_sections(diagnosis) if section.table is not None}
 
 
-def column(table: ReportTable, heading: str) -> list[str]:
+def column(table: Table, heading: str) -> list[str]:
     return [row[table.columns.index(heading)] for row in table.rows]
 
 
@@ -46,7 +47,7 @@ def test_every_joint_is_there_with_its_figures_in_the_units_of_the_headings(diag
             pytest.approx(np.degrees(pair), abs=0.5) for pair in joint.limits
         ]
         assert column(motion, "cameras")[index].split() == list(joint.cameras)
-        assert column(motion, "moments")[index] == str(joint.frames)
+        assert column(motion, "frames")[index] == str(joint.frames)
         assert numbers(column(place, "place known")[index]) == pytest.approx(joint.singular_values, abs=0.005)
         assert float(column(place, "gap before [mm]")[index]) == pytest.approx(1e3 * joint.residual_m, abs=0.05)
         assert float(column(place, "gap after [mm]")[index]) == pytest.approx(1e3 * joint.refined_residual_m, abs=0.05)
@@ -60,7 +61,7 @@ def test_rows_that_a_warning_speaks_of_are_flagged_and_no_others(diagnosis: Cali
         assert found[title].rows[index][0] == name
     (index,) = found["bones"].flagged
     assert diagnosis.bones[index].segment == SHORT_THIGH
-    assert not any(table.flagged for table in report_tables(good_diagnosis(calibrated_body())))
+    assert not any(table.flagged for table in tables(good_diagnosis(calibrated_body())).values())
 
 
 def test_the_terminal_shows_every_joint_camera_and_warning(diagnosis: CalibrationDiagnosis) -> None:

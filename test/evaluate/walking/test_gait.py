@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bodycam_ros.evaluate.gait_section import draw_gait, gait_figures, gait_section
 from known_gait import KnownGait
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.evaluate import gait as gait_module
 from bodycam_ros.evaluate.gait import FootEvents, Gait, foot_events, gait
+from bodycam_ros.evaluate.gait_figures import gait_figures
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import transform_points
 
@@ -102,16 +102,6 @@ def test_a_body_without_both_feet_has_no_gait() -> None:
     assert gait(seconds, world, {"left": soles["left"]}, STEP_S) is None
     del world["shin_right"]
     assert gait(seconds, world, soles, STEP_S) is None
-
-
-def test_the_section_has_the_truth_beside_it(tmp_path: Path) -> None:
-    found = measured(KnownGait())
-    assert found is not None
-    text = repr(gait_section(found, replace(found, strides=found.strides[:-1])))
-    assert "cadence [steps/min]" in text and "'truth', 'off'" in text
-    assert "'truth'" not in repr(gait_section(found, None))
-    draw_gait(found, found, tmp_path / "gait.png")
-    assert (tmp_path / "gait.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_true_walk_of_a_recording_is_one(shared: Path) -> None:
