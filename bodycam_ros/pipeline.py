@@ -83,7 +83,7 @@ class SkeletonPipeline:
         awaited = on_body if self._untold else [*on_body, *stations]
         self.assembler = FrameAssembler(awaited, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
-        self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected)
+        self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected, imus)
         self._root = body.segment_index[body.root]
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
@@ -188,6 +188,7 @@ class SkeletonPipeline:
                 self._bridged, self._refused = self.bridged, self.refused
                 self._begin()
             self._solved_ns = frame.stamp_ns
+            self.inertial.set_clocks(self.synchronizer.clocks.corrections)
             outputs += self._outputs(self._smoother.update(frame))
             while self._untold and len(self._smoother.lately) > 1:
                 self.assembler.join(self._untold.pop(), FIRST_WAIT_S)

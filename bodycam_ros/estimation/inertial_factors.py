@@ -1,5 +1,6 @@
 """Factors of the cameras' inertial sensors between two states: rotations of segments by their gyroscopes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from bodycam_ros.inertial.bias_filter import BiasFilter, turned
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.inertial.preintegration import MotionSums
 from bodycam_ros.settings import setting
+from bodycam_ros.timing.clock_state import ClockState
 
 _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, not to a random walk
 _LEAST_RAD = 2e-5  # sigma of a rotation
@@ -39,6 +41,7 @@ class InertialSensors:
         self._rows = {name: body.segment_index[mount.segment] for name, mount in mounts.items()}
         self._segment_R_camera = {name: mount.segment_T_camera[:3, :3] for name, mount in mounts.items()}
         self._sums = {name: MotionSums() for name in mounts}
+        self._clocks: Mapping[str, ClockState] = {}
         self.biases = {name: BiasFilter(imu.gyro_bias_sigma) for name, imu in self._calibrations.items()}
 
     def add(self, camera: str, samples: ImuSamples) -> None:
@@ -46,18 +49,29 @@ class InertialSensors:
         if camera in self._sums:
             self._sums[camera].add(self._calibrations[camera].correct(samples))
 
+    def set_clocks(self, clocks: Mapping[str, ClockState]) -> None:
+        """Use the clocks by which the stamps of frames were corrected; samples are by the cameras' own clocks."""
+        self._clocks = clocks
+
+    def _own_ns(self, camera: str, stamp_ns: int) -> int:
+        """A stamp by a camera's own clock [ns]."""
+        clock = self._clocks.get(camera)
+        return stamp_ns if clock is None else stamp_ns + clock.offset_ns(stamp_ns)
+
     def observe(self, frame: BodyFrame) -> None:
         """Follow biases by the registered cameras of a frame."""
         for name, matches in frame.matches.items():
             if name in self._sums and matches.world_T_camera is not None:
-                self.biases[name].observe(matches.stamp_ns, matches.world_T_camera[:3, :3], self._sums[name])
+                stamp_ns = self._own_ns(name, matches.stamp_ns)
+                self.biases[name].observe(stamp_ns, matches.world_T_camera[:3, :3], self._sums[name])
 
     def turns(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn]:
         """Rotations of segments between two stamps [ns], of the segments (S,) that need one."""
         turns = []
         for name, sums in self._sums.items():
             row, imu, filtered = self._rows[name], self._calibrations[name], self.biases[name]
-            moved = sums.between(start_ns, end_ns) if needed[row] else None
+            ends = self._own_ns(name, start_ns), self._own_ns(name, end_ns)
+            moved = sums.between(*ends) if needed[row] else None
             if moved is None:
                 continue
             R, segment_R_camera = turned(moved, filtered.bias), self._segment_R_camera[name]

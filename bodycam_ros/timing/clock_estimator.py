@@ -13,6 +13,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_evidence
@@ -25,6 +26,7 @@ from bodycam_ros.timing.clock_state import (
     ClockState,
     correct_stamps,
 )
+from bodycam_ros.timing.inertial_clocks import InertialClock, camera_clocks
 from bodycam_ros.timing.stamps import CommonTime, SharedStamps, StampIntervals, Stamps, find_shared_stamps, share_stamps
 
 LOOKAHEAD_S = 8.0
@@ -36,6 +38,7 @@ _RATE = 10.0  # [Hz] states of a window at which cameras are compared
 _CORRELATED = 6.0  # neighbouring states that share their errors, because tracks keep theirs
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
 _JUMP_S, _SURPRISE = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
+_LATENCY_S = 0.001  # by which a sensor's delay to its camera may differ from that of the calibration
 _SETTLED_S = 0.001  # shifts below this need no further turn of a window
 _MOST_TURNS = 6  # of a window with clocks that moved; each leaves a fifth of the error
 
@@ -83,6 +86,7 @@ class ClockEstimator:
         settings: of clocks.
         floor: (6, 6) covariance that is added to every registration's.
         live: whether to let every image pass at once.
+        imus: camera -> samples of its inertial sensor; clocks of cameras with calibrated sensors start from theirs.
 
     Attributes:
         shared: the cameras that share their stamps; None before enough images have come.
@@ -90,8 +94,15 @@ class ClockEstimator:
     """
 
     def __init__(
-        self, body: BodyModel, cameras: Iterable[str], settings: ClockSettings, floor: Array, live: bool
+        self,
+        body: BodyModel,
+        cameras: Iterable[str],
+        settings: ClockSettings,
+        floor: Array,
+        live: bool,
+        imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
+        self._imus, self._initial = imus or {}, dict[str, InertialClock]()
         self._body, self._sigma, self._floor, self._live = body, settings.sigma, floor, live
         self._cameras = {camera: _Camera() for camera in cameras}
         self._time = CommonTime()
@@ -109,6 +120,11 @@ class ClockEstimator:
     def clocks(self) -> dict[str, ClockState]:
         """Camera -> its present clock."""
         return {name: camera.clocks[-1] for name, camera in self._cameras.items() if camera.clocks}
+
+    @property
+    def corrections(self) -> dict[str, ClockState]:
+        """Camera -> its present clock, of those whose stamps are corrected."""
+        return {name: clock for name, clock in self.clocks.items() if name not in self.sharing}
 
     @property
     def histories(self) -> dict[str, ClockHistory]:
@@ -223,6 +239,14 @@ class ClockEstimator:
         shared = find_shared_stamps(stamps, self._body.cameras_on(self._body.root), alone=len(self._cameras) == 1)
         self.shared, self._filter, self._filter_ns = shared, ClockFilter(self._sigma), self._first_ns
         self._order, self._strayed = [], set()
+        if set(self._cameras) - shared.cameras and self._imus:
+            clocks = camera_clocks(self._body, self._imus)
+            if (reference := clocks.get(shared.reference)) is not None:
+                self._initial = {
+                    name: InertialClock(clock.offset - reference.offset, float(np.hypot(clock.sigma, reference.sigma)))
+                    for name, clock in clocks.items()
+                    if name != shared.reference
+                }
         for name in sorted(stamps, key=lambda name: (name != shared.reference, name)):
             self._enter(name, name in shared.cameras)
 
@@ -239,9 +263,11 @@ class ClockEstimator:
     def _enter(self, name: str, triggered: bool) -> None:
         self._finish()
         self._order.append(name)
-        self._filter.add_camera(triggered)
-        sigma = TRIGGER_SIGMA_S if triggered else self._sigma
-        self._cameras[name].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, DRIFT_SIGMA)]
+        known = None if triggered else self._initial.get(name)
+        offset, sigma = (known.offset, known.sigma + _LATENCY_S) if known else (0.0, self._sigma)
+        self._filter.add_camera(triggered, offset, sigma)
+        sigma = TRIGGER_SIGMA_S if triggered else sigma
+        self._cameras[name].clocks = [ClockState(0, self._first_ns, offset, 0.0, sigma, DRIFT_SIGMA)]
 
     def _stray(self, name: str) -> None:
         """A camera's clock is not what it was estimated to be, and not that of the others."""
