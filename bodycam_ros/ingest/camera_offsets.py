@@ -31,7 +31,7 @@ _ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is
 _DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
 
-_OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # a clock that says less was never set: cameras begin at 1904, 1970 or 2000
+_OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
 _SATELLITE_SIGMA_S = 0.1  # the reading is some way behind its payload, and not the same way in each camera
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
@@ -64,7 +64,7 @@ class Offsets:
         times: camera -> its clock, in the order in which they were given.
         confidence: camera -> 0 to 1: how far ahead the chosen offset is of the second best; 1 of a given one.
         sounds: that several cameras recorded, in order of time, the claps among them.
-        heard: camera -> what was kept of its sound.
+        scanned: camera -> what was kept of its sound.
         unplaced: camera without a clock -> why; it is in neither ``times`` nor ``confidence``.
         remarks: for the user, a line each.
     """
@@ -73,7 +73,7 @@ class Offsets:
     times: Mapping[str, CameraTime]
     confidence: Mapping[str, float]
     sounds: tuple[CommonSound, ...] = ()
-    heard: Mapping[str, CameraSound] = field(default_factory=dict)
+    scanned: Mapping[str, CameraSound] = field(default_factory=dict)
     unplaced: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -124,13 +124,13 @@ def camera_times(
     if len(sounds) == 1:
         only = next(iter(sounds))
         return Offsets(only, {only: CameraTime(only, 0.0, 0.0, 0.0, 0.0, "given")}, {only: 1.0})
-    heard, remarks = _scan(sounds, on_progress)
-    without = {name: fault for name, sound in heard.items() if (fault := _silence(sound))}
+    scanned, remarks = _scan(sounds, on_progress)
+    without = {name: fault for name, sound in scanned.items() if (fault := _silence(sound))}
     remarks += [f"{name}: {fault}" for name, fault in without.items()]
     # A camera in the middle of the body: claps reach it with the mean delay.
-    middle = next((n for n in heard if segments and segments.get(n) == "pelvis" and n not in without), "")
+    middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
     found = sound_times(
-        heard, settings.reference or middle, lambda done, count: on_progress("comparing sounds", done, count)
+        scanned, settings.reference or middle, lambda done, count: on_progress("comparing sounds", done, count)
     )
     times, confidence = dict(found.times), dict(found.confidence)
     if segments and settings.wearer_claps:
@@ -141,7 +141,7 @@ def camera_times(
     for source in sources:
         more = source(times)
         tried.append(more.source)
-        remarks += [*more.remarks, *_added(more, times, confidence, heard)]
+        remarks += [*more.remarks, *_added(more, times, confidence, scanned)]
     placed = [name for name in sounds if name in times]
     reasons = {name: _reason(name, without, placed, tried) for name in sounds if name not in times}
     if len(placed) < 2:
@@ -156,7 +156,7 @@ def camera_times(
         relative_to(reference, {name: times[name] for name in placed}),
         {name: confidence[name] for name in placed},
         tuple(sound.relative_to(times[reference]) for sound in found.sounds),
-        heard,
+        scanned,
         reasons,
         tuple(remarks + _doubts(placed, times, confidence, found.sounds)),
     )
@@ -175,12 +175,12 @@ def _scan(sounds: Mapping[str, SoundSource], on_progress: Progress) -> tuple[dic
         except RecordingError as error:
             faults[name] = str(error)
 
-    heard = for_each_camera(
+    scanned = for_each_camera(
         sounds,
         lambda name, ended: scan_sound(blocks(name, ended)),
         lambda done, count: on_progress("scanning sound", done, count),
     )
-    return heard, [f"{name}: {faults[name]}" for name in sounds if name in faults]
+    return scanned, [f"{name}: {faults[name]}" for name in sounds if name in faults]
 
 
 def _silence(sound: CameraSound) -> str:
@@ -214,7 +214,7 @@ def _added(
     found: FoundTimes,
     times: dict[str, CameraTime],
     confidence: dict[str, float],
-    heard: Mapping[str, CameraSound],
+    scanned: Mapping[str, CameraSound],
 ) -> list[str]:
     """Add the cameras that another source places; remarks on them, and on those that it contradicts."""
     common = [name for name in found.times if name in times]
@@ -225,7 +225,7 @@ def _added(
     remarks = []
     for name, time in found.times.items():
         time = replace(time, start_s=time.start_s + shift_s)
-        if name not in heard:
+        if name not in scanned:
             continue
         if name not in times:
             times[name], confidence[name] = time, found.confidence.get(name, 0.0)

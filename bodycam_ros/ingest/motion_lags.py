@@ -1,11 +1,11 @@
-"""Clock lags between two cameras by how they turned: of one segment in stretches, of linked segments by correlation.
+"""Clock lags between two cameras of one segment by how they turned.
 
 Cameras of one segment turn as it does: ``omega_first(t) = first_R_second omega_second(t - lag)`` with one rotation
 between the mounts. Lag and rotation are fitted together, robustly, to all three components.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.ingest.angular_speed import AngularSpeed
-from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, even_motion, offset_curve
 from bodycam_ros.ingest.offset_search import Pair
 from bodycam_ros.tracking.rotation import align_bearings
 
@@ -25,9 +24,8 @@ MIN_OVERLAP_S = 2.0
 DRIFT_SIGMA = 5e-5
 """Crystals of cameras are within 50 millionths of each other."""
 
-_RIGID_STRETCH_S, _MOST_RIGID = 30.0, 24  # drift within it is below 3 ms, and it holds a dozen movements
-_LINKED_STRETCH_S, _MOST_LINKED = 300.0, 8
-_RIGID_WINDOW_S = 0.1  # the search is right to some hundredths of a second
+_STRETCH_S, _MOST_STRETCHES = 30.0, 24  # drift within it is below 3 ms, and there are a dozen movements in it
+_WINDOW_S = 0.1  # the search is right to some hundredths of a second
 _STEP_S = 0.004  # of the search; a motion's spline is smooth over several of them
 _ROUNDS = 8
 _BLOCK_S = 0.25  # errors of samples closer than this go together: parallax of one swing
@@ -36,9 +34,6 @@ _LEAST_SAMPLES = 20
 _WIDEST_GAP = 2.5  # of a camera's interval; a spline over more invents motion
 _LAG_FLOOR_S = 0.0005
 _ENOUGH_TO_REJECT = 3  # stretches in which a pair did not turn as one body
-_PEAK_S = 0.25  # around the agreed offset in which a pair's own best is searched
-_LINKED_FLOOR_S = 0.02  # a limb leads or trails its neighbour by hundredths of a second
-_BESIDE_S = 5.0  # of lags beside those in question, which show what chance gives
 
 
 @dataclass(frozen=True)
@@ -82,17 +77,17 @@ def rigid_lags(
         speeds: camera -> how it turned.
         starts: camera -> its start [s], to some hundredths.
         pair: the cameras.
-        sure_s: time of the recording for which the starts hold [s]; away from it drift adds up.
+        sure_s: time of the recording for which the starts are right [s]; away from it drift adds up.
         least_explained: share of the motion that a rigid pair must have in common.
     """
     first, second = (speeds[camera] for camera in pair)
     first_s, second_s = (starts[camera] + speeds[camera].media_s for camera in pair)
-    middles, length = _stretches(first_s, second_s, _RIGID_STRETCH_S, _MOST_RIGID)
+    middles, length = _stretches(first_s, second_s)
     lags: list[PairLag] = []
     for tried, middle in enumerate(sorted(middles, key=lambda middle: abs(middle - sure_s))):
         if tried == _ENOUGH_TO_REJECT and not lags:
             break
-        window = _RIGID_WINDOW_S + _largest_drift_s(middle - sure_s)
+        window = _WINDOW_S + _largest_drift_s(middle - sure_s)
         ours = np.abs(first_s - middle) <= 0.5 * length
         theirs = np.abs(second_s - middle) <= 0.5 * length + window
         found = rigid_lag(first.part(ours), first_s[ours], second.part(theirs), second_s[theirs], window)
@@ -102,34 +97,10 @@ def rigid_lags(
     return lags
 
 
-def linked_lags(
-    speeds: Mapping[str, AngularSpeed], starts: Mapping[str, float], pair: Pair, sure_s: float
-) -> list[PairLag]:
-    """Cameras of two segments compared in long stretches, at the lag with most evidence; arguments as above."""
-    first_s, second_s = (starts[camera] + speeds[camera].media_s for camera in pair)
-    middles, length = _stretches(first_s, second_s, _LINKED_STRETCH_S, _MOST_LINKED)
-    lags = []
-    for middle in middles:
-        reach_s = _PEAK_S + _largest_drift_s(middle - sure_s)
-        motions = []
-        for camera in pair:
-            begin_s = middle - 0.5 * length - starts[camera]
-            motion = even_motion(speeds[camera], begin_s, begin_s + length)
-            if motion is not None:  # moved to one clock, so that lags are searched and not starts
-                motions.append(replace(motion, first=motion.first + round(starts[camera] * SEARCH_RATE)))
-        if len(motions) < 2:
-            continue
-        curve = offset_curve(motions[0], motions[1], MIN_OVERLAP_S, reach_s + _BESIDE_S)
-        if curve is not None:
-            lag, sigma = (value / SEARCH_RATE for value in curve.peak(0, round(reach_s * SEARCH_RATE)))
-            lags.append(_pair_lag(starts, pair, middle, lag, max(sigma, _LINKED_FLOOR_S)))
-    return lags
-
-
 def rigid_lag(
     first: AngularSpeed, first_s: Array, second: AngularSpeed, second_s: Array, window_s: float
 ) -> RigidLag | None:
-    """The lag between two cameras within a window; None where both know too little, or the window's rim is best.
+    """The lag between two cameras within a window; None where too little is known, or the window's rim is best.
 
     Args:
         first, second: how they turned.
@@ -198,14 +169,14 @@ def _cauchy_weights(residuals: Array) -> Array:
     return weights
 
 
-def _stretches(first_s: Array, second_s: Array, length_s: float, most: int) -> tuple[list[float], float]:
+def _stretches(first_s: Array, second_s: Array) -> tuple[list[float], float]:
     """Middles [s] of stretches of what two cameras both recorded, evenly spread, and their length [s]."""
     begin, end = max(first_s[0], second_s[0]), min(first_s[-1], second_s[-1])
     if end - begin < MIN_OVERLAP_S:
         return [], 0.0
-    count = int(np.clip(round((end - begin) / length_s), 1, most))
+    count = int(np.clip(round((end - begin) / _STRETCH_S), 1, _MOST_STRETCHES))
     middles = begin + (np.arange(count) + 0.5) * (end - begin) / count
-    return middles.tolist(), float(min(length_s, (end - begin) / count) if count > 1 else end - begin)
+    return middles.tolist(), float(min(_STRETCH_S, (end - begin) / count) if count > 1 else end - begin)
 
 
 def _largest_drift_s(seconds: float) -> float:

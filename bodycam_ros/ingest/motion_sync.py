@@ -1,7 +1,7 @@
 """Clocks of cameras on one body from how they turned, where there is no sound.
 
-Cameras of one segment turn alike, so their clocks agree to a fraction of a frame. A segment turns somewhat as the one
-that it hangs on, which gives the clock to hundredths of a second.
+A segment turns somewhat as the one that it hangs on, which gives the clock to hundredths of a second. Cameras of one
+segment turn alike, so their clocks agree to a fraction of a frame.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.clock_fit import FoundTimes, SharedEvents, fit_clocks
 from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, chance_curve, even_motion, offset_curve
-from bodycam_ros.ingest.motion_lags import DRIFT_SIGMA, MIN_OVERLAP_S, linked_lags, rigid_lags
+from bodycam_ros.ingest.motion_lags import DRIFT_SIGMA, MIN_OVERLAP_S, rigid_lags
 from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
 
 _MAX_OFFSET_S = 600.0  # cameras started by hand run within minutes of each other; more is more chance of a wrong match
@@ -22,7 +22,8 @@ _LEAST_SHARE = 0.1  # of the shorter recording that two must have in common
 _MIN_CONFIDENCE = 0.25  # limbs that have nothing to do with each other lead by less 19 times in 20, linked ones by 0.8
 _APART_S = 0.25
 _RIGID = 0.7  # share of the motion explained from which on two cameras of an unknown rig are one body
-_ON_ONE_SEGMENT = 0.5  # and where the rig says so
+_ON_ONE_SEGMENT = 0.5  # and by the rig
+_LINKED_SIGMA_S = 0.03  # of an offset by the search: a limb leads or trails its neighbour by hundredths of a second
 _RIGID_FLOOR_S = 0.003  # near things move against far ones: up to 7 ms were measured on a slowly turning pelvis
 
 
@@ -62,7 +63,7 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
         elif camera not in sure:
             remarks.append(
                 f"camera {camera}: its motion fits that of its neighbours at several offsets nearly alike (lead of "
-                f"the best {agreed[camera].confidence:.0%}), so its clock is unknown: record a clap that it hears, or "
+                f"the best {agreed[camera].confidence:.0%}), so its clock is unknown: record a clap near it, or "
                 "turn the whole body to and fro once"
             )
     starts = {camera: offset.samples / SEARCH_RATE for camera, offset in sure.items()}
@@ -70,15 +71,20 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
     rigid_pairs = set(_pairs(lively, rig, same_segment=True))
     least_explained = _RIGID if rig is None else _ON_ONE_SEGMENT
     middle_s = begin_s + 0.5 * _SEARCHED_S
-    records = []
-    for pair in curves:
-        if pair[0] not in starts or pair[1] not in starts:
-            continue
-        rigid = rigid_lags(lively, starts, pair, middle_s, least_explained) if pair in rigid_pairs else []
-        for lag in rigid or linked_lags(lively, starts, pair, middle_s):
-            sigma_s = lag.sigma_s / np.sqrt(2.0)
+    records: list[list[tuple[int, float, float]]] = []
+    for pair in rigid_pairs & set(curves):
+        if pair[0] in starts and pair[1] in starts:
+            records += [
+                [
+                    (names.index(camera), media_s, lag.sigma_s / np.sqrt(2.0))
+                    for camera, media_s in zip(pair, (lag.first_s, lag.second_s), strict=True)
+                ]
+                for lag in rigid_lags(lively, starts, pair, middle_s, least_explained)
+            ]
+    for camera in starts:
+        if camera != reference:
             records.append(
-                [(names.index(lag.first), lag.first_s, sigma_s), (names.index(lag.second), lag.second_s, sigma_s)]
+                [(names.index(name), middle_s - starts[name], _LINKED_SIGMA_S) for name in (reference, camera)]
             )
     events = SharedEvents.from_records(records)
     fit = fit_clocks(names, events, reference, "motion", _RIGID_FLOOR_S, np.sqrt(2.0) * DRIFT_SIGMA)

@@ -32,17 +32,6 @@ class OffsetCurve:
         inside = (index >= 0) & (index < len(self.values))
         return np.where(inside, self.values[np.clip(index, 0, len(self.values) - 1)], 0.0)
 
-    def peak(self, near: int, reach: int) -> tuple[float, float]:
-        """The best offset within reach of another and its standard deviation, in samples.
-
-        Offsets whose evidence is less by one, the scatter of chance, count e times less.
-        """
-        offsets = np.arange(near - reach, near + reach + 1)
-        evidence = self.evidence(offsets)
-        top = int(np.argmax(evidence))
-        likely = np.exp(evidence - evidence[top])
-        return float(offsets[top]), float(np.sqrt((likely * (offsets - offsets[top]) ** 2).sum() / likely.sum()))
-
     @property
     def best(self) -> int:
         """The offset with the most evidence, in samples."""

@@ -132,29 +132,29 @@ class _Chunk:
 
 def _chunks(blocks: Iterable[SoundBlock]) -> Iterator[_Chunk]:
     """Chunks of 10 s, the last of each run without a gap longer or shorter; the same whatever the size of blocks."""
-    held = np.zeros(0, np.float32)
+    buffered = np.zeros(0, np.float32)
     rate_hz, start_s, begin_s = 0.0, 0.0, 0.0
     for block in blocks:
         if not len(block.samples):
             continue
-        late_s = block.start_s - start_s - len(held) / max(rate_hz, 1.0)
-        if len(held) and (block.rate_hz != rate_hz or abs(late_s) > _RATE_TOLERANCE_S):
-            yield _Chunk(held, rate_hz, start_s, begin_s, len(held) / rate_hz)
-            held = held[:0]
-        if not len(held):
+        late_s = block.start_s - start_s - len(buffered) / max(rate_hz, 1.0)
+        if len(buffered) and (block.rate_hz != rate_hz or abs(late_s) > _RATE_TOLERANCE_S):
+            yield _Chunk(buffered, rate_hz, start_s, begin_s, len(buffered) / rate_hz)
+            buffered = buffered[:0]
+        if not len(buffered):
             rate_hz, start_s, begin_s = block.rate_hz, block.start_s, 0.0
-        held = np.concatenate((held, np.nan_to_num(np.asarray(block.samples, dtype=np.float32))))
-        while len(held) >= round((begin_s + CHUNK_S + _CONTEXT_S) * rate_hz):
+        buffered = np.concatenate((buffered, np.nan_to_num(np.asarray(block.samples, dtype=np.float32))))
+        while len(buffered) >= round((begin_s + CHUNK_S + _CONTEXT_S) * rate_hz):
             size, passed = (
                 round((begin_s + CHUNK_S + _CONTEXT_S) * rate_hz),
                 round((begin_s + CHUNK_S - _CONTEXT_S) * rate_hz),
             )
-            yield _Chunk(held[:size], rate_hz, start_s, begin_s, begin_s + CHUNK_S)
+            yield _Chunk(buffered[:size], rate_hz, start_s, begin_s, begin_s + CHUNK_S)
             # Stamps are rounded, and clocks of sound drift against those of images: each chunk follows the stamps.
             start_s, begin_s = start_s + passed / rate_hz, _CONTEXT_S
-            held = held[passed:]
-    if len(held):
-        yield _Chunk(held, rate_hz, start_s, begin_s, len(held) / rate_hz)
+            buffered = buffered[passed:]
+    if len(buffered):
+        yield _Chunk(buffered, rate_hz, start_s, begin_s, len(buffered) / rate_hz)
 
 
 def _band_energies(chunk: _Chunk) -> Array:

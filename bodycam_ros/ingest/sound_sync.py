@@ -64,6 +64,11 @@ class CommonSound:
     share: float
     clap: bool
 
+    @property
+    def weight(self) -> float:
+        """How clearly it is a sudden sound, less by the cameras that did not record it, 0 to 1."""
+        return self.share * float(np.mean([peak.weight for peak in self.peaks.values()]))
+
     def relative_to(self, camera: CameraTime) -> "CommonSound":
         """The same sound in the time of another camera, of which the clock in the present time is given."""
         return replace(self, recording_s=(self.recording_s - camera.start_s) / (1.0 + camera.drift))
@@ -131,8 +136,7 @@ def sound_times(
         "sound",
         float(np.hypot(floor_s, 0.5 * _WINDOW_SIGMA_S)),
     )
-    fit, names, groups = _fit_common_sounds(sounds, rough, windows, reference, float(floor_s))
-    found = _common_sounds(groups, fit, names)
+    fit, found = _fit_common_sounds(sounds, rough, windows, reference, float(floor_s))
     by_claps = {name for sound in found if sound.clap for name in sound.heard_s}
     times = {n: replace(t, source="claps" if by_claps and n in by_claps else "sound") for n, t in fit.times.items()}
     return SoundTimes(times, {name: agreed[name].confidence for name in times}, found)
@@ -226,107 +230,83 @@ def _window_records(
     return records
 
 
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Peaks of several cameras that are one sound: number of the camera -> its peak; arrivals; share of cameras."""
-
-    members: Mapping[int, SoundPeak]
-    weight: float
-    share: float
-    about_s: float
-    media_s: Array
-    late_s: Array
-
-
 def _fit_common_sounds(
     sounds: Mapping[str, CameraSound], rough: ClockFit, windows: Mapping[Pair, Records], reference: str, floor_s: float
-) -> tuple[ClockFit, list[str], list[_Group]]:
-    """Clocks by the common sounds, and by the windows of the cameras that share none; cameras; the sounds."""
+) -> tuple[ClockFit, tuple[CommonSound, ...]]:
+    """Clocks by the common sounds, and by the windows of the cameras that share none; and these sounds."""
     names = list(rough.times)
-    groups = _weightiest(_groups(sounds, rough.times))
-    about = np.array([group.about_s for group in groups])
+    common = _weightiest(_common_sounds(sounds, rough.times))
+    about = np.array([sound.recording_s for sound in common])
     records: Records = []
-    for number, group in enumerate(groups):
-        media_s, sigma_s = arrivals(list(group.members.values()))
-        crowd = int((np.abs(about - group.about_s) <= _SAME_POSTURE_S).sum())
+    for number, sound in enumerate(common):
+        media_s, sigma_s = arrivals(list(sound.peaks.values()))
+        crowd = int((np.abs(about - sound.recording_s) <= _SAME_POSTURE_S).sum())
         sigma_s = np.sqrt(sigma_s**2 + (_MOVED_SIGMA_M / SOUND_SPEED) ** 2 * crowd)
-        records.append(list(zip(group.members, media_s.tolist(), sigma_s.tolist(), strict=True)))
-        groups[number] = replace(group, media_s=media_s)
-    shared = {names[camera] for group in groups for camera in group.members}
+        cameras = [names.index(name) for name in sound.peaks]
+        records.append(list(zip(cameras, media_s.tolist(), sigma_s.tolist(), strict=True)))
+        common[number] = replace(sound, heard_s=dict(zip(sound.peaks, media_s.tolist(), strict=True)))
+    shared = {name for sound in common for name in sound.peaks}
     for pair, more in windows.items():
         if not set(pair) <= shared and set(pair) <= set(names):
             records += [[(names.index(n), *r[1:]) for n, r in zip(pair, record, strict=True)] for record in more]
     fit = fit_clocks(names, SharedEvents.from_records(records), reference, "sound", floor_s)
+    loudness = _loudness(common)
     first = 0
-    for number, group in enumerate(groups):
-        late_s = fit.residuals_s[first : first + len(group.members)]
-        groups[number] = replace(group, about_s=float(fit.events_s[number]), late_s=late_s)
-        first += len(group.members)
-    return fit, names, [group for group in groups if np.isfinite(group.about_s)]
+    for number, (sound, loud) in enumerate(zip(common, loudness, strict=True)):
+        late_s = fit.residuals_s[first : first + len(sound.peaks)]
+        first += len(sound.peaks)
+        is_loud = loud >= _CLAP_LOUDNESS * max(loudness)
+        common[number] = replace(
+            sound,
+            recording_s=float(fit.events_s[number]),
+            late_s=dict(zip(sound.peaks, late_s.tolist(), strict=True)),
+            clap=is_loud and sound.share >= _CLAP_SHARE and sound.weight >= _CLAP_WEIGHT,
+        )
+    found = (sound for sound in common if np.isfinite(sound.recording_s))
+    return fit, tuple(sorted(found, key=lambda sound: sound.recording_s))
 
 
-def _groups(sounds: Mapping[str, CameraSound], times: Mapping[str, CameraTime]) -> list[_Group]:
+def _common_sounds(sounds: Mapping[str, CameraSound], times: Mapping[str, CameraTime]) -> list[CommonSound]:
     """Sounds that two cameras or more recorded: peaks within the tolerance, at most one of a camera."""
     entries = sorted(
-        (
-            (float(time.recording_s(np.array([peak.media_s]))[0]), camera, number)
-            for camera, (name, time) in enumerate(times.items())
-            for number, peak in enumerate(sounds[name].peaks)
-        ),
+        (float(time.recording_s(np.array([peak.media_s]))[0]), name, number)
+        for name, time in times.items()
+        for number, peak in enumerate(sounds[name].peaks)
     )
-    clusters: list[list[tuple[float, int, int]]] = []
+    clusters: list[list[tuple[float, str, int]]] = []
     for entry in entries:
         last = clusters[-1] if clusters else []
         if last and entry[0] - last[0][0] <= _TOLERANCE_S and entry[1] not in {member[1] for member in last}:
             last.append(entry)
         else:
             clusters.append([entry])
-    names = list(times)
-    ends = [times[n].recording_s(np.array([sounds[n].start_s, sounds[n].end_s])) for n in names]
-    groups = []
-    for cluster in clusters:
-        if len(cluster) < 2:
-            continue
+    ends = [time.recording_s(np.array([sounds[n].start_s, sounds[n].end_s])) for n, time in times.items()]
+    common = []
+    for cluster in (each for each in clusters if len(each) > 1):
         about_s = float(np.mean([entry[0] for entry in cluster]))
         running = max(len(cluster), sum(bool(start < about_s < end) for start, end in ends))
-        members = {camera: sounds[names[camera]].peaks[number] for _, camera, number in cluster}
-        weight = sum(peak.weight for peak in members.values()) / running
-        groups.append(_Group(members, weight, len(cluster) / running, about_s, np.zeros(0), np.zeros(0)))
-    return groups
+        peaks = {name: sounds[name].peaks[number] for _, name, number in cluster}
+        common.append(CommonSound(about_s, {}, {}, peaks, len(cluster) / running, False))
+    return common
 
 
-def _weightiest(groups: Sequence[_Group]) -> list[_Group]:
+def _weightiest(sounds: Sequence[CommonSound]) -> list[CommonSound]:
     """The sounds that clocks are fitted to: the weightiest, and of those before and after half time as many."""
-    if not groups:
+    if not sounds:
         return []
-    half_time = 0.5 * (groups[0].about_s + groups[-1].about_s)
-    chosen: list[_Group] = []
+    half_time = 0.5 * (sounds[0].recording_s + sounds[-1].recording_s)
+    chosen: list[CommonSound] = []
     for is_early in (True, False):
-        side = [group for group in groups if (group.about_s <= half_time) == is_early]
-        chosen += sorted(side, key=lambda group: -group.weight)[: _MOST_SOUNDS // 2]
-    floor = _LEAST_WEIGHT * max(group.weight for group in chosen)
-    return sorted((group for group in chosen if group.weight >= floor), key=lambda group: group.about_s)
+        side = [sound for sound in sounds if (sound.recording_s <= half_time) == is_early]
+        chosen += sorted(side, key=lambda sound: -sound.weight)[: _MOST_SOUNDS // 2]
+    floor = _LEAST_WEIGHT * max(sound.weight for sound in chosen)
+    return [sound for sound in chosen if sound.weight >= floor]
 
 
-def _common_sounds(groups: Sequence[_Group], fit: ClockFit, names: Sequence[str]) -> tuple[CommonSound, ...]:
-    loudest: dict[int, float] = {}
-    for group in groups:
-        for camera, peak in group.members.items():
-            loudest[camera] = max(loudest.get(camera, 1e-9), peak.amplitude)
-    # The median of its share of each camera's loudest, whatever their gains.
-    loudness = [float(np.median([p.amplitude / loudest[c] for c, p in group.members.items()])) for group in groups]
-    sounds = []
-    for group, loud in zip(groups, loudness, strict=True):
-        cameras = [names[camera] for camera in group.members]
-        is_clap = group.share >= _CLAP_SHARE and group.weight >= _CLAP_WEIGHT and loud >= _CLAP_LOUDNESS * max(loudness)
-        sounds.append(
-            CommonSound(
-                group.about_s,
-                dict(zip(cameras, group.media_s.tolist(), strict=True)),
-                dict(zip(cameras, group.late_s.tolist(), strict=True)),
-                dict(zip(cameras, group.members.values(), strict=True)),
-                group.share,
-                is_clap,
-            )
-        )
-    return tuple(sorted(sounds, key=lambda sound: sound.recording_s))
+def _loudness(sounds: Sequence[CommonSound]) -> list[float]:
+    """How loud each sound is, whatever the cameras' gains: the median of its share of each camera's loudest."""
+    loudest: dict[str, float] = {}
+    for sound in sounds:
+        for name, peak in sound.peaks.items():
+            loudest[name] = max(loudest.get(name, 1e-9), peak.amplitude)
+    return [float(np.median([p.amplitude / loudest[n] for n, p in sound.peaks.items()])) for sound in sounds]

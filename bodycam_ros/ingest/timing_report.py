@@ -13,7 +13,7 @@ claps:
 - recording_s: 3.0032            when it reached the reference
   share: 1.0                     of the cameras that ran then, which recorded it
   heard_s: {head: 5.0589}        camera -> media time
-  late_ms: {head: -0.31}         camera -> by how much later than its clock says; the travel of sound, and error
+  late_ms: {head: -0.31}         camera -> by how much later than by its clock; the travel of sound, and error
 unplaced: {foot_left: has no sound}
 remarks: []
 """
@@ -139,7 +139,7 @@ def _draw(offsets: Offsets, path: Path) -> None:
 def _draw_rows(axes: Axes, names: list[str], offsets: Offsets) -> None:
     """A row per camera: how suddenly it gets louder, over time."""
     for row, name in enumerate(names):
-        sound = offsets.heard.get(name)
+        sound = offsets.scanned.get(name)
         if sound is None:
             continue
         seconds, values = _shown_envelope(sound)

@@ -1,4 +1,4 @@
-"""A board to print: as large as the paper allows, or of the size that was asked for.
+"""A board to print: as large as the paper allows, or of a given size.
 
 ``docs/board.md`` explains the fields. A map needs ``corners_in_board``; for a lens the measures are enough, so that the
 file of a board that was bought is written in a minute.
@@ -32,7 +32,7 @@ _UPPER_LEFT = ("black", "white")
 
 
 def dictionaries() -> dict[str, int]:
-    """Families of tags that ``cv2.aruco`` knows: 36h11 and the other AprilTags, 5X5_100 and the other ArUcos."""
+    """Families of tags in ``cv2.aruco``: 36h11 and the other AprilTags, 5X5_100 and the other ArUcos."""
     # Some have two names; the one with small letters, which comes last, is that of the map's boards.
     names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
     of_number = {int(getattr(cv2.aruco, n)): n.removeprefix("DICT_").removeprefix("APRILTAG_") for n in names}
@@ -156,10 +156,10 @@ def _lengths(path: Path, document: Mapping[Any, Any], name: str) -> tuple[float,
 
 
 COUNTS = {APRILTAG: (3, 2), CHARUCO: (8, 5), CHECKERBOARD: (10, 7)}
-"""Columns and rows, for paper on its long side; an even and an odd number tell how a checkerboard is turned."""
+"""Columns and rows, for paper on its long side; an even and an odd number give a checkerboard an orientation."""
 
 _GAP_OF_TAG = 0.25
-_TAG_OF_SQUARE = 0.75  # leaves a tag an eighth of the square on either side, which edges are looked for in
+_TAG_OF_SQUARE = 0.75  # leaves a tag an eighth of the square on either side, in which edges are searched
 
 
 @dataclass(frozen=True)
@@ -193,10 +193,10 @@ def design(wish: BoardWish, room: Room) -> BoardLayout:
     columns, rows = wish.columns or COUNTS[kind][0], wish.rows or COUNTS[kind][1]
     if kind == CHECKERBOARD:
         if wish.tag_mm is not None:
-            raise LensError("a checkerboard has no tags; say with --square-size how large its squares are")
+            raise LensError("a checkerboard has no tags; give the size of its squares with --square-size")
         if min(columns, rows) < 3 or columns % 2 == rows % 2:
             raise LensError(
-                f"a checkerboard of {columns} x {rows} squares does not tell how it is turned; of columns and rows one "
+                f"a checkerboard of {columns} x {rows} squares has no orientation; of columns and rows one "
                 "must be even and the other odd, both 3 or more"
             )
         side = _side(wish.square_mm, room, columns, rows)
@@ -206,7 +206,7 @@ def design(wish: BoardWish, room: Room) -> BoardLayout:
         raise LensError(f"there is no family of tags '{wish.family}'; known are {known}")
     if kind == APRILTAG:
         if wish.square_mm is not None:
-            raise LensError("a board of AprilTags has no squares; say with --tag-size how large its tags are")
+            raise LensError("a board of AprilTags has no squares; give the size of its tags with --tag-size")
         gaps = _GAP_OF_TAG * np.array([columns - 1, rows - 1])
         tag = _side(wish.tag_mm, room, *(np.array([columns, rows]) + gaps).tolist())
         pitch = tag * (1.0 + _GAP_OF_TAG)

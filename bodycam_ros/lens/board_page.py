@@ -1,4 +1,4 @@
-"""A board as a PDF page in true scale, with rulers that tell whether the printer kept it."""
+"""A board as a PDF page in true scale, with rulers to check the printer."""
 
 from dataclasses import dataclass
 from io import BytesIO

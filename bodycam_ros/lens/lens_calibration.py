@@ -36,7 +36,7 @@ _TRIED_PICTURES = 12  # on which variants of the board are compared
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
 _TILTED = np.sin(np.radians(15.0))
 _DIRECTIONS = 4  # that the board's face may be turned to, beside straight at the camera
-_TAIL = 2.0  # times the median error; what is farther off says little
+_TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
 _TWO_CAMERAS_PX = 3.0  # difference of the lenses of two groups of pictures, and of their errors, times
 _LEAST_GROUP = 4
@@ -56,7 +56,7 @@ class LensCalibration:
     """A calibration.
 
     Attributes:
-        chosen: the model that explains pictures left out best, or the one that was asked for.
+        chosen: the model that explains pictures left out best, or the given one.
         trials: all that were tried, the simplest first.
         area: where the board was seen.
         is_lit: (H, W) pixels that the lens shows anything in.

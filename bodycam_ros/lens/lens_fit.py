@@ -101,7 +101,7 @@ class LensFit:
         camera: the lens.
         sights: the pictures that it was fitted to.
         poses: (V, 4, 4) camera_T_board of each.
-        residuals: (N, 2) [px] of all points, picture by picture; what is seen minus what the lens says.
+        residuals: (N, 2) [px] of all points, picture by picture; measured minus projected.
         rows: (N,) picture of each point.
     """
 
@@ -184,7 +184,7 @@ class _Bundle:
         self._fixed = fixed
 
     def residuals(self, lens: Array, poses: Array) -> Array:
-        """(N, 2) what the lens says minus what is seen [px], over the point's spread."""
+        """(N, 2) projected minus measured [px], over the point's spread."""
         projected, valid = with_lens(self._camera, lens).project(self._in_camera(poses))
         errors: Array = np.where(valid[:, None], projected - self._pixels, _LOST_PX) / self.spreads[:, None]
         return errors
@@ -291,7 +291,7 @@ _TRIED = 12  # pictures that focal lengths are tried on
 _LEAST_SIGHTS = 3
 _ANGLES = 60
 _LARGEST = 100.0  # coefficient of a lens to start from
-_STEEPEST_DEG = 80.0  # beyond it a perspective image says nothing
+_STEEPEST_DEG = 80.0  # beyond it a perspective image is useless
 
 
 def first_fit(sights: Sequence[BoardSight], width: int, height: int) -> LensFit:

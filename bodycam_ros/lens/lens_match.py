@@ -24,9 +24,9 @@ SCALES = np.geomspace(0.5, 2.0, 25)
 _LEAST_PAIRS = 4
 _LEAST_POINTS = 30
 _LEAST_SHARE = 0.8  # of a pair's points that a lens must see
-_LEAST_TURN_DEG = 4.0  # between two pictures; a camera that only went on tells nothing of its lens
-_MISMATCH = 1.06  # of the focal length, or its inverse: less is nobody's mode
-_CLEAR_SHARE = 0.75  # of the error with the lens as it is said to be, below which another must bring it
+_LEAST_TURN_DEG = 4.0  # between two pictures; translation alone does not show a lens
+_MISMATCH = 1.06  # of the focal length, or its inverse: no lens mode differs by less
+_CLEAR_SHARE = 0.75  # of the error with the given lens, which another lens must reach
 _CLEAR_PAIRS = 0.75  # of the pairs that must agree
 _ROTATION = RotationSettings(inlier_angle_deg=2.0, hypotheses=64)
 _SPREADS_PX = np.geomspace(10.0, 0.7, 16)
@@ -82,8 +82,8 @@ def lens_match(camera: CameraModel, pairs: Sequence[PointPair]) -> LensMatch:
     """Compare a lens with pairs of pictures.
 
     Args:
-        camera: as the recording says.
-        pairs: points of some pictures, some tenths of a second apart; those between which it hardly turned say nothing.
+        camera: as the recording has it.
+        pairs: points of pictures, some tenths of a second apart; those between which it hardly turned are left out.
     """
     return judge_lens(
         camera,
@@ -92,7 +92,7 @@ def lens_match(camera: CameraModel, pairs: Sequence[PointPair]) -> LensMatch:
 
 
 def shows_lens(camera: CameraModel, pair: PointPair) -> bool:
-    """Whether the camera turned far enough between two pictures for them to tell of its lens."""
+    """Whether the camera turned far enough between two pictures for them to show its lens."""
     return _turn_deg(camera, pair) >= _LEAST_TURN_DEG
 
 
@@ -105,22 +105,22 @@ def judge_lens(camera: CameraModel, errors_pairs: Sequence[Sequence[float]]) -> 
     """The lens that errors of pairs show.
 
     Args:
-        camera: as the recording says.
+        camera: as the recording has it.
         errors_pairs: (pairs, SCALES) of ``epipolar_error``, of pairs that show the lens.
     """
     if len(errors_pairs) < _LEAST_PAIRS:
         return LensMatch(camera.name, 1.0, 0.0, 0.0, len(errors_pairs))
     errors = np.array(errors_pairs)
     whole = np.median(errors, axis=0)
-    said, best = len(SCALES) // 2, int(np.argmin(whole))
-    if not np.isfinite(whole[said]):
+    given, best = len(SCALES) // 2, int(np.argmin(whole))
+    if not np.isfinite(whole[given]):
         return LensMatch(camera.name, 1.0, 0.0, 0.0, 0)
     scale = float(SCALES[best])
-    gains = np.mean(errors[:, best] < errors[:, said])
-    clear = whole[best] < _CLEAR_SHARE * whole[said] and gains >= _CLEAR_PAIRS
+    gains = np.mean(errors[:, best] < errors[:, given])
+    clear = whole[best] < _CLEAR_SHARE * whole[given] and gains >= _CLEAR_PAIRS
     if not clear or 1.0 / _MISMATCH < scale < _MISMATCH:
-        scale, best = 1.0, said
-    return LensMatch(camera.name, scale, float(whole[said]), float(whole[best]), len(errors_pairs))
+        scale, best = 1.0, given
+    return LensMatch(camera.name, scale, float(whole[given]), float(whole[best]), len(errors_pairs))
 
 
 def _mode(scale: float) -> str:

@@ -17,7 +17,7 @@ Grey = NDArray[np.uint8]
 
 _IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm"}
 _MOST_PICTURES = 120  # of a video, the sharpest of as many equal parts of it
-_MOST_BYTES = 700_000_000  # of pictures held at a time
+_MOST_BYTES = 700_000_000  # of pictures in memory at a time
 _SMALL_PX = 640  # width at which frames of a video are compared
 
 
@@ -61,8 +61,8 @@ def lens_pictures(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[L
     for picture in pictures:
         if picture.grey.shape != first.grey.shape:
             raise LensError(
-                f"{picture.name} has {_told(picture)} pixels, but {first.name} has {_told(first)}; a lens is measured "
-                "in one mode of a camera: give pictures of one size"
+                f"{picture.name} has {_describe(picture)} pixels, but {first.name} has {_describe(first)}; a lens is "
+                "measured in one mode of a camera: give pictures of one size"
             )
     return pictures
 
@@ -123,6 +123,6 @@ def _image(path: Path) -> Grey:
     return np.asarray(grey, np.uint8)
 
 
-def _told(picture: LensPicture) -> str:
+def _describe(picture: LensPicture) -> str:
     height, width = picture.grey.shape
     return f"{width} x {height}"

@@ -90,7 +90,7 @@ class LensWatch:
     """Compares the lens of a camera with its images where the camera is hardly ever registered.
 
     Args:
-        camera: as its camera_info says.
+        camera: of its camera_info.
 
     Attributes:
         match: the result, once enough images have been compared; None until then.

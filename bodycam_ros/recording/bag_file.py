@@ -45,7 +45,7 @@ def check_files(path: Path) -> None:
 
 
 def fault_of(path: Path) -> str | None:
-    """Say in the user's words why a bag cannot be read, and what to do; None if it looks well from here."""
+    """Why a bag cannot be read, and what to do; None if nothing is wrong with its files."""
     if not path.exists():
         return "does not exist"
     if path.is_file():
@@ -56,7 +56,7 @@ def fault_of(path: Path) -> str | None:
     if not (path / METADATA).exists():
         if files:
             return f"has no metadata.yaml; give the file itself ({files[0].name}), or run 'ros2 bag reindex'"
-        return "is not a ros2 bag folder: it holds neither metadata.yaml nor an .mcap file"
+        return "is not a ros2 bag folder: it has neither metadata.yaml nor an .mcap file"
     for file in files:
         fault = _mcap_fault(file) if file.suffix == ".mcap" else None
         if fault:
@@ -96,11 +96,11 @@ def _profile(start: bytes) -> str | None:
 
 
 _SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)
-"""Of a stamp, behind the four bytes in which CDR says its byte order."""
+"""Of a stamp, behind the four bytes of CDR's byte order."""
 
 _OF_BODY = ("/robot_description", "/joint_states", "/odometry")
 _OUR_MESSAGES = "bodycam_msgs/"
-"""Who says all of that, and something in messages of ours, has a body that was solved; a robot may say the former."""
+"""A solved body has all of these topics, and some with messages of ours; a robot may have the former."""
 
 logger = logging.getLogger(__name__)
 
@@ -108,7 +108,7 @@ logger = logging.getLogger(__name__)
 class BagFile:
     """Topics and messages of a ros2 bag folder or an .mcap file. A context manager.
 
-    Standard messages are decoded as Jazzy has them; topics of types that we do not know can be listed, not read. A bag
+    Standard messages are decoded as Jazzy has them; topics of unknown types can be listed, not read. A bag
     that has one solved body, and that in a namespace, is read as if there were none; what is outside keeps its name.
 
     Raises:
@@ -149,7 +149,7 @@ class BagFile:
         return max(0, self._reader.end_time - 1 - self._reader.start_time) * 1e-9 if self._reader.message_count else 0.0
 
     def message_count(self, topic: str) -> int:
-        """Messages on a topic, as the bag's metadata and the statistics in its files have it; some may be lost."""
+        """Messages on a topic, as the bag's metadata and the statistics in its files have it; some may be missing."""
         storage: Any = self._reader.storage
         files = getattr(storage, "storages", ())
         in_files = [c for file in files for c in file.connections if self._name(c.topic) == topic]
@@ -162,7 +162,7 @@ class BagFile:
 
         Of those between two times of recording, the second not included, if they are given. Parts of the file without
         these topics are not decompressed. A message that cannot be decoded is left out, so fewer may come than
-        ``message_count`` says.
+        ``message_count``.
         """
         connections = self._connections(topics)
         if not connections:
@@ -210,19 +210,19 @@ class BagFile:
 def _namespace(connections: Sequence[Connection]) -> str:
     """That of the one body that was solved, such as "/anna"; empty where it has none, and of several bodies."""
     topics = {c.topic for c in connections}
-    said = ({each.removesuffix(end) for each in topics if each.endswith(end)} for end in _OF_BODY)
+    prefixes = ({each.removesuffix(end) for each in topics if each.endswith(end)} for end in _OF_BODY)
     ours = [c.topic for c in connections if c.msgtype.startswith(_OUR_MESSAGES)]
-    bodies = {each for each in set.intersection(*said) if any(topic.startswith(f"{each}/") for topic in ours)}
+    bodies = {each for each in set.intersection(*prefixes) if any(topic.startswith(f"{each}/") for topic in ours)}
     return bodies.pop() if len(bodies) == 1 else ""
 
 
 @contextmanager
 def _fault_named(path: Path, otherwise: str = "cannot be read as a ROS 2 bag") -> Iterator[None]:
-    """Turn whatever a damaged or foreign file makes of the reader into one error that says what is wrong.
+    """Turn whatever a damaged or foreign file makes of the reader into one error that names what is wrong.
 
     Args:
         path: of the bag.
-        otherwise: what to say if the bag looks well from outside.
+        otherwise: message if nothing is wrong with the bag's files.
     """
     try:
         yield

@@ -44,7 +44,7 @@ _TIMING_TOPIC, _TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
 
 @contextmanager
 def open_recording(path: Path) -> Iterator["Recording"]:
-    """Open a ros2 bag folder or an .mcap file that holds cameras.
+    """Open a ros2 bag folder or an .mcap file with cameras.
 
     Opening takes some 50 ms and loads no image: worker processes open the recording themselves, each for its camera.
 
@@ -65,7 +65,7 @@ class Recording:
         path: where the recording is.
         cameras: names in alphabetical order.
         dropped: camera -> images that the last iteration left out because their stamp did not increase.
-        lost: camera -> images that the bag says it holds, but the last iteration did not find: the file is damaged.
+        lost: camera -> images by the bag's count that the last iteration did not find: the file is damaged.
     """
 
     def __init__(self, bag: BagFile) -> None:
@@ -93,7 +93,7 @@ class Recording:
         return self._bag.duration_s
 
     def image_count(self, camera: str) -> int:
-        """Images of a camera that the bag says it holds, those with bad stamps and lost ones included."""
+        """Images of a camera by the bag's count, those with bad stamps and missing ones included."""
         return self._bag.message_count(self._topic_of(camera))
 
     def camera_model(self, camera: str) -> CameraModel:
@@ -111,10 +111,10 @@ class Recording:
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
 
     def timing(self, camera: str) -> SaidTiming | None:
-        """What the recording says of the camera's clock and rows, on ``/<camera>/timing``; None if nothing.
+        """Clock and read-out time of the camera, on ``/<camera>/timing``; None if nothing.
 
         Raises:
-            RecordingError: it says what cannot be.
+            RecordingError: a value is impossible.
         """
         self._topic_of(camera)
         topic = f"/{camera}{_TIMING_TOPIC}"
@@ -124,11 +124,11 @@ class Recording:
             try:
                 return camera_timing(message)
             except ValueError as error:
-                raise RecordingError(f"camera {camera}: {topic} in {self.path} says {error}") from error
+                raise RecordingError(f"camera {camera}: {topic} in {self.path} has {error}") from error
         return None
 
     def readout(self, camera: str) -> Readout | None:
-        """How long the camera's rows are read out, if the recording says so; raises as ``timing`` does."""
+        """The camera's read-out time, if the recording has it; raises as ``timing`` does."""
         timing = self.timing(camera)
         return None if timing is None else timing.readout
 
@@ -145,7 +145,7 @@ class Recording:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
-        the first of them warned about, and so is one of before 1970. Once all are read, ``lost`` says what is missing.
+        the first of them warned about, and so is one of before 1970. ``lost`` counts missing ones once all are read.
         Of a video every frame is decoded, wanted or not: the next one is made of it.
         """
         wanted = self._begun(cameras)

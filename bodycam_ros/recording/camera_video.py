@@ -19,7 +19,7 @@ _CLOCK_S = 2.0
 """Times of creation are whole seconds, taken now before the first frame, now after it."""
 
 _GOPRO_CHAPTER = re.compile(r"G[HXLP](\d\d)\d{4}$", re.IGNORECASE)
-_COMPARED = 65_536  # [bytes] of both ends, to know a copy
+_COMPARED = 65_536  # [bytes] of both ends, by which a copy is found
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class CameraVideo:
             first = chapters[0]
             if _form(facts) != _form(first.facts):
                 raise RecordingError(
-                    f"camera {camera}: {path} ({_told(facts)}) does not go on from {first.path} "
-                    f"({_told(first.facts)}); give the files of one recording"
+                    f"camera {camera}: {path} ({_describe(facts)}) does not go on from {first.path} "
+                    f"({_describe(first.facts)}); give the files of one recording"
                 )
         return cls(camera, tuple(chapters))
 
@@ -113,12 +113,12 @@ class CameraVideo:
 
     @property
     def duration_s(self) -> float:
-        """From media time 0 to the end of the last frame, as the files say [s]."""
+        """From media time 0 to the end of the last frame, by the files' indices [s]."""
         return self.facts.duration_s
 
     @property
     def created(self) -> datetime | None:
-        """When the recording began by the camera's own clock, if the file says so."""
+        """When the recording began by the camera's own clock, if the file has it."""
         return self.chapters[0].facts.created
 
     def packets(self) -> Iterator[TimedPacket]:
@@ -140,7 +140,7 @@ class CameraVideo:
                 yield block.later(chapter.start_s)
 
     def stabilisation(self) -> str:
-        """Why the frames are stabilised electronically by what a GoPro's file says; empty if nothing says so."""
+        """What in a GoPro's file shows that frames are stabilised electronically; empty if nothing does."""
         return next((reason for path in self.files if (reason := stabilisation(path))), "")
 
     def inertial_samples(self) -> InertialSamples | None:
@@ -162,7 +162,7 @@ class CameraVideo:
         return InertialSamples(media_s[later], gyroscope[later], accelerometer[later])
 
     def satellite_times(self) -> list[tuple[float, float]]:
-        """Media time [s] and UTC [s since 1970] by the satellites that a GoPro heard; see ``telemetry``."""
+        """Media time [s] and UTC [s since 1970] by the satellites that a GoPro received; see ``telemetry``."""
         return [
             (media_s + chapter.start_s, utc_s)
             for chapter in self.chapters
@@ -203,6 +203,6 @@ def _form(facts: FileFacts) -> tuple[object, ...]:
     return facts.codec, facts.width, facts.height, facts.rotation_deg
 
 
-def _told(facts: FileFacts) -> str:
+def _describe(facts: FileFacts) -> str:
     turned = f", turned by {facts.rotation_deg} deg" if facts.rotation_deg else ""
     return f"{facts.width} x {facts.height}, {facts.codec}{turned}"

@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 from bodycam_ros.messages.factory import Message, MessageFactory
 
 _IDENTITY_W = ("geometry_msgs/msg/Quaternion", "w", 1.0)
-"""The one default value in the standard messages that is not zero; rosbags' definitions have lost it."""
+"""The one default value in the standard messages that is not zero; rosbags' definitions lack it."""
 
 COMPRESSED_VIDEO = "foxglove_msgs/msg/CompressedVideo"
 _COMPRESSED_VIDEO_FIELDS = """\
@@ -49,7 +49,7 @@ def recorded_messages() -> MessageFactory:
 @cache
 def _message_class(type_name: str) -> Callable[..., Message]:
     cls = recording_typestore().types[type_name]
-    # Shared among messages, which nobody changes once they are made.
+    # Shared among messages, which do not change once they are made.
     zero = {name: _zero(field) for name, field in recording_typestore().fielddefs[type_name][1]}
     if type_name == _IDENTITY_W[0]:
         zero[_IDENTITY_W[1]] = _IDENTITY_W[2]
@@ -61,7 +61,7 @@ def _message_class(type_name: str) -> Callable[..., Message]:
 
 
 def _zero(field: Any) -> Any:
-    """Zero of a field as rosbags describes it: (kind of node, what it holds)."""
+    """Zero of a field as rosbags describes it: (kind of node, its content)."""
     kind, content = field
     if kind == Nodetype.BASE:
         return _ZERO_OF_BASE.get(content[0], 0)

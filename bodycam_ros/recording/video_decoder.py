@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class VideoDecoder:
-    """Takes a camera's packets one after the other, those that nobody looks at included.
+    """Takes a camera's packets one after the other, those included that are not used.
 
     A frame that cannot be decoded is passed on as an error, and so are those after it up to the next keyframe: they
     are made of what is missing.
@@ -63,7 +63,7 @@ class VideoDecoder:
         """Be ready for a keyframe: after damage, or where the codec changes, with a decoder that remembers nothing."""
         if self._codec is not None and self._codec.name == codec and not self._damage:
             return []
-        # Loaded by the first frame of a video: most recordings hold photographs.
+        # Loaded by the first frame of a video: most recordings have still images.
         from av import CodecContext
         from av.video.codeccontext import VideoCodecContext
 

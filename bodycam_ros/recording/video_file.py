@@ -25,26 +25,26 @@ SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
 
 _BITSTREAM_FILTERS = {"h264": "h264_mp4toannexb", "hevc": "hevc_mp4toannexb"}
 _FORMATS = "mov,matroska,avi,mpegts,mpeg,h264,hevc"
-"""What is looked for in a file, whatever its name: FFmpeg also knows lists of other files, and of addresses."""
+"""Formats that are tried, whatever a file's name: FFmpeg also reads lists of other files, and of addresses."""
 
 _LOOKED_AT = 150
-"""Packets whose order tells whether the stream has B-frames: encoders that make them make them all along."""
+"""Packets whose order shows whether the stream has B-frames: encoders that make them make them all along."""
 
 
 @dataclass(frozen=True)
 class FileFacts:
-    """What a file says of itself, and what its first frames show.
+    """What a file's header has, and what its first frames show.
 
     Attributes:
         codec: of the video, as FFmpeg names it.
         width, height: of a frame as it is to be shown, after the rotation [px].
         rotation_deg: counter-clockwise by which a frame has to be turned to be upright: 0, 90, 180 or 270.
         has_b_frames: whether frames are stored in another order than they are shown.
-        duration_s: from media time 0 to the end of the last frame, as the file's index says [s].
-        frames: that the index lists; 0 if it does not say.
+        duration_s: from media time 0 to the end of the last frame, by the file's index [s].
+        frames: that the index lists; 0 if it does not.
         rate_hz: frames per second on average.
         has_sound: whether there is sound.
-        created: when the recording began by the camera's clock; None if the file does not say.
+        created: when the recording began by the camera's clock; None if the file does not have it.
     """
 
     codec: str
@@ -81,7 +81,7 @@ def read_facts(path: Path) -> FileFacts:
     """Look at a file: its header and its first frames.
 
     Raises:
-        RecordingError: it is no video, or none that can be read; the message names it and says what to do.
+        RecordingError: it is no video, or none that can be read; the message names it and what to do.
     """
     with opened(path) as container:
         stream = _video_stream(container, path)
@@ -115,7 +115,7 @@ def read_facts(path: Path) -> FileFacts:
 
 @contextmanager
 def opened(path: Path) -> Iterator[InputContainer]:
-    """A file as PyAV's container; what goes wrong with it in the block is said in the user's words.
+    """A file as PyAV's container; errors of FFmpeg in the block become errors for the user.
 
     Raises:
         RecordingError: it is no video, is cut off, or damaged.
@@ -247,7 +247,7 @@ def _video_stream(container: InputContainer, path: Path) -> "av.VideoStream":
 
 
 def _duration_s(container: InputContainer, stream: "av.VideoStream") -> float:
-    """From media time 0 to the end of the video; some files say it of all their streams together only."""
+    """From media time 0 to the end of the video; some files have it for all their streams together only."""
     if stream.duration is None:
         return (container.duration or 0) / av.time_base
     return float((stream.duration + max(0, stream.start_time or 0)) * (stream.time_base or 0))
