@@ -1,6 +1,7 @@
 """bodycam map: photographs of a place in, or a video of a walk through it, a reference map out."""
 
 import argparse
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,13 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.map_source import add_source_flags, check_source, known_distances, opened_photographs
+from bodycam_ros.cli.map_source import (
+    add_source_flags,
+    check_source,
+    inertial_alignment,
+    known_distances,
+    opened_photographs,
+)
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.output_place import check_output
@@ -54,8 +61,16 @@ def run(arguments: argparse.Namespace) -> int:
     check_source(arguments)
     with shown_progress() as progress, opened_photographs(arguments, settings, progress) as photographs:
         board_path = None if arguments.no_board else arguments.board or photographs.board_path
-        distances = known_distances(arguments)
-        built = build_map(photographs, board_path, arguments.colmap, settings, arguments.jobs, progress, distances)
+        built = build_map(
+            photographs,
+            board_path,
+            arguments.colmap,
+            settings,
+            arguments.jobs,
+            progress,
+            known_distances(arguments),
+            inertial_alignment(arguments, photographs),
+        )
         coverage = measure_coverage(built.reference_map, progress)
     built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
     title = f"Coverage of {printable(output.name)}"
@@ -106,7 +121,12 @@ def _tables(built: "BuiltMap") -> Iterator[Table]:
 def _scale_line(built: "BuiltMap") -> str:
     known = built.known_scale
     if not built.reference_map.metric:
-        return "NOT metric: without a board or a known distance the scale is arbitrary"
+        return "NOT metric: without a board, a known distance or inertial sensors the scale is arbitrary"
+    if known is None and built.inertial is not None:
+        return (
+            f"metric, by the inertial sensors of {built.inertial.cameras} cameras: scale "
+            f"+- {100 * built.inertial.scale_sigma:.1f} %"
+        )
     if known is None:
         return "metric, by the board"
     if built.residual is None:
@@ -116,6 +136,8 @@ def _scale_line(built: "BuiltMap") -> str:
 
 
 def _vertical_line(built: "BuiltMap") -> str:
+    if built.inertial is not None:
+        return f"z is up, by accelerometers, +- {math.degrees(built.inertial.tilt_sigma):.2f} deg"
     if built.floor is not None:
         return f"z is up, if the floor is level: {built.floor.landmarks} landmarks lie on it"
     return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: there is no board"

@@ -2,21 +2,25 @@
 
 import argparse
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bodycam_ros.cli.options import add_imu
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.output_place import check_output
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
+    from bodycam_ros.inertial.map_alignment import InertialAlignment
     from bodycam_ros.mapping.known_distance import KnownDistance
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
+    from bodycam_ros.registration.reference_map import ReferenceMap
 
 _BAG_SUFFIXES = {".mcap", ".db3"}
 _BAG_FILE = "metadata.yaml"
@@ -63,6 +67,7 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         help="with --from-bag: measured distance between the lenses of two cameras on one segment; it scales the map "
         "where no board is in view. The farther apart the better; may be given several times",
     )
+    add_imu(body)
 
 
 def check_source(arguments: argparse.Namespace) -> None:
@@ -84,7 +89,7 @@ def check_source(arguments: argparse.Namespace) -> None:
                 raise MapError(f"{name} does not go with --from-bag, which takes all body cameras as the bag has them")
         known_distances(arguments)
         return
-    for flag in ("rig", "known_distance"):
+    for flag in ("rig", "known_distance", "imu"):
         if getattr(arguments, flag):
             raise MapError(f"--{flag.replace('_', '-')} is for the body cameras of a recording; give --from-bag")
     if source is None:
@@ -136,6 +141,24 @@ def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]
             )
         distances.append(KnownDistance(first, second, metres))
     return tuple(distances)
+
+
+def inertial_alignment(
+    arguments: argparse.Namespace, photographs: "Photographs"
+) -> "Callable[[ReferenceMap], InertialAlignment] | None":
+    """What finds scale and vertical of a map of body cameras by their inertial sensors; None without any.
+
+    Raises:
+        RecordingError: a bag of --imu has none of these cameras' sensors.
+    """
+    from bodycam_ros.offline.align_map import align_map
+    from bodycam_ros.recording.imu_reader import read_imus
+
+    if arguments.from_bag is None:
+        return None
+    cameras = sorted({origin.camera for origin in photographs.origins.values()})
+    imus = read_imus((arguments.from_bag, *arguments.imu), cameras)
+    return partial(align_map, recording_path=arguments.from_bag, imus=imus, jobs=arguments.jobs) if imus else None
 
 
 @contextmanager

@@ -41,7 +41,7 @@ def add_map(parser: argparse._ActionsContainer, required: bool = True) -> None:
     parser.add_argument("--map", type=Path, required=required, help="reference map, a folder made by 'bodycam map'")
 
 
-def add_imu(parser: argparse.ArgumentParser) -> None:
+def add_imu(parser: argparse._ActionsContainer) -> None:
     """Add --imu."""
     parser.add_argument(
         "--imu",

@@ -12,12 +12,13 @@ import numpy as np
 from bodycam_ros import __version__
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
+from bodycam_ros.inertial.map_alignment import InertialAlignment
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.alignment import BoardAlignment, BoardResidual, align_to_board
 from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board, read_board
 from bodycam_ros.mapping.features import ImageFeatures, extract_all
-from bodycam_ros.mapping.floor import Floor, find_floor
+from bodycam_ros.mapping.floor import Floor, find_floor, upright_axes
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
@@ -25,10 +26,12 @@ from bodycam_ros.mapping.progress import Progress, TimedProgress
 from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure, choose_descriptors
+from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 
 _LOG = logging.getLogger(__name__)
 
+_BODY_EXTENT_M = 1.4  # between the farthest body cameras, roughly
 _MODEL_FOLDER = "sparse"
 _PLY_FILE = "structure.ply"
 
@@ -62,7 +65,8 @@ class BuiltMap:
         registrations: one per readable photograph.
         residual: of the board; None without one.
         known_scale: by known distances, or of known distances in a map that the board has scaled; None without any.
-        floor: that gives the vertical, where no board does.
+        floor: that gives origin and vertical, where no board does.
+        inertial: scale and vertical by inertial sensors; None without any.
         seconds: step -> time that it took.
     """
 
@@ -72,6 +76,7 @@ class BuiltMap:
     residual: BoardResidual | None
     known_scale: KnownScale | None
     floor: Floor | None
+    inertial: InertialAlignment | None
     seconds: dict[str, float]
 
     def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
@@ -102,6 +107,7 @@ def build_map(
     workers: int,
     progress: Progress,
     known_distances: Sequence[KnownDistance] = (),
+    align: Callable[[ReferenceMap], InertialAlignment] | None = None,
 ) -> BuiltMap:
     """Build a reference map (A section 4.1), metric and upright if a board is described.
 
@@ -113,6 +119,7 @@ def build_map(
         workers: threads.
         progress: shows the steps.
         known_distances: between body cameras, of which the photographs are; they scale a map where no board does.
+        align: finds scale and vertical of a map by the inertial sensors of body cameras, where no board gives them.
 
     Raises:
         MapError: the photographs do not make a map, or do not show the board.
@@ -130,9 +137,9 @@ def build_map(
             f"{', '.join(map(str, board.corners_board))}) large enough; photograph it from near by, or leave the board "
             "out (--no-board) for a map without scale"
         )
-        if not known_distances:
+        if not known_distances and align is None:
             raise MapError(problem)
-        _LOG.warning("%s. The known distance alone scales the map", problem)
+        _LOG.warning("%s. The known distance or inertial sensors scale the map", problem)
         board = None
     # Poses and points, kept by the criteria of A 4.1.
     if model_folder is None:
@@ -141,7 +148,7 @@ def build_map(
         structure = adopt_model(model_folder, features, camera_of_name)
 
     # Scale, origin and upward direction.
-    alignment, known_scale, floor = None, None, None
+    alignment, known_scale, floor, inertial = None, None, None, None
     if board is not None:
         tag_views, taken_by = zip(*((tags[name], camera_of_name[name]) for name in structure.names), strict=True)
         alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board)
@@ -155,15 +162,46 @@ def build_map(
     if known_distances:
         known_scale = measure_scale(structure, photographs, known_distances)
     if alignment is None and len({origin.camera for origin in photographs.origins.values()}) > 1:
-        structure, floor = _align_to_floor(structure, photographs, known_scale)
+        structure, floor = _align_to_floor(structure, photographs, known_scale, align is not None)
+        if align is not None:
+            with timed.step("registering images for inertial sensors", 1) as advance:
+                inertial = align(_make_map(structure, features, None, metric=True, gravity_aligned=False, summary={}))
+                advance()
+            scale = 1.0 if known_scale is not None else inertial.scale
+            # The origin stays on the floor.
+            structure = structure.transformed(scale, upright_axes(inertial.up), np.zeros(3))
 
-    with timed.step("describing landmarks", 1) as advance:
-        by_name = {image.name: image for image in features}
-        chosen = choose_descriptors(structure, [by_name[name] for name in structure.names])
-        advance()
     kept = small_photographs(photographs.folder, structure, workers, timed) if settings.kept.keep else None
-    registrations = _registrations([image.name for image in features], structure, tags)
-    reference_map = ReferenceMap(
+    with timed.step("describing landmarks", 1) as advance:
+        registrations = _registrations([image.name for image in features], structure, tags)
+        reference_map = _make_map(
+            structure,
+            features,
+            kept,
+            metric=alignment is not None or known_scale is not None or inertial is not None,
+            gravity_aligned=inertial is not None
+            or floor is not None
+            or (board is not None and board.map_R_board is not None),
+            summary=_summary(photographs, structure, settings, alignment, known_scale, floor, inertial, registrations),
+        )
+        advance()
+    residual = None if alignment is None else alignment.residual
+    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, inertial, timed.seconds)
+
+
+def _make_map(
+    structure: Structure,
+    features: Sequence[ImageFeatures],
+    photographs: MapPhotographs | None,
+    *,
+    metric: bool,
+    gravity_aligned: bool,
+    summary: Mapping[str, Any],
+) -> ReferenceMap:
+    """The map of a structure, in its frame."""
+    by_name = {image.name: image for image in features}
+    chosen = choose_descriptors(structure, [by_name[name] for name in structure.names])
+    return ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
         points_world=structure.points_world,
         colours=structure.colours,
@@ -173,34 +211,41 @@ def build_map(
         descriptor_size=chosen.size,
         world_T_camera=structure.world_T_camera,
         image_names=tuple(structure.names),
-        metric=alignment is not None or known_scale is not None,
-        gravity_aligned=floor is not None or (board is not None and board.map_R_board is not None),
-        photographs=kept,
-        summary=_summary(photographs, structure, settings, alignment, known_scale, floor, registrations),
+        metric=metric,
+        gravity_aligned=gravity_aligned,
+        photographs=photographs,
+        summary=summary,
     )
-    residual = None if alignment is None else alignment.residual
-    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, timed.seconds)
 
 
 def _align_to_floor(
-    structure: Structure, photographs: Photographs, known_scale: KnownScale | None
+    structure: Structure, photographs: Photographs, known_scale: KnownScale | None, is_rough: bool
 ) -> tuple[Structure, Floor | None]:
-    """Put a structure on the floor beneath the person, in metres if a distance is known; warn of its uncertainty."""
+    """Put a structure on the floor beneath the person, in metres if a distance is known; warn of its uncertainty.
+
+    Where inertial sensors follow it is rough: the extent of the body gives the scale, and nothing is warned about.
+    """
     scale = 1.0
-    if known_scale is None:
-        _LOG.warning("no board is visible and no distance is known, so the map has no scale; see --known-distance")
-    else:
+    if known_scale is not None:
         scale = known_scale.scale
-        _LOG.warning(
-            "the map's scale comes from known distances alone: all lengths may be wrong by %.1f %% (1 sigma). A board "
-            "on the floor, or a longer distance, makes that less",
-            100.0 * known_scale.sigma,
-        )
+    elif is_rough:
+        centres = structure.world_T_camera[:, :3, 3]
+        scale = _BODY_EXTENT_M / float(np.ptp(centres @ np.linalg.svd(centres - centres.mean(axis=0))[2][0]))
     floor = find_floor(structure, photographs)
+    if not is_rough:
+        _LOG.warning(
+            "no board is visible and no distance is known, so the map has no scale; see --known-distance and --imu"
+            if known_scale is None
+            else "the map's scale comes from known distances alone: all lengths may be wrong by "
+            f"{100.0 * known_scale.sigma:.1f} % (1 sigma). A board on the floor, or a longer distance, makes that less"
+        )
+        _LOG.warning(
+            "no floor is found beneath the body cameras, so the map's z is not up; put a board there"
+            if floor is None
+            else "the map's z is up if the floor is level on which the person stood"
+        )
     if floor is None:
-        _LOG.warning("no floor is found beneath the body cameras, so the map's z is not up; put a board there")
         return structure.transformed(scale, np.eye(3), np.zeros(3)), None
-    _LOG.warning("the map's z is up if the floor is level on which the person stood")
     turned = scale * floor.map_R_world
     return structure.transformed(scale, floor.map_R_world, -turned @ floor.origin), floor
 
@@ -254,6 +299,7 @@ def _summary(
     alignment: BoardAlignment | None,
     known_scale: KnownScale | None,
     floor: Floor | None,
+    inertial: InertialAlignment | None,
     registrations: Sequence[Registration],
 ) -> dict[str, Any]:
     """What ``map.yaml`` documents, as plain values."""
@@ -273,6 +319,12 @@ def _summary(
         "known_distance": known_scale
         and {"relative_sigma": round(known_scale.sigma, 5), "distances": list(known_scale.summary)},
         "floor": floor and {"landmarks": floor.landmarks, "tilt_sigma_deg": floor.tilt_sigma_deg},
+        "inertial": inertial
+        and {
+            "relative_scale_sigma": round(inertial.scale_sigma, 5),
+            "tilt_sigma_deg": round(float(np.degrees(inertial.tilt_sigma)), 4),
+            "cameras": inertial.cameras,
+        },
         "settings": settings.as_mapping(),
         "registrations": [
             {"name": r.name, "registered": r.registered, "landmarks": r.landmarks}
