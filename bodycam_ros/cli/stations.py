@@ -1,4 +1,8 @@
-"""bodycam stations: poses of a recording's static cameras in a map, by the landmarks that they see."""
+"""bodycam stations: poses of a recording's static cameras in a map, by the landmarks that they see.
+
+A calibration file in place of the recording is converted: anipose, FreeMoCap, Pose2Sim or Caliscope TOML, Qualisys
+.qca.txt, OpenCV YAML, or a file of this command.
+"""
 
 import argparse
 from collections.abc import Iterable
@@ -22,9 +26,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser("stations", description=__doc__)
     add_recording(parser)
-    add_map(parser)
+    add_map(parser, required=False)
     add_output(parser, "YAML", "file of cameras to write")
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="static cameras (default: all that do not move)")
+    parser.add_argument(
+        "--to",
+        choices=("yaml", "toml"),
+        default="yaml",
+        help="yaml: for bodycam replay (default); toml: for anipose, Pose2Sim, FreeMoCap and Caliscope, in metres",
+    )
     add_config(parser, _settings)
     parser.set_defaults(run=run)
 
@@ -34,11 +44,19 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.offline.outside_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-    from bodycam_ros.static_cameras.stations_file import MARK, write_stations
+    from bodycam_ros.static_cameras.stations_file import MARK, TOML_MARK, is_calibration, read_stations, write_stations
 
     settings = settings_from_flags(arguments, _settings(), arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
-    check_file(arguments.output, arguments.force, MARK.encode(), "file of static cameras that this command wrote")
+    mark = MARK if arguments.to == "yaml" else TOML_MARK
+    check_file(arguments.output, arguments.force, mark.encode(), "file of static cameras that this command wrote")
+    if is_calibration(arguments.recording):
+        converted = read_stations(arguments.recording)
+        write_stations(arguments.output, converted.values(), arguments.to)
+        Terminal().print(f"{len(converted)} cameras written to {printable(str(arguments.output))}", soft_wrap=True)
+        return 0
+    if arguments.map is None:
+        raise StationError("say with --map in which map the cameras stand")
     reference_map = ReferenceMap.load(arguments.map)
     check_metric(reference_map, arguments.map)
     found: list[RegisteredStation] = []
@@ -61,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         terminal.print(f"NOT placed: {camera.reason}", soft_wrap=True)
     if not found:
         raise StationError(f"{arguments.recording}: no camera could be placed in {arguments.map}; nothing is written")
-    write_stations(arguments.output, [camera.station for camera in found])
+    write_stations(arguments.output, [camera.station for camera in found], arguments.to)
     terminal.print(
         f"{len(found)} of {len(cameras)} cameras written to {printable(str(arguments.output))}", soft_wrap=True
     )

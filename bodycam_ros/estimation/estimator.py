@@ -210,7 +210,7 @@ class BodyEstimator:
         accepted, step, start = self._gate(registered, step)
         on_body = self.body.named(pose.segment for pose in accepted.values())
         step, poses, start = self._add_static_cameras(frame, step, start, [*accepted.values(), *placed], on_body)
-        observed = on_body | self._looking_on.rows
+        observed = (on_body | self._looking_on.rows) & ~(self._looking_on.unsupported & ~on_body)
         turning = observed | self.body.named(self.body.segments[turn.row] for turn in step.between)
         ends = self.body.joint_ends
         joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.link is None)
@@ -238,7 +238,9 @@ class BodyEstimator:
             told=by_static,
             observed=observed,
             cameras_used=len(accepted) + self._looking_on.speaking,
-            uncertainty=body_uncertainty(estimate, self._tangent, step.dt_s, bool(observed[self._root])),
+            uncertainty=self._looking_on.widen(
+                body_uncertainty(estimate, self._tangent, step.dt_s, bool(observed[self._root])), on_body
+            ),
             active=self._coupling.active if self._coupling else None,
         )
         now = BodyNow(state.stamp_ns, estimate.at.poses(self._tangent), state.uncertainty.segments, observed)

@@ -1,14 +1,14 @@
 """Static cameras beside worn ones: what each instant takes from them, and what it leaves to the worn."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body_state import BodyFrame, SegmentPose
+from bodycam_ros.body_state import BodyFrame, BodyUncertainty, SegmentPose
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 
 
@@ -22,6 +22,10 @@ class SeenBody:
         world_T_segment: (S, 4, 4) the body as a whole, joints closed.
         confidence: camera -> (S,) how sure it is of each segment, 0 to 1.
         jumped: rows of segments that were looked for, and may be somewhere else than before.
+        unsupported: rows of segments that the images do not show where the body has them.
+        misplaced: cameras whose images do not show the body where the others have it.
+        surface_variances: (S, 6) of errors in the segments' axes that last for a recording, rotation [rad^2] then
+            translation [m^2]; empty for none.
     """
 
     evidence: Mapping[str, list[SegmentPose]]
@@ -29,6 +33,9 @@ class SeenBody:
     world_T_segment: Array
     confidence: Mapping[str, Array]
     jumped: frozenset[int] = frozenset()
+    unsupported: frozenset[int] = frozenset()
+    misplaced: frozenset[str] = frozenset()
+    surface_variances: Array = field(default_factory=lambda: np.zeros(0))
 
 
 class Onlookers(Protocol):
@@ -56,6 +63,9 @@ _KNOWN_S = 0.1
 
 _GONE_ON = np.diag(np.repeat([0.03, 0.01], 3) ** 2)
 """[rad], [m] how far a segment may be from where it should be by then."""
+
+_UNSUPPORTED = np.repeat([1.0, 0.3], 3)
+"""[rad], [m] sigmas of a segment that the images do not show where the body has it."""
 
 Mask = NDArray[np.bool_]
 
@@ -143,6 +153,31 @@ class LookingOn:
                     for each, step in zip(shown, steps, strict=True)
                 ]
         return replace(seen, evidence=evidence)
+
+    @property
+    def unsupported(self) -> Mask:
+        """(S,) segments that the images do not show where the body has them."""
+        rows = np.zeros(len(self.rows), bool)
+        rows[list(self.seen.unsupported)] = True
+        return rows
+
+    def widen(self, uncertainty: BodyUncertainty, on_body: Mask) -> BodyUncertainty:
+        """Covariances with the errors of static cameras that last for a recording: their surfaces are wrong.
+
+        Args:
+            uncertainty: by the solver, which takes the errors of different frames as independent.
+            on_body: (S,) segments that cameras on the body measure.
+        """
+        added = np.zeros((len(self.rows), 6))
+        if len(self.seen.surface_variances):
+            added[self.rows & ~on_body] = self.seen.surface_variances[self.rows & ~on_body]
+        added[self.unsupported & ~on_body] = _UNSUPPORTED**2
+        joints, segments = uncertainty.joints.copy(), uncertainty.segments.copy()
+        segments += added[:, :, None] * np.eye(6)
+        children = self._body.joint_ends[:, 1]
+        joints += added[children, :3, None] * np.eye(3)
+        root = segments[self._body.segment_index[self._body.root]]
+        return replace(uncertainty, root=root, joints=joints, segments=segments)
 
     @property
     def evidence(self) -> list[SegmentPose]:

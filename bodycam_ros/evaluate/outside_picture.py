@@ -1,7 +1,7 @@
 """What static cameras saw at one instant, with the solved body's surface, contour and forces painted over it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -37,9 +37,6 @@ from bodycam_ros.static_cameras.station import Image, Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
-_SETTINGS = replace(RegionSettings(), line_spacing=4.0)
-"""More lines than the tracker needs: a contour is to be seen."""
-
 
 @dataclass(frozen=True)
 class OutsideFiles:
@@ -72,7 +69,7 @@ class OutsideScene:
         self.colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
         self._solved, self._surface = solved, surface
         self._poses = np.stack([solved.world_T_link[segment] for segment in body.segments])
-        self._tracker = RegionTracker(body, surface, stations, _SETTINGS)
+        self._tracker = RegionTracker(body, surface, stations, RegionSettings())
         self._learned = dict.fromkeys(stations, 0)
 
     @classmethod
@@ -124,7 +121,7 @@ class OutsideScene:
     def learn(self, station: str, pixels: Image, poses: Array) -> None:
         """Learn a station's colours in an image (H, W, 3) of the body at poses (S, 4, 4); at first all count alike."""
         self._learned[station] += 1
-        rate = max(1.0 / self._learned[station], _SETTINGS.learning_rate)
+        rate = max(1.0 / self._learned[station], RegionSettings().learning_rate)
         self._tracker.views[station].learn(
             pixels, self._tracker.views[station].contour(poses), rate, np.ones(len(poses), bool)
         )

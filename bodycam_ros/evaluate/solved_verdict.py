@@ -10,8 +10,8 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.joint import Joint, JointType
 from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
-from bodycam_ros.quality.other_findings import equipment_findings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.solved_recording import SolvedRecording

@@ -14,7 +14,7 @@ def bone_tip(body: BodyModel, segment: str) -> Array:
     """(3,) where the bone of a segment without children ends, in the segment's frame [m]."""
     kind, stature = SegmentName(segment).kind, girths.stature_of(body)
     if kind == "head":
-        return np.array([0.0, 0.0, girths.CERVICALE_TO_VERTEX * stature])
+        return np.array([0.0, 0.0, girths.NECK_TO_VERTEX * stature])
     if kind == "foot":
         ball: Array = sole_points(girths.BONES["shin"] * stature)[1]
         return ball

@@ -17,6 +17,7 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
+from bodycam_ros.formats.joint_points import read_joint_points
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.health import Health, HealthLevel, equipment_health, verdict_health
 from bodycam_ros.pipeline import SkeletonPipeline
@@ -343,8 +344,12 @@ class LiveBody:
 
     def _onlookers(self, body: BodyModel) -> StationReports:
         of, start, file = self._settings(), self._of.start, Path(self._of.stations)
-        placed = placed_body(Path(start), file, self._stations, body, of.region) if start else None
-        return StationReports(body, placed, of.region, of.motion)
+        placed = (
+            placed_body(Path(start), file, self._stations, body, read_joint_points(Path(start))).world_T_segment
+            if start
+            else None
+        )
+        return StationReports(body, placed, of.motion)
 
     def _judge_anew(self, body: BodyModel, cameras: Mapping[str, CameraModel]) -> None:
         # Other cameras or another body: what was seen before is of no use for these.

@@ -11,6 +11,7 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.body_state import BodyNow, SaidSegments
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import StationError
+from bodycam_ros.formats.joint_points import read_joint_points
 from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
 from bodycam_ros.live.image_queue import ImageHealth, ImageQueue, QueuedImage
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
@@ -64,7 +65,9 @@ class RegionStage(Stage[RegionTrackerParameters]):
         surfaces = surfaces_of(self._body, path, Path(of.surface) if of.surface else None)
         self._surface = BodySurface.of(self._body, surfaces)
         self._placed = (
-            placed_body(Path(of.start), file, stations, self._body, self.settings.region) if of.start else None
+            placed_body(Path(of.start), file, stations, self._body, read_joint_points(Path(of.start)))
+            if of.start
+            else None
         )
         self._answers = AnsweredFrames(of.most_ahead)
         self._thinning = EverySecondImage(of.longest_wait, of.recovery)
@@ -113,7 +116,7 @@ class RegionStage(Stage[RegionTrackerParameters]):
         """Nothing is known of the body and its colours."""
         alone = {self.camera: self._station}
         tracker = RegionTracker(self._body, self._surface, alone, self.settings.region)
-        self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.region, self.settings.motion)
+        self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.motion)
         self._answers.forget()
         self._lately.clear()
         self._answered_ns = self._solved_ns = 0

@@ -15,6 +15,7 @@ from bodycam_ros.calibration.camera_motion import TRACK_AGE_S
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
+from bodycam_ros.formats.joint_points import read_joint_points
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
 from bodycam_ros.offline.front_end import register_recording, warm_up
@@ -76,7 +77,7 @@ def measure_body(
             body,
             stations,
             lambda: station_instants(recording_path, stations, refused),
-            lambda begun: placed_body(start, given.stations, stations, begun, pipeline.region),
+            lambda begun: placed_body(start, given.stations, stations, begun, read_joint_points(start)),
             settings,
             pipeline.region,
             pipeline.motion,

@@ -1,8 +1,9 @@
 """What a user says of static cameras, and the watch that is made of it."""
 
 import logging
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
 from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.formats.joint_points import read_joint_points
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -40,6 +42,7 @@ def stations_of(
         StationError: the file cannot be used, the recording has none of its cameras, or the body wears one of them.
     """
     stations, cameras = read_stations(given.stations, reference_map), recording.cameras
+    stations = _renamed(given.stations, stations, cameras)
     there = {name: station for name, station in stations.items() if name in cameras}
     if not there:
         raise StationError(
@@ -52,6 +55,26 @@ def stations_of(
     for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there
+
+
+def _renamed(path: Path, stations: dict[str, Station], cameras: Sequence[str]) -> dict[str, Station]:
+    """Stations under the names of the recording, where both are numbered: int_cam1_img, cam01."""
+    if set(stations) & set(cameras):
+        return stations
+    numbers = [{name: _number(name) for name in names} for names in (stations, cameras)]
+    ours, theirs = ({number: name for name, number in named.items() if number is not None} for named in numbers)
+    if any(len(known) < len(named) for known, named in zip((ours, theirs), numbers, strict=True)):
+        return stations
+    pairs = {theirs[number]: ours[number] for number in theirs if number in ours}
+    if pairs:
+        said = ", ".join(f"{camera} is {name}" for camera, name in pairs.items())
+        logger.warning("%s: cameras are taken by their numbers: %s", path, said)
+    return {camera: replace(stations[name], name=camera) for camera, name in pairs.items()} or stations
+
+
+def _number(name: str) -> int | None:
+    digits = re.findall(r"\d+", name)
+    return int(digits[0]) if len(digits) == 1 else None
 
 
 def station_watch(
@@ -77,8 +100,12 @@ def station_watch(
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)
-    placed = None if given.start is None else placed_body(given.start, given.stations, stations, body, settings.region)
-    return StationWatch(tracker, placed, settings.region, settings.motion, on_seen)
+    placed = (
+        None
+        if given.start is None
+        else placed_body(given.start, given.stations, stations, body, read_joint_points(given.start))
+    )
+    return StationWatch(tracker, placed, settings.motion, on_seen)
 
 
 def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:

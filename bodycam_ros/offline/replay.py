@@ -37,8 +37,8 @@ from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
-from bodycam_ros.quality.other_findings import equipment_findings
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.imu_reader import read_imus
@@ -175,7 +175,7 @@ def replay(
         # Hands that the body file does not have were added here, and need not be observed.
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
         findings = judge(agreement, body).findings
-        findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.seen.findings(bare))
+        findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.static.findings(bare))
         summary.verdict = Verdict.from_findings(findings)
         out.write_verdict(item.stamp_ns, summary.verdict)
         summary.bridged, summary.refused = skeleton.bridged, skeleton.refused

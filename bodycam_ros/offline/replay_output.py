@@ -23,7 +23,7 @@ from bodycam_ros.messages.tracks import map_points_message
 from bodycam_ros.offline.camera_worker import RegisteredImage
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.quality.agreement import AgreementLog
-from bodycam_ros.quality.other_findings import SeenSegments
+from bodycam_ros.quality.static_camera_findings import StaticCameraLog
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -39,7 +39,7 @@ class ReplayOutput:
 
     Attributes:
         coupled: what was said of the equipment so far.
-        seen: which segments static cameras saw so far.
+        static: what static cameras observed so far.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class ReplayOutput:
         self._health_due_ns = -1
         self._begun_ns = 0
         self.coupled = EquipmentLog()
-        self.seen = SeenSegments()
+        self.static = StaticCameraLog()
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap | None) -> None:
         """What is known from the start: the map, if there is one."""
@@ -100,7 +100,12 @@ class ReplayOutput:
     def write_seen(self, stamps_ns: Mapping[str, int], seen: SeenBody) -> None:
         """What static cameras say of the segments at an instant, each with the stamp of its own image."""
         names = self._body.segments
-        self.seen.add(each.segment for each in seen.together)
+        self.static.add(
+            min(stamps_ns.values()),
+            [each.segment for each in seen.together],
+            [names[row] for row in seen.unsupported],
+            seen.misplaced,
+        )
         for station, evidence in seen.evidence.items():
             self._summary.registered[station] += bool(evidence)
             confidence = dict(zip(names, seen.confidence[station].tolist(), strict=True))

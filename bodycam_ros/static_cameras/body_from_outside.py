@@ -35,6 +35,7 @@ from bodycam_ros.static_cameras.girths import BONES, stature_of
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import ShapeEvidence
+from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.station import Image, Station
 from bodycam_ros.static_cameras.station_watch import followed, with_hands
 from bodycam_ros.static_cameras.surface import BULGES
@@ -113,7 +114,7 @@ class OutsideMeasurement:
         body: that is begun with, alone.
         stations: by name.
         instants: reads the recording, from its start each time.
-        placed: poses (S, 4, 4) of a body at the first instant, some centimetres off.
+        placed: where a body is at the first instant, some centimetres off.
         settings: what is expected.
         region, motion: of following it.
         on_progress: told the step, and the share of it that is done.
@@ -124,7 +125,7 @@ class OutsideMeasurement:
         body: BodyModel,
         stations: Mapping[str, Station],
         instants: Callable[[], Iterable[tuple[float, Instant]]],
-        placed: Callable[[BodyModel], Array],
+        placed: Callable[[BodyModel], PlacedBody],
         settings: ShapeSettings,
         region: RegionSettings,
         motion: MotionSettings,
@@ -189,7 +190,8 @@ class OutsideMeasurement:
         for share, instant in self._instants():
             self._on_progress(step, share)
             if not len(poses):
-                poses = tracker.begin(instant.images, self._placed(body))
+                placed = self._placed(body)
+                poses = tracker.begin(instant.images, placed.world_T_segment, placed.unplaced)
             else:
                 previous_s, dt_s = dt_s, 1e-9 * (instant.stamp_ns - latest_ns)
                 expected = predict(before, poses, previous_s, dt_s) if len(before) else poses

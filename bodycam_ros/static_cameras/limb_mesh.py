@@ -205,7 +205,7 @@ def _torso(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
 def _head(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     """An ellipsoid from chin to vertex, and the neck up to it."""
     half_height = 0.5 * girths.HEAD_HEIGHT * stature
-    centre = girths.CERVICALE_TO_VERTEX * stature * _Z - half_height * _Z
+    centre = girths.NECK_TO_VERTEX * stature * _Z - half_height * _Z
     ball, faces = limb_mesh(np.zeros(3), centre, [Ball(0.0, half_height)], _Y)
     flat = np.array([girths.HEAD_LENGTH, girths.HEAD_BREADTH, girths.HEAD_HEIGHT]) / girths.HEAD_HEIGHT
     neck = girths.NECK * stature

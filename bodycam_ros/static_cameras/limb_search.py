@@ -6,8 +6,8 @@ What the solver says is right, but old; what one station saw since is new, but o
 from where the solver has it by the steps that the station saw it make, and from there at constant velocity.
 """
 
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,21 +67,31 @@ class LimbSearch:
 
     def find(self, poses: Array, lost: Mask) -> Array:
         """Poses (S, 4, 4) in which the lost segments (S,) are where the images have them; the others stay."""
-        for limb in self._limbs(lost):
-            tried = np.concatenate([poses[None], self._bent(poses, limb)])
-            best = np.argsort([-self._energy(each) for each in tried])[:_REFINED]
-            poses = max((self._refine(tried[place]) for place in best), key=self._energy)
+        for limb in self.limbs(lost):
+            poses = self.find_limb(poses, limb)
         return poses
 
-    def _limbs(self, lost: Mask) -> Iterator[list[int]]:
-        """Rows of the joints of each limb that is lost, from where it hangs on what is not."""
-        first_of: dict[str, str] = {}  # of a lost segment: the first one of its limb
-        limbs: dict[str, list[int]] = {}
-        for row, joint in enumerate(self._body.tree_joints):
+    def find_limb(self, poses: Array, limb: list[int]) -> Array:
+        """Poses (S, 4, 4) in which a limb, by the rows of its joints, is where the images have it."""
+        tried = np.concatenate([poses[None], self._bent(poses, limb)])
+        best = np.argsort([-self._energy(each) for each in tried])[:_REFINED]
+        return max((self._refine(tried[place]) for place in best), key=self._energy)
+
+    def limbs(self, lost: Mask) -> list[list[int]]:
+        """Rows of the joints of each chain of lost segments, from the root outwards; a chain ends where it branches."""
+        joints = self._body.tree_joints
+        children = Counter(joint.parent for joint in joints if joint.type != "free")
+        limbs: list[list[int]] = []
+        limb_of: dict[str, list[int]] = {}
+        for row, joint in enumerate(joints):
             if lost[self._body.segment_index[joint.child]] and joint.type != "free":
-                first_of[joint.child] = first_of.get(joint.parent, joint.child)
-                limbs.setdefault(first_of[joint.child], []).append(row)
-        yield from limbs.values()
+                limb = limb_of.get(joint.parent) if children[joint.parent] == 1 else None
+                if limb is None:
+                    limb = []
+                    limbs.append(limb)
+                limb.append(row)
+                limb_of[joint.child] = limb
+        return limbs
 
     def _bent(self, poses: Array, limb: list[int]) -> Array:
         """Bodies (N, S, 4, 4) at poses (S, 4, 4) but for a limb that is bent somehow within its limits."""
@@ -90,7 +100,7 @@ class LimbSearch:
         angles = np.tile(self._angles.angles(body.joint_poses(poses), np.zeros(len(free))), (_POSES, 1))
         angles[:, free] = self._random.uniform(self._low[free], self._high[free], (_POSES, free.sum()))
         moved = body.forward_kinematics(poses[index[body.root]], self._angles.poses(angles))
-        moves = [index[body.tree_joints[row].child] for row in limb]
+        moves = np.flatnonzero(body.moves[:, limb].any(axis=1))
         bent = np.tile(poses, (_POSES, 1, 1, 1))
         bent[:, moves] = moved[:, moves]
         return bent

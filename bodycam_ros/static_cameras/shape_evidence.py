@@ -15,12 +15,15 @@ from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, Expecte
 from bodycam_ros.static_cameras.body_shape import BodyShape, BodySurface
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
-from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX, LINES_ALIKE, RegionSettings
 from bodycam_ros.static_cameras.station import Image, StationView
 from bodycam_ros.static_cameras.surface import BULGES, along_of, bulge_forms, bulged
 
 _PROBES = (1e-6, -1e-6, 1e-8, -1e-8, 1e-10, -1e-10)
 """Shares by which a length is changed to see how the surface moves; the first that gives no limb another ring."""
+
+_MIN_LINES = 4
+"""That measure something of a segment."""
 
 _LOOSE_ROOT, _LOOSE_JOINT = np.repeat([0.1, 0.05], 3), 0.15
 """[rad], [m]; [rad] of a pose that was found with a body that is about right."""
@@ -69,11 +72,11 @@ class ShapeEvidence:
         for name, image in images.items():
             contour = views[name].contour(poses)
             off_px, variance = views[name].line_shifts(image, contour)
-            weights = 1.0 / (variance + self._settings.least_sigma**2) / self._settings.lines_alike
+            weights = 1.0 / (variance + LEAST_SIGMA_PX**2) / LINES_ALIKE
             for row in np.unique(contour.segments):
                 lines = np.flatnonzero((contour.segments == row) & np.isfinite(off_px))
                 asked = np.count_nonzero(contour.segments == row)
-                if len(lines) < max(self._settings.least_lines, self._settings.least_confidence * asked):
+                if len(lines) < max(_MIN_LINES, self._settings.least_confidence * asked):
                     continue
                 points = contour.points[lines]
                 p, slope = points[:, 4:7], points[:, 7:10]

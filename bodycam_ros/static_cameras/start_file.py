@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.checked_fields import numbers_of
@@ -23,7 +24,7 @@ from bodycam_ros.estimation.chain import first_poses
 from bodycam_ros.geometry import Array, inverse, log_se3, rigid, rotation_from_xyzw
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
-from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
 from bodycam_ros.yaml_file import read_yaml
@@ -36,6 +37,12 @@ _SHORTEST = 0.1  # quaternion: of the three digits that a person writes, a short
 _FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
 _MOST_STEPS = 30
 _CONVERGED = 1e-9  # [rad], [m] a step that moves no segment more
+START_SIGMAS = np.repeat([0.12, 0.04], 3)
+"""[rad], [m] of a segment that a person placed by hand."""
+
+START_JOINT_RAD = float(np.sqrt(2.0)) * 0.12
+"""Sigma of a joint between two segments that a person placed."""
+
 _DAMPING = 3.0  # [rad], [m] sigma of a step: holds what nothing tells, and pulls nowhere
 
 
@@ -68,21 +75,19 @@ def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
     }
 
 
-def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSettings | None = None) -> Array:
+def start_poses(body: BodyModel, placed: Mapping[str, Array]) -> Array:
     """Poses (S, 4, 4) of a whole body, joints closed, as near as can be to segments that were placed by hand.
 
-    Segments that were not placed hang on the others as in the N-pose. Those that were are all a little off, so root and
+    Segments that were not placed are in the N-pose. Those that were are all a little off, so root and
     joints are fitted to all of them together. Equipment beside the person stays where it was placed.
 
     Args:
         body: segments and joints.
         placed: segment -> world_T_segment (4, 4), one or more.
-        settings: how far what was placed by hand is off.
     """
-    of = settings or RegionSettings()
     world_T_placed = first_poses(body, [SegmentPose(name, pose, np.eye(6)) for name, pose in placed.items()])
     information = np.zeros((len(body.segments), 6, 6))
-    information[[body.segment_index[name] for name in placed]] = np.diag(of.start_sigmas**-2.0)
+    information[[body.segment_index[name] for name in placed]] = np.diag(START_SIGMAS**-2.0)
     step = ArticulatedStep(body, obeys_limits=False)
     poses = step.closed(world_T_placed)
     for _ in range(_MOST_STEPS):
@@ -94,15 +99,15 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array], settings: RegionSe
     return poses
 
 
-def placed_expectation(poses: Array, settings: RegionSettings) -> ExpectedBody:
+def placed_expectation(poses: Array) -> ExpectedBody:
     """A body that somebody placed at poses (S, 4, 4), joints closed, and how far it may be from there."""
-    return ExpectedBody(poses, settings.start_sigmas, settings.start_joint_sigma)
+    return ExpectedBody(poses, START_SIGMAS, START_JOINT_RAD)
 
 
-def placed_segments(body: BodyModel, poses: Array, settings: RegionSettings) -> list[SegmentPose]:
+def placed_segments(body: BodyModel, poses: Array) -> list[SegmentPose]:
     """What it says of the person that somebody placed a body at poses (S, 4, 4)."""
     return [
-        SegmentPose(segment, poses[row], np.diag(settings.start_sigmas**2))
+        SegmentPose(segment, poses[row], np.diag(START_SIGMAS**2))
         for row, segment in enumerate(body.segments)
         if segment not in body.equipment_segments
     ]
@@ -125,26 +130,53 @@ def _named(names: Mapping[Any, Any] | list[Any]) -> str:
     return ", ".join(first[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "") or "nothing"
 
 
+@dataclass(frozen=True, eq=False)
+class PlacedBody:
+    """A body at the first instant.
+
+    Attributes:
+        world_T_segment: (S, 4, 4), joints closed.
+        unplaced: (S,) segments whose poses nobody gave; they are in the N-pose until they are searched for.
+    """
+
+    world_T_segment: Array
+    unplaced: NDArray[np.bool_]
+
+
 def placed_body(
-    start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, settings: RegionSettings
-) -> Array:
-    """Poses (S, 4, 4) in the world, joints closed.
+    start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, points: Mapping[str, Array] | None
+) -> PlacedBody:
+    """Where a body is at the first instant.
 
     Args:
-        start: file of the segments that a person placed.
-        file: of the stations, whose frame it has.
+        start: poses of segments, or points of joints (``start_points``).
+        file: of the stations, whose frame the poses have.
         stations: of that file, in the world; one or more.
         body: segments and joints.
-        settings: how far what was placed by hand is off.
+        points: name -> (K, 3) of the start, if it has points of joints.
 
     Raises:
         BodyError: the start cannot be used.
         StationError: the stations cannot be read any more.
     """
-    name, station = next(iter(stations.items()))
-    world_T_file = station.world_T_camera @ inverse(read_stations(file)[name].world_T_camera)
-    placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
-    return start_poses(body, placed, settings)
+    unplaced = np.ones(len(body.segments), bool)
+    if points is not None:
+        poses = place_points(start, points, body, stations.values())
+        given: set[str] = set(body.segments)
+    else:
+        name, station = next(iter(stations.items()))
+        in_file = read_stations(file).get(name, station)  # cameras of other programs may have other names there
+        world_T_file = station.world_T_camera @ inverse(in_file.world_T_camera)
+        placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
+        poses, given = start_poses(body, placed), set(placed)
+    for row, segment in enumerate(body.segments):
+        of_person = segment not in body.equipment_segments
+        # Hands were added, and are where the forearms end.
+        unplaced[row] = of_person and not {segment, segment.replace("hand", "forearm")} & given
+    if unplaced.any():
+        names = ", ".join(np.array(body.segments)[unplaced])
+        logger.warning("%s: does not place %s; they are searched for in the first images", start, names)
+    return PlacedBody(poses, unplaced)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from bodycam_ros.static_cameras.region_kernels import (
     line_shifts,
     weigh_areas,
 )
-from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX
 from bodycam_ros.static_cameras.seen_contour import SeenContour
 
 
@@ -52,6 +52,8 @@ class Station:
 
 
 _SHRINK = 2  # pixels of the image that are one of the picture of who is in front
+_LINE_SPACING_PX = 6.0  # from line to line along a contour; neighbours measure the same
+_INWARD_PX, _OUTWARD_PX = 12, 20  # from a contour, in which colours of the segment and beside it are counted
 _CARRIED_PX = 4.0  # that no point of a contour is carried on from where it was found
 _MOST_POINTS = 6000
 _UNSEEN = 1e-4  # likelihood of a colour that was never seen: noise, and what stands before the background for a moment
@@ -105,18 +107,15 @@ class StationView:
     Args:
         station: where it stands, and its lens.
         surface: of the body.
-        settings: lines and colours.
         jointed: (S, S) which segments a joint ties to each other.
 
     Attributes:
         areas: (S, COLOURS) share of each colour where a segment is in front; zero while it has not been.
     """
 
-    def __init__(
-        self, station: Station, surface: BodySurface, settings: RegionSettings, jointed: NDArray[np.bool_]
-    ) -> None:
+    def __init__(self, station: Station, surface: BodySurface, jointed: NDArray[np.bool_]) -> None:
         self.station = station
-        self._surface, self._settings = surface, settings
+        self._surface = surface
         self._jointed = jointed
         self._stands_out = np.zeros(jointed.shape, np.uint8)
         self._camera_T_world = inverse(station.world_T_camera)
@@ -150,7 +149,7 @@ class StationView:
                 camera.width,
                 camera.height,
                 _SHRINK,
-                self._settings.line_spacing,
+                _LINE_SPACING_PX,
                 _MOST_POINTS,
             )
         )
@@ -166,7 +165,7 @@ class StationView:
     def look(self, image: Image, contour: Contour, stride: int) -> SegmentRegions:
         """Ask the lines across the contours of a body, ``stride`` pixels a sample."""
         points, segments, labels = contour.points, contour.segments, contour.labels
-        least_px = self._settings.least_sigma * stride
+        least_px = LEAST_SIGMA_PX * stride
         said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
         return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
 
@@ -188,6 +187,11 @@ class StationView:
         self._log_odds[rows] = np.log((self._inside[rows] + _UNSEEN) / (self._outside[rows] + _UNSEEN))
         self._stands_out = self._differing()
 
+    def forget(self) -> None:
+        """Forget all colours."""
+        for known in (self._inside, self._outside, self.areas, self._log_odds):
+            known[:] = 0.0
+
     def adopt(self, source: Mapping[int, int]) -> None:
         """Take the colours of one segment for those of another: row -> row that has them."""
         for row, alike in source.items():
@@ -197,9 +201,8 @@ class StationView:
 
     def learn(self, image: Image, contour: Contour, rate: float, which: NDArray[np.bool_]) -> None:
         """Learn the colours of some segments (S,) beside their contours; of those never seen before, at once."""
-        of = self._settings
         inside, outside = count_colours(
-            image, contour.labels, _SHRINK, contour.points, contour.segments, self._stands_out, of.inward, of.outward
+            image, contour.labels, _SHRINK, contour.points, contour.segments, self._stands_out, _INWARD_PX, _OUTWARD_PX
         )
         areas = count_areas(image, contour.labels, _SHRINK, len(which))
         # Of a segment that is in front of others alike, no line says what is inside.

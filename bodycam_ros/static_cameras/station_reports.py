@@ -12,7 +12,7 @@ from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
-from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.static_cameras.region_tracker import surface_variances
 from bodycam_ros.static_cameras.start_file import placed_expectation, placed_segments
 from bodycam_ros.static_cameras.station_watch import followed
 
@@ -26,13 +26,12 @@ class StationReports:
     Args:
         body: segments and joints, held to people's usual limits where it has none; with its equipment, if any.
         placed: (S, 4, 4) where the body is at the first instant, as a person placed it; None where nobody did.
-        settings: how well it was placed.
         motion: how suddenly segments change their motion.
     """
 
-    def __init__(self, body: BodyModel, placed: Array | None, settings: RegionSettings, motion: MotionSettings) -> None:
+    def __init__(self, body: BodyModel, placed: Array | None, motion: MotionSettings) -> None:
         self._body, self._placed = body, placed
-        self._settings, self._motion = settings, motion
+        self._motion = motion
         self._step = ArticulatedStep(with_usual_limits(body))
         self._seen: Array | None = None
         self._seen_ns = 0
@@ -45,7 +44,7 @@ class StationReports:
         if self._placed is None or not frame.said:
             return []
         poses = self._placed if self._seen is None or frame.stamp_ns <= self._seen_ns else self._seen
-        return placed_segments(self._body, poses, self._settings)
+        return placed_segments(self._body, poses)
 
     def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
         """As ``Onlookers.look``, of what stations say of segments that the body has."""
@@ -67,12 +66,12 @@ class StationReports:
             information[index[each.segment]] += np.linalg.inv(each.covariance)
         seen = sorted({index[each.segment] for each in heard})
         together = [SegmentPose(self._body.segments[row], poses[row], np.linalg.inv(information[row])) for row in seen]
-        return SeenBody(evidence, together, poses, confidence)
+        return SeenBody(evidence, together, poses, confidence, surface_variances=surface_variances(self._body))
 
     def _together(self, heard: Collection[SegmentPose], expected: Array, dt_s: float) -> Array:
         """Poses (S, 4, 4) of the body as a whole under all that is said of its segments."""
         start = self._step.closed(expected)
-        at = placed_expectation(start, self._settings) if dt_s == 0.0 else followed(start, dt_s, self._motion)
+        at = placed_expectation(start) if dt_s == 0.0 else followed(start, dt_s, self._motion)
         rows: NDArray[np.int64] = np.array([self._body.segment_index[each.segment] for each in heard], np.int64)
         said = np.array([each.world_T_segment for each in heard]).reshape(-1, 4, 4)
         weights = np.linalg.inv(np.array([each.covariance for each in heard]).reshape(-1, 6, 6))

@@ -18,9 +18,8 @@ from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.static_cameras import girths
 from bodycam_ros.static_cameras.articulated_step import ExpectedBody
 from bodycam_ros.static_cameras.limb_search import CarriedBody
-from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.start_file import placed_segments
+from bodycam_ros.static_cameras.start_file import PlacedBody, placed_segments
 from bodycam_ros.static_cameras.station import Image
 
 logger = logging.getLogger(__name__)
@@ -45,8 +44,7 @@ class StationWatch:
 
     Args:
         tracker: of the body in all stations' images.
-        placed: (S, 4, 4) where the body is at the first image, as a person placed it; None where nobody did.
-        settings: how well it was placed.
+        placed: where the body is at the first image, as a person placed it; None where nobody did.
         motion: how suddenly segments change their motion.
         on_seen: told what an instant's images said, and the stamp of each station's [ns].
     """
@@ -54,13 +52,12 @@ class StationWatch:
     def __init__(
         self,
         tracker: RegionTracker,
-        placed: Array | None,
-        settings: RegionSettings,
+        placed: PlacedBody | None,
         motion: MotionSettings,
         on_seen: Callable[[Mapping[str, int], SeenBody], None] = lambda stamps_ns, seen: None,
     ) -> None:
         self._tracker, self._placed = tracker, placed
-        self._settings, self._motion, self._on_seen = settings, motion, on_seen
+        self._motion, self._on_seen = motion, on_seen
         self._unreadable: set[str] = set()
         self._has_colours = False
 
@@ -69,9 +66,9 @@ class StationWatch:
         pictures = {} if self._placed is None else self._decoded(frame.images)
         if self._placed is None or not pictures:
             return []
-        poses = self._tracker.begin(pictures, self._placed)
+        poses = self._tracker.begin(pictures, self._placed.world_T_segment, self._placed.unplaced)
         self._placed, self._has_colours = None, True
-        return placed_segments(self._tracker.body, poses, self._settings)
+        return placed_segments(self._tracker.body, poses)
 
     def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
         """As ``Onlookers.look``; in its first images a body that worn cameras have placed is looked for as a whole."""
@@ -109,17 +106,14 @@ class LoneStation:
     Args:
         name: of the station.
         tracker: of the body in its images alone.
-        placed: (S, 4, 4) where the body is in the first image, as a person placed it; None where nobody did.
-        settings: how well it was placed.
+        placed: where the body is in the first image, as a person placed it; None where nobody did.
         motion: how suddenly segments change their motion.
     """
 
-    def __init__(
-        self, name: str, tracker: RegionTracker, placed: Array | None, settings: RegionSettings, motion: MotionSettings
-    ) -> None:
+    def __init__(self, name: str, tracker: RegionTracker, placed: PlacedBody | None, motion: MotionSettings) -> None:
         self._name, self._placed = name, placed
         self._body = tracker.body
-        self._watch = StationWatch(tracker, placed, settings, motion)
+        self._watch = StationWatch(tracker, placed, motion)
         self._carried = CarriedBody(motion)
         self._begun = False
 
@@ -173,7 +167,7 @@ class LoneStation:
         begun = self._watch.begin(frame)
         if self._placed is None or not begun:
             return None
-        poses = self._placed.copy()
+        poses = self._placed.world_T_segment.copy()
         for each in begun:
             poses[self._body.segment_index[each.segment]] = each.world_T_segment
         return self._watch.look(frame, poses, 0.0, ())

@@ -33,6 +33,8 @@ from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 from bodycam_ros.registration.registrar import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups, setting
 from bodycam_ros.shown import shown
+from bodycam_ros.static_cameras.calibration_files import TOML_MARK as TOML_MARK
+from bodycam_ros.static_cameras.calibration_files import is_other_calibration, read_calibration, toml_text
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.whole_file import write_whole
 from bodycam_ros.yaml_file import read_yaml
@@ -80,6 +82,11 @@ _ROTATES = 1e-3  # rounding of a matrix that was written with four digits
 _LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 
 
+def is_calibration(path: Path) -> bool:
+    """Whether a path is a file of static cameras, and no recording."""
+    return path.is_file() and (path.suffix.lower() in (".yaml", ".yml") or is_other_calibration(path))
+
+
 def read_stations(path: Path, reference_map: ReferenceMap | None = None) -> dict[str, Station]:
     """Read a file of stations.
 
@@ -97,6 +104,13 @@ def read_stations(path: Path, reference_map: ReferenceMap | None = None) -> dict
         LensError: a lens is malformed or of an unknown model.
         MapError: what the map says of its board is damaged.
     """
+    if is_other_calibration(path):
+        if reference_map is not None:
+            raise StationError(
+                f"{path}: the calibration of another program is in a frame of its own, not the map's; omit --map, "
+                "or let 'bodycam stations' find the cameras in the map"
+            )
+        return read_calibration(path)
     document = read_yaml(path, _WHAT, StationError)
     if not isinstance(document, Mapping) or not document:
         raise StationError(
@@ -137,13 +151,13 @@ def refuse_worn(path: Path, stations: Iterable[str], body: BodyModel) -> None:
         )
 
 
-def write_stations(path: Path, stations: Iterable[Station]) -> None:
-    """Write a file of stations, whole or not at all.
+def write_stations(path: Path, stations: Iterable[Station], form: str = "yaml") -> None:
+    """Write a file of stations, as ``yaml`` or ``toml``, whole or not at all.
 
     Raises:
         OutputError: it cannot be written.
     """
-    write_whole(path, stations_text(stations))
+    write_whole(path, stations_text(stations) if form == "yaml" else toml_text(stations))
 
 
 def _board_of(reference_map: ReferenceMap, path: Path) -> Array:
@@ -239,6 +253,8 @@ def check_stations_frame(stations: Path, solved: Path, map_path: Path | None) ->
         StationError: so it is.
         RecordingError: not a bag.
     """
+    if is_other_calibration(stations):
+        return
     entries = read_yaml(stations, "file of static cameras", StationError).values()
     if not any(IN_BOARD in entry for entry in entries):
         return

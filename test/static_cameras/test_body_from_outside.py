@@ -15,11 +15,12 @@ from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
+from bodycam_ros.static_cameras import region_tracker, shape_evidence
 from bodycam_ros.static_cameras.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
-from bodycam_ros.static_cameras.start_file import start_poses
+from bodycam_ros.static_cameras.start_file import PlacedBody, start_poses
 
 pytestmark = pytest.mark.long
 
@@ -28,7 +29,7 @@ OFF, THICK = 0.05, 0.06
 
 # Painted people are capsules, and no two of their lines err together.
 SETTINGS = ShapeSettings(surface_sigma=0.002, alike_for=1e-9 * STEP_NS, length_sigma=0.1, rounds=3)
-REGION = RegionSettings(lines_alike=1.0)
+REGION = RegionSettings()
 
 BENT = {"knee", "ankle", "elbow", "shoulder"}
 """Joints that move, in view of all stations."""
@@ -47,11 +48,14 @@ class Painted:
     def read(self) -> Iterator[tuple[float, Instant]]:
         yield from ((number / len(self.instants), instant) for number, instant in enumerate(self.instants))
 
-    def placed(self, body: BodyModel) -> Array:
-        return start_poses(body, dict(zip(body.segments, self.first, strict=True)))
+    def placed(self, body: BodyModel) -> PlacedBody:
+        poses = start_poses(body, dict(zip(body.segments, self.first, strict=True)))
+        return PlacedBody(poses, np.zeros(len(poses), bool))
 
     def measure(self, settings: ShapeSettings, instants: int = INSTANTS) -> MeasuredBody:
-        with threadpool_limits(limits=1):
+        with threadpool_limits(limits=1), pytest.MonkeyPatch.context() as patch:
+            for module in (region_tracker, shape_evidence):
+                patch.setattr(module, "LINES_ALIKE", 1.0)
             return OutsideMeasurement(
                 self.begun,
                 self.dressed.stations,

@@ -19,12 +19,13 @@ from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.station_watch import StationWatch
 
 Images = dict[str, CameraImage]
 
 STATIONS = ("ext_00", "ext_01")
-SETTINGS = RegionSettings(start_rounds=2)
+SETTINGS = RegionSettings()
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +59,8 @@ def watch_of(
 ) -> StationWatch:
     tracker = RegionTracker(dressed.body, BodySurface.of(dressed.body, dressed.surfaces), dressed.stations, SETTINGS)
     told = [] if told is None else told
-    return StationWatch(
-        tracker, placed, SETTINGS, MotionSettings(), lambda stamps_ns, seen: told.append((stamps_ns, seen))
-    )
+    start = None if placed is None else PlacedBody(placed, np.zeros(len(placed), bool))
+    return StationWatch(tracker, start, MotionSettings(), lambda stamps_ns, seen: told.append((stamps_ns, seen)))
 
 
 def test_the_first_images_place_the_body_and_the_next_are_asked(

@@ -7,7 +7,7 @@ from held_ride import record
 from known_ride import bicycle
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
-from bodycam_ros.quality.other_findings import equipment_findings
+from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.verdict import Level, Verdict
 
 RIDE = record(list(range(60)))

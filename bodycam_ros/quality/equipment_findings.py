@@ -1,7 +1,6 @@
 """What is wrong with the equipment that a recording was solved with: it is not there, or not where its file has it."""
 
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -92,34 +91,3 @@ def _far_lengths(record: EquipmentRecord, equipment: Equipment) -> Iterator[_Dou
                 f"{1e3 * said[name]:.0f} mm as that says it may be",
                 "measure it, or check what hangs on it",
             )
-
-
-class SeenSegments:
-    """Counts at how many instants static cameras saw each segment."""
-
-    def __init__(self) -> None:
-        self._instants = 0
-        self._seen: Counter[str] = Counter()
-
-    def add(self, segments: Iterable[str]) -> None:
-        """One instant, and the segments that any of them saw."""
-        self._instants += 1
-        self._seen.update(set(segments))
-
-    def findings(self, wanted: Collection[str]) -> tuple[Finding, ...]:
-        """A finding for each of the segments that nobody else sees, and they seldom did."""
-        if not self._instants:
-            return ()
-        shares = {segment: self._seen[segment] / self._instants for segment in wanted}
-        return tuple(
-            Finding(
-                segment,
-                Level.DOUBTFUL,
-                f"static cameras saw it at {share:.0%} of their instants, and it carries none",
-                "hidden, lost, or of the colours of what is behind it",
-                "let another camera see it",
-                part="segment",
-            )
-            for segment, share in shares.items()
-            if share < _MOSTLY
-        )

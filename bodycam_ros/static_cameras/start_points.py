@@ -1,0 +1,164 @@
+"""Where a body is at first, by joint points of another system: such as those of a TRC or C3D.
+
+Points are named after joints (RHip, left_knee, ankle_l, hip_left) or after our segments. The first row with enough of
+them counts. Axes of such files differ (y or z up, and which way is forward): of the right-angled turns that keep the
+person upright the one is taken that has the person in view of the most cameras, nearest to the middle of their images.
+"""
+
+import logging
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.limb_search import with_usual_limits
+from bodycam_ros.static_cameras.station import Station
+
+logger = logging.getLogger(__name__)
+
+_Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
+
+_KINDS = {
+    "hip": "thigh", "hjc": "thigh", "knee": "shin", "ankle": "foot", "shoulder": "upper_arm", "elbow": "forearm",
+    "wrist": "hand", "neck": "head", "pelvis": "pelvis", "midhip": "pelvis", "hips": "pelvis", "torso": "torso",
+    "head_origin": "head", "thigh": "thigh", "shin": "shin", "foot": "foot", "upper_arm": "upper_arm",
+    "forearm": "forearm", "hand": "hand",
+}  # fmt: skip
+"""Word in the name of a point -> kind of the segment whose origin it is."""
+
+_WORD = "|".join(sorted(_KINDS, key=len, reverse=True))
+_SIDE = "l|r|left|right"
+_NAME = re.compile(rf"(?P<s>{_SIDE})[ _.]?(?P<w>{_WORD})|(?P<w2>{_WORD})(?:[ _.](?P<s2>{_SIDE}))?", re.IGNORECASE)
+_POINT_SIGMA_M = 0.03
+_STEPS = 30
+_EXPECTED = np.repeat([1.0, 1.0], 3)
+_EXPECTED_JOINT_RAD = 0.7  # from the N-pose, for what no point measures
+_MIN_POINTS = 5
+_UNITS_M = (1.0, 0.1, 0.01, 0.001)
+
+
+def named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> dict[str, Array]:
+    """Segment -> its origin (3,), at the first row with both hips and three other points.
+
+    Args:
+        path: of the file, for messages.
+        points: name -> (K, 3) in the file's axes and unit.
+        body: whose segments are wanted.
+
+    Raises:
+        BodyError: too few points have names that are known.
+    """
+    named: dict[str, Array] = {}
+    for name, rows in sorted(points.items(), key=lambda item: len(item[0])):
+        segment = _segment(name)
+        if segment in body.segments:
+            named.setdefault(segment, rows)
+    count = max((len(rows) for rows in named.values()), default=0)
+    for row in range(count):
+        known = {segment: rows[row] for segment, rows in named.items() if np.isfinite(rows[row]).all()}
+        if {"thigh_left", "thigh_right"} <= known.keys() and len(known) >= _MIN_POINTS:
+            return known
+    raise BodyError(
+        f"{path}: expected points of both hips and three other joints, named as LHip, right_knee or ankle_l, and found "
+        f"{', '.join(sorted(points)[:10]) or 'none'}"
+    )
+
+
+def _segment(name: str) -> str:
+    """Segment whose origin a point of this name is; empty for others."""
+    if (match := _NAME.fullmatch(name.strip())) is None:
+        return ""
+    kind = _KINDS[(match["w"] or match["w2"]).lower()]
+    side = (match["s"] or match["s2"] or "").lower()
+    return f"{kind}_{'left' if side.startswith('l') else 'right'}" if side else kind
+
+
+def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[Station]) -> Array:
+    """Poses (S, 4, 4) of a body, joints closed, whose joints are at points.
+
+    Args:
+        path: of their file, for messages.
+        points: name -> (K, 3) in the file's axes and unit; the first row counts.
+        body: segments and joints.
+        stations: in whose view the person is.
+
+    Raises:
+        BodyError: the file cannot be used, or no camera has the points in view.
+    """
+    joints = named_joints(path, points, body)
+    rows = [body.segment_index[segment] for segment in joints]
+    places, scale = np.array([*joints.values()]), _unit(joints, body)
+    stations = list(stations)
+    tried = [(*_view_score(stations, scale * places @ R.T), turn, R) for turn, R in _axes()]
+    score, _, turn, R = max(tried, key=lambda each: each[:2])
+    if not score:
+        raise BodyError(f"{path}: no static camera has its points in view, whichever of its axes is up")
+    logger.info("%s: %d points, 1 unit = %g m, axes %s", path, len(joints), scale, turn)
+    return _fit_points(body, rows, scale * places @ R.T)
+
+
+def _unit(points: Mapping[str, Array], body: BodyModel) -> float:
+    """Metres of the unit in which the bones of the points come nearest to those of the body."""
+    ratios = []
+    for joint in body.tree_joints:
+        if joint.parent in points and joint.child in points:
+            length = float(np.linalg.norm(joint.parent_T_joint[:3, 3]))
+            ratios.append(length / max(float(np.linalg.norm(points[joint.child] - points[joint.parent])), 1e-9))
+    ratio = float(np.median(ratios)) if ratios else 1.0
+    return min(_UNITS_M, key=lambda unit: abs(np.log(unit / ratio)))
+
+
+def _axes() -> Iterator[tuple[str, Array]]:
+    """Rotations from a file's axes to a world with z up; readers have brought y up to z up, which need not be right."""
+    for start, up in ((np.eye(3), "as read"), (_Y_UP_TO_Z_UP.T, "y and z as in the file")):
+        for quarter in range(4 if up == "as read" else 1):
+            turn = exp_so3(np.array([0.0, 0.0, quarter * np.pi / 2.0]))
+            yield f"{up}, turned by {90 * quarter} deg about z", turn @ start
+
+
+def _view_score(stations: Iterable[Station], places: Array) -> tuple[int, float]:
+    """Points in view of all cameras together, and how near to the middle of the images they are."""
+    count, off = 0, 0.0
+    for station in stations:
+        camera = station.camera
+        pixels, valid = camera.project(transform_points(inverse(station.world_T_camera), places))
+        size = np.array([camera.width, camera.height])
+        inside = valid & (np.nan_to_num(pixels, nan=-1.0) >= 0.0).all(axis=1) & (pixels < size).all(axis=1)
+        count += int(inside.sum())
+        off += float(np.linalg.norm(pixels[inside] / size - 0.5, axis=1).sum())
+    return count, -off / max(count, 1)
+
+
+def _fit_points(body: BodyModel, rows: list[int], places: Array) -> Array:
+    """Poses (S, 4, 4) of a body whose segments ``rows`` have their origins at places (N, 3), within people's limits."""
+    index = body.segment_index
+    at = dict(zip(rows, places, strict=True))
+    left, right = at[index["thigh_left"]], at[index["thigh_right"]]
+    y, z = left - right, np.array([0.0, 0.0, 1.0])
+    above = [at[row] for row in rows if SegmentName(body.segments[row]).kind in ("upper_arm", "head")]
+    if above:
+        z = np.mean(above, axis=0) - 0.5 * (left + right)
+    step, poses = ArticulatedStep(with_usual_limits(body)), body.n_pose(rigid(_frame(y, z), 0.5 * (left + right)))
+    start = poses
+    information = np.zeros((len(poses), 6, 6))
+    information[rows, 3:, 3:] = _POINT_SIGMA_M**-2.0 * np.eye(3)
+    for _ in range(_STEPS):
+        vector = np.zeros((len(poses), 6))
+        apart = (np.swapaxes(poses[rows, :3, :3], 1, 2) @ (places - poses[rows, :3, 3])[..., None])[..., 0]
+        vector[rows, 3:] = _POINT_SIGMA_M**-2.0 * apart
+        poses = step.moved(poses, information, vector, ExpectedBody(start, _EXPECTED, _EXPECTED_JOINT_RAD))
+    return poses
+
+
+def _frame(y: Array, z: Array) -> Array:
+    """(3, 3) axes x, y, z of which y is kept, and z as nearly as it can be."""
+    y = y / np.linalg.norm(y)
+    x = np.cross(y, z)
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, y, np.cross(x, y)])

@@ -1,0 +1,39 @@
+"""What static cameras did not support, and who is misplaced."""
+
+from bodycam_ros.quality.static_camera_findings import StaticCameraLog
+from bodycam_ros.verdict import Level
+
+ALL = ("pelvis", "forearm_left")
+
+
+def log(unsupported: dict[str, range], misplaced: int = 0) -> StaticCameraLog:
+    """Ten seconds at 10 Hz."""
+    recorded = StaticCameraLog()
+    for number in range(100):
+        gone = [segment for segment, rows in unsupported.items() if number in rows]
+        observed = [segment for segment in ALL if segment not in gone]
+        recorded.add(number * 10**8, observed, gone, ["cam03"] if number < misplaced else [])
+    return recorded
+
+
+def test_what_is_supported_is_no_finding() -> None:
+    assert log({}).findings(ALL) == ()
+    assert StaticCameraLog().findings(ALL) == ()
+
+
+def test_a_lost_segment_is_named_with_its_time() -> None:
+    (finding,) = log({"forearm_left": range(20, 50)}).findings(ALL)
+    assert (finding.subject, finding.part, finding.level) == ("forearm_left", "segment", Level.WRONG)
+    assert finding.what == "the images do not show it where the body has it: 2.0 to 4.9 s"
+
+
+def test_a_short_loss_makes_a_result_doubtful_and_a_blink_nothing() -> None:
+    assert [f.level for f in log({"forearm_left": range(20, 25)}).findings(ALL)] == [Level.DOUBTFUL]
+    assert log({"forearm_left": range(20, 22)}).findings(ALL) == ()
+    assert log({"hand_left": range(20, 90)}).findings(ALL) == (), "a hand that the body does not have was added"
+
+
+def test_a_misplaced_camera_makes_a_result_wrong() -> None:
+    (finding,) = log({}, misplaced=90).findings(ALL)
+    assert (finding.subject, finding.part, finding.level) == ("cam03", "camera", Level.WRONG)
+    assert log({}, misplaced=10).findings(ALL) == ()
