@@ -28,7 +28,7 @@ class CameraMount:
     Attributes:
         segment: the segment that carries it.
         segment_T_camera: (4, 4) pose of the camera's optical frame (x right, y down, z forward) [m].
-        readout: how long its rows are read out, as far as the range of motion told.
+        readout: read-out time of its rows by the range of motion, if known.
         readout_mode: the video mode of that range of motion; None where the file does not name it.
         imu: calibration of its inertial sensor; None without one.
     """
@@ -53,11 +53,11 @@ class BodyModel(KinematicTree):
     Attributes:
         mounts: camera -> where it is strapped to.
         report: figures of whoever made the body; kept, never used.
-        standing: segments, of a machine, that do not move in the world; said to other programs, the solver has it from
-            the equipment.
+        standing: segments, of a machine, that do not move in the world; for other programs, the solver has it from the
+            equipment.
         surface: folder with the meshes of its segments, relative to the body file, for static cameras.
         girths: segment -> how many times as thick its capsules are as those of people of the body's size; 1 where
-            nothing is said.
+            none is given.
 
     Raises:
         BodyError: the parts do not make one body.
@@ -73,7 +73,7 @@ class BodyModel(KinematicTree):
         super().__post_init__()
         for segment in self.standing:
             if segment not in self.segments:
-                raise BodyError(f"{segment}, which is said to stand, is not among the segments")
+                raise BodyError(f"{segment}, which stands in the world, is not among the segments")
         for segment, girth in self.girths.items():
             if segment not in self.segments:
                 raise BodyError(f"girths: {segment} is not among the segments")

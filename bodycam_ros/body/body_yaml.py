@@ -37,7 +37,7 @@ sigmas                    6 numbers, rotation [rad] then translation [m], instea
 ========================= ============================================================================================
 
 A camera's position [m] and quaternion are ``segment_T_camera``, of its optical frame (x right, y down, z forward). What
-the range of motion told of its rows may follow: ``readout_time``, from the first to the last [s], and
+the range of motion measured of its rows may follow: ``readout_time``, from the first to the last [s], and
 ``readout_sigma``, its standard deviation [s]; without one, or with 0, the read-out time is taken as it is. It holds in
 the video mode ``readout_mode`` (width, height and focal length [px], images a second); in another it is a rough start.
 The calibration of its inertial sensor follows as ``imu`` (``imu_yaml``).
@@ -157,7 +157,7 @@ def _check_table(table: Any, name: str) -> None:
 
 
 def joint_of(name: str, entry: Any, further_keys: Set[str] = frozenset()) -> Joint:
-    """The joint that a table describes; ``further_keys`` of it are somebody else's.
+    """The joint that a table describes; ``further_keys`` of it are for other readers.
 
     Raises:
         BodyError: it describes none; the message names the joint.
@@ -205,7 +205,7 @@ def mount_of(name: str, entry: Any) -> CameraMount:
 def _readout(entry: dict[str, Any], where: str) -> Readout | None:
     if "readout_time" not in entry:
         if "readout_sigma" in entry:
-            raise BodyError(f"{where}: readout_sigma says how well readout_time is known, which is missing")
+            raise BodyError(f"{where}: readout_sigma is the sigma of readout_time, which is missing")
         return None
     pair = [entry["readout_time"], entry.get("readout_sigma", 0.0)]
     seconds, sigma = numbers_of(pair, 2, f"{where}: readout_time and readout_sigma, together,").tolist()

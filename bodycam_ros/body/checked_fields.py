@@ -16,7 +16,7 @@ _MOST_SHOWN = 5  # of unknown keys
 
 
 def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> None:
-    """Refuse what is no table, lacks a needed key or has a key that nobody reads.
+    """Refuse what is no table, lacks a needed key or has an unknown key.
 
     Raises:
         BodyError: so it is.

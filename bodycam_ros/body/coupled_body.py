@@ -63,7 +63,7 @@ _SETTLED_NS = 5_000_000_000
 
 
 def learned_body(body: BodyModel, equipment: Equipment, values: Array) -> BodyModel:
-    """The body with joints of its equipment, and the loops that its attachments close, moved to where they were found.
+    """The body with joints of its equipment, and the loops that its attachments close, at their estimated places.
 
     Args:
         body: coupled.
@@ -71,7 +71,7 @@ def learned_body(body: BodyModel, equipment: Equipment, values: Array) -> BodyMo
         values: (L) lengths of the equipment that its file leaves open, in the order of ``UnknownLengths`` [m].
     """
     lengths = UnknownLengths(equipment, equipment.joints)
-    shifts = values - lengths.said
+    shifts = values - lengths.given
     return replace(body, joints=tuple(lengths.joint(joint, shifts) for joint in body.joints)) if len(lengths) else body
 
 
@@ -83,10 +83,10 @@ class SettledLengths:
     """
 
     def __init__(self, equipment: Equipment) -> None:
-        self._described = UnknownLengths(equipment, equipment.joints).said
-        self._values = self._described
+        self._given = UnknownLengths(equipment, equipment.joints).given
+        self._values = self._given
         self._since_ns: int | None = None
-        self._is_done = not len(self._described)
+        self._is_done = not len(self._given)
 
     def add(self, stamp_ns: int, report: EquipmentReport) -> Array | None:
         """Lengths (L) [m], once: when they have settled at values other than those of the equipment's file."""
@@ -98,5 +98,5 @@ class SettledLengths:
             return None
         if stamp_ns - self._since_ns < _SETTLED_NS:
             return None
-        self._is_done = bool(np.abs(report.values - self._described).max() >= _SETTLED_M)
+        self._is_done = bool(np.abs(report.values - self._given).max() >= _SETTLED_M)
         return report.values if self._is_done else None

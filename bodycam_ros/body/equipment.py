@@ -31,7 +31,7 @@ class SegmentMotion:
 
     Attributes:
         stands: it does not move in the world at all (a bicycle on a roller); the sigmas then mean nothing.
-        keeps_speed: it goes on at its speed for as long as nobody sees it (a crank, a wheel); else it comes to rest, as
+        keeps_speed: it keeps its speed while it is unobserved (a crank, a wheel); else it comes to rest, as
             the segments of a body do.
         angular_acceleration_sigma, acceleration_sigma: how suddenly it changes its motion [rad/s^2], [m/s^2]; None: as
             the body's segments.
@@ -54,7 +54,7 @@ class Attachment:
         on_body: (N, 3) points on the body's segment [m].
         on_equipment: (N, 3) the same points on the equipment's segment [m].
         sigmas: (N) how far the two may be from each other, the weight of the pair [m].
-        unknown: (3) how far the equipment's points may be, all together, from where they are said to be, in the axes of
+        unknown: (3) how far the equipment's points may be, all together, from where the file has them, in the axes of
             its segment [m]; zero along what is known. What is unknown is estimated.
         intervals: when it holds; None: always.
         detected: whether it is let go, within its intervals, while what is seen of the body contradicts it.
@@ -73,7 +73,7 @@ class Attachment:
     optional: bool = False
 
     def holds_at(self, seconds: float) -> bool:
-        """Whether it is said to hold at a time since the recording's first image [s]."""
+        """Whether the file has it active at a time since the recording's first image [s]."""
         return self.intervals is None or any(start <= seconds <= end for start, end in self.intervals)
 
     def distances(self, world_T_body: Array, world_T_equipment: Array) -> NDArray[np.float64]:
@@ -95,8 +95,8 @@ class Equipment:
         segments: name -> how it moves.
         joints: between its own segments, in the order of the file.
         attachments: to the body.
-        unknown: joint -> (3) how far its place on its parent may be from where it is said to be, in the parent's axes
-            [m]; joints that are not in it sit where they are said to.
+        unknown: joint -> (3) how far its place on its parent may be from where the file has it, in the parent's axes
+            [m]; joints that are not in it are known.
         upright_sigma: by how much its root's z axis may lean from the vertical [rad]; infinite: it may lie as it likes.
         mounts: camera -> where on the equipment it sits.
     """
@@ -139,7 +139,7 @@ def fitted_equipment(equipment: Equipment, body: BodyModel) -> Equipment:
 
 
 _LEAST_LEVER_M = 1e-4
-"""Points that are nearer to each other than this tell nothing of a rotation."""
+"""Points that are nearer to each other than this do not fix a rotation."""
 
 
 def attachment_joint(attachment: Attachment) -> Joint:
@@ -207,13 +207,13 @@ class UnknownLengths:
     """All (L) lengths of a piece of equipment that are to be estimated.
 
     Args:
-        equipment: which says how far they may be off.
+        equipment: with the sigmas of its lengths.
         tree: its own joints.
 
     Attributes:
         owners: (L) attachment or joint, and the axis 0, 1 or 2 of its equipment segment or parent.
-        priors: (L) how far they may be off [m].
-        said: (L) where they are said to be, the mean of an attachment's points [m].
+        priors: (L) sigmas [m].
+        given: (L) as in the file, of an attachment the mean of its points [m].
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint]) -> None:
@@ -223,10 +223,7 @@ class UnknownLengths:
         places |= {joint.name: joint.parent_T_joint[:3, 3] for joint in tree}
         self.owners = tuple((name, int(axis)) for name, off in unknown.items() for axis in np.flatnonzero(off))
         self.priors = np.array([unknown[name][axis] for name, axis in self.owners])
-        self.said = np.array([places[name][axis] for name, axis in self.owners])
-        self._of: dict[str, list[tuple[int, int]]] = {name: [] for name in unknown}
-        for number, (name, axis) in enumerate(self.owners):
-            self._of[name].append((number, axis))
+        self.given = np.array([places[name][axis] for name, axis in self.owners])
 
     def __len__(self) -> int:
         return len(self.owners)
@@ -236,24 +233,24 @@ class UnknownLengths:
         """(L) ``<attachment or joint>_<x, y or z>``."""
         return tuple(f"{name}_{'xyz'[axis]}" for name, axis in self.owners)
 
-    def of(self, name: str) -> Sequence[tuple[int, int]]:
+    def columns(self, name: str) -> list[tuple[int, int]]:
         """Number and axis of each length of an attachment or joint."""
-        return self._of.get(name, ())
+        return [(number, axis) for number, (owner, axis) in enumerate(self.owners) if owner == name]
 
     def along_axes(self, name: str, values: Array) -> Array:
         """(3) values (L) of an attachment's or joint's lengths along its axes; zero along what is known."""
         along = np.zeros(3)
-        for number, axis in self.of(name):
+        for number, axis in self.columns(name):
             along[axis] = values[number]
         return along
 
     def attachment(self, attachment: Attachment, shifts: Array) -> Attachment:
-        """An attachment where its shifts (L) [m] have it."""
+        """An attachment shifted by its lengths (L) [m]."""
         shift = self.along_axes(attachment.name, shifts)
         return replace(attachment, on_equipment=attachment.on_equipment + shift) if shift.any() else attachment
 
     def joint(self, joint: Joint, shifts: Array) -> Joint:
-        """A joint, or an attachment's (``equipment``), where its shifts (L) [m] have it."""
+        """A joint, or an attachment's (``attachment_joint``), shifted by its lengths (L) [m]."""
         shift = self.along_axes(joint.name, shifts)
         if not shift.any():
             return joint

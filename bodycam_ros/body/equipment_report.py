@@ -1,4 +1,4 @@
-"""How a body is coupled to its equipment at one instant, as the solver says it."""
+"""Coupling of a body to its equipment, at one state and over a recording."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ class EquipmentReport:
         deviations: (K,) distance between its points on the body and on the equipment, the mean over them [m]; NaN while
             the equipment is not placed.
         lengths: (L) what was unknown, ``<attachment or joint>_<x, y or z>``.
-        priors: (L,) how far the file says they may be off [m].
+        priors: (L,) sigmas of the file [m].
         values: (L,) as far as it is known [m].
         sigmas: (L,) [m].
     """
@@ -48,7 +48,7 @@ class EquipmentRecord:
         engaged: (T, K)
         deviations: (T, K) [m]
         lengths: (L) names.
-        priors: (L,) how far the file says they may be off [m].
+        priors: (L,) sigmas of the file [m].
         values: (L,) at last [m].
         sigmas: (L,) at last [m].
     """
@@ -78,7 +78,7 @@ class EquipmentRecord:
 
 
 class EquipmentLog:
-    """Takes reports in any order; ``record`` is what they tell together."""
+    """Collects reports in any order; ``record`` has them in order of time."""
 
     def __init__(self) -> None:
         self._reports: dict[int, EquipmentReport] = {}

@@ -35,7 +35,7 @@ cameras                   as in a body file, places in metres; default: none
 of a segment
 ========================= ============================================================================================
 stands                    true: it does not move in the world at all; the root only
-keeps_speed               true: it goes on at its speed while nobody sees it, as a wheel does; else it comes to rest
+keeps_speed               true: it keeps its speed while it is unobserved, as a wheel does; else it comes to rest
 angular_acceleration      [rad/s^2] how suddenly its turning changes; default: as the body's segments
 acceleration              [m/s^2] how suddenly its motion changes; default: as the body's segments
 ========================= ============================================================================================
@@ -76,7 +76,7 @@ from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
 LEAST_UNKNOWN_MM = 1.0
-"""Less than a ruler tells is known, or was written in metres."""
+"""Less than a ruler shows is known, or was written in metres."""
 
 _MOST_PAIRS = 100
 _MOST_INTERVALS = 1000
@@ -195,7 +195,7 @@ def equipment_path(name_or_path: str | Path) -> Path:
     """The file of a supplied piece of equipment, or the file itself; a bare name is always of a supplied one.
 
     Raises:
-        BodyError: none of that name is supplied; the message says which are.
+        BodyError: none of that name is supplied; the message lists them.
     """
     path = Path(name_or_path)
     if path.name != str(name_or_path) or path.suffix.lower() in _ENDINGS:
@@ -337,7 +337,7 @@ def _check_parts(equipment: Equipment) -> None:
 
 
 def _check_carries(equipment: Equipment) -> None:
-    """What is unknown of a loop's joint could not be told from what is unknown of the others around it."""
+    """What is unknown of a loop's joint could not be separated from the unknown lengths of the others around it."""
     carried: set[str] = set()
     for joint in equipment.joints:
         if _is_loop(joint, equipment.root, carried) and joint.name in equipment.unknown:

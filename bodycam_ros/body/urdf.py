@@ -32,7 +32,7 @@ WITHIN_A_TURN = (-FULL_TURN, FULL_TURN)
 
 _FARTHEST_M = 100_000.0  # of what stands beside the body, along an axis: no map is so large
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
-_NO_LIMIT = "1000"  # of effort [N m, N] and velocity [rad/s, m/s], which URDF wants too: nobody is that strong or quick
+_NO_LIMIT = "1000"  # of effort [N m, N] and velocity [rad/s, m/s], which URDF wants too: beyond any person
 _NO_CONTROLLER = {"k_position": "0", "k_velocity": _NO_LIMIT}  # URDF wants the latter; nothing drives a person
 _PAIRS_OF_AXES = tuple(combinations_with_replacement(enumerate("xyz"), 2))
 _DECIMALS = 12  # below any reader's rounding

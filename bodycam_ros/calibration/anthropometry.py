@@ -63,7 +63,7 @@ class SegmentName:
 
     @property
     def words(self) -> str:
-        """As a person says it: left shin."""
+        """In words: left shin."""
         return f"{self.side[1:]} {self.kind.replace('_', ' ')}".strip()
 
     @property
@@ -114,7 +114,7 @@ class Proportion:
 
     @property
     def middle(self) -> float:
-        """Nobody says whether the body is a man's or a woman's."""
+        """Of both: the body's sex is not known."""
         return 0.5 * (self.low + self.high)
 
 
@@ -137,7 +137,7 @@ _ASYMMETRY_M = 0.015  # whole legs differ by 5 +- 4 mm (Knutson 2005, on anatomi
 _SIGMAS = 3.0  # that a difference must exceed as well, or an uncertain length is called odd
 _LEAST_BONES = 3  # of known proportion that make a stature: of three, one may be wrong
 _ODD_BELOW_M, _ODD_ABOVE_M = 1.2, 2.1  # a child under seven; one person in many thousands
-_LEAST_M, _MOST_M = 0.6, 2.75  # nobody this short stands; the tallest man known was 2.72 m
+_LEAST_M, _MOST_M = 0.6, 2.75  # no person this short stands; the tallest man known was 2.72 m
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class BoneLength:
 
     @property
     def words(self) -> str:
-        """As a person says it: left thigh; of several bones of a segment: torso from neck to left shoulder."""
+        """In words: left thigh; of several bones of a segment: torso from neck to left shoulder."""
         segment = SegmentName(self.segment).words
         if self.proportion is not None:
             return segment
@@ -177,12 +177,12 @@ class BoneLength:
 
 
 def expected_stature(bones: Sequence[BoneLength]) -> float | None:
-    """Stature [m] that bones together let expect: the median of what each says, so that an odd one has no say.
+    """Stature [m] that bones together let expect: the median over bones, so that an odd one does not matter.
 
     None when fewer than three of them are of known proportion.
     """
-    said = _statures(bones)
-    return median(said) if len(said) >= _LEAST_BONES else None
+    statures = _statures(bones)
+    return median(statures) if len(statures) >= _LEAST_BONES else None
 
 
 def refuse_impossible(bones: Sequence[BoneLength]) -> None:
@@ -193,8 +193,8 @@ def refuse_impossible(bones: Sequence[BoneLength]) -> None:
     Raises:
         MapError: they are too short or too long for any person.
     """
-    said = _statures(bones)
-    if said and not _LEAST_M <= (stature_m := median(said)) <= _MOST_M:
+    statures = _statures(bones)
+    if statures and not _LEAST_M <= (stature_m := median(statures)) <= _MOST_M:
         raise MapError(
             f"by its bones this body would be {stature_m:.2f} m tall, as nobody is: {_wrong_scale(stature_m)}"
         )
@@ -208,7 +208,7 @@ def odd_scale(stature_m: float | None) -> str:
 
 
 def _statures(bones: Sequence[BoneLength]) -> list[float]:
-    """What each bone of known proportion says of the stature [m]."""
+    """Stature by each bone of known proportion [m]."""
     return [bone.length_m / known.middle for bone in bones if (known := bone.proportion) is not None]
 
 

@@ -121,7 +121,7 @@ class BodyCalibrator:
             on_progress: called with the step's name and the share of it that is done.
 
         Raises:
-            RangeOfMotionError: the recording does not tell, and what to repeat.
+            RangeOfMotionError: the recording does not determine a body; with what to repeat.
             MapError: no person has bones of this size, so the map's scale is wrong.
         """
         delays_s = dict.fromkeys(self._logs, 0.0)

@@ -88,7 +88,7 @@ class CameraDiagnosis:
         registered: share of them that were registered, 0 to 1.
         residual_m, residual_rad: median difference between where it was and where the body puts it, after refinement.
         moved_m, turned_rad: largest lasting change of its place on the segment [m], [rad]; 0 when it held still, or
-            when it is alone on its segment and so nothing tells.
+            when it is alone on its segment.
         slipped_s: when that change came, seconds after the start; None when it held still.
         readout: how long its rows are read out; None if nothing is known of it.
         warning: for the user; empty when nothing.
@@ -132,7 +132,7 @@ class RefinementGain:
 
 @dataclass(frozen=True)
 class CalibrationDiagnosis:
-    """All that a calibration says about itself.
+    """Diagnosis of a whole calibration.
 
     Attributes:
         joints, bones, cameras: in the order of the body.
@@ -157,7 +157,6 @@ class CalibrationDiagnosis:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Everything that a person should look at: the scale, then in the order of the body."""
-        said = [self.scale_warning, *(joint.advice for joint in self.joints)]
-        said += [bone.warning for bone in self.bones]
-        said += [camera.warning for camera in self.cameras]
-        return tuple(text for text in said if text)
+        warnings = [self.scale_warning, *(joint.advice for joint in self.joints)]
+        warnings += [*(bone.warning for bone in self.bones), *(camera.warning for camera in self.cameras)]
+        return tuple(text for text in warnings if text)

@@ -75,13 +75,13 @@ def shift_to_line(on_axis: Array, axis: Array, line_point: Array, line_direction
     across = cross @ axis
     squared = float(across @ across)
     if squared < 1e-6:
-        raise ValueError("the hinge's axis runs along the straight limb, so straightness does not tell where it sits")
+        raise ValueError("the hinge's axis runs along the straight limb, which does not fix its place")
     return float(-across @ (cross @ (on_axis - line_point)) / squared)
 
 
 @dataclass(frozen=True, eq=False)
 class StraightLimb:
-    """What the N-pose says of a hinge: ``row @ offsets.ravel() == 0`` puts its joint on the straight limb.
+    """The N-pose's constraint on a hinge: ``row @ offsets.ravel() == 0`` puts its joint on the straight limb.
 
     Attributes:
         row: (3 S) derivative of the joint's distance from the line, along the hinge's axis, by all offsets.
@@ -93,7 +93,7 @@ class StraightLimb:
 
 
 def straight_limbs(motion: ArticulatedMotion, hinges: Mapping[str, Array]) -> list[StraightLimb]:
-    """What the N-pose says of each hinge's place along its axis (A eq. 17), linearised."""
+    """Constraints on each hinge's place along its axis (A eq. 17), linearised."""
     limbs = []
     for name in [joint.name for joint in motion.body.tree_joints if joint.child in hinges]:
 

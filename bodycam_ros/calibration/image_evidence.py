@@ -90,7 +90,7 @@ class ImageEvidence:
         """Hessians (T, C, 6, 6) and gradients (T, C, 6) of half the robust squared reprojection errors (A eq. 8).
 
         A camera's landmarks first give the step to their own optimum and its covariance; the floor is added to that
-        covariance, so that a camera with a thousand landmarks is not believed to micrometres.
+        covariance, so that a camera with a thousand landmarks is not weighted as if known to micrometres.
         """
         hessians = np.zeros((*world_T_camera.shape[:2], 6, 6))
         gradients = np.zeros((*world_T_camera.shape[:2], 6))

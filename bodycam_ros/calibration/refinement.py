@@ -141,7 +141,7 @@ def _priors(
     limbs: Sequence[StraightLimb],
     clock: ClockSettings,
 ) -> tuple[Array, Array]:
-    """What no image tells: the choice of the segments' frames, and where a hinge's joint sits along its axis."""
+    """What no image determines: the choice of the segments' frames, and where a hinge's joint sits along its axis."""
     count = motion.lasting_count
     hessian, gradient = np.zeros((count, count)), np.zeros(count)
     held = np.zeros(count, dtype=bool)

@@ -204,6 +204,6 @@ class Coupling:
             deviations=np.full(len(names), np.nan) if active is None else self.attachments.gaps(poses),
             lengths=lengths.names,
             priors=lengths.priors,
-            values=lengths.said + self.attachments.shifts,
+            values=lengths.given + self.attachments.shifts,
             sigmas=self.attachments.sigmas.copy(),
         )

@@ -63,7 +63,7 @@ class EquipmentChain:
         J = np.zeros((*poses.shape[:-2], 6, self.count))
         J[..., : self._tangent.count] = self._tangent.segment_jacobians(poses)
         for row, joint in enumerate(self.tree.tree_joints):
-            for number, axis in self._lengths.of(joint.name):
+            for number, axis in self._lengths.columns(joint.name):
                 column = slice(self.length_columns[number], self.length_columns[number] + 1)
                 # A shift of the joint on its parent moves all segments below it along.
                 below, along = self.tree.moves[:, row], poses[:, self.row[joint.parent], :3, axis]

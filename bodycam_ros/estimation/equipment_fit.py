@@ -184,7 +184,7 @@ class EquipmentFit:
         off = measured - self.lengths.attachment(attachment, lengths).on_equipment
         by_segment = np.concatenate([hat(measured), np.broadcast_to(-np.eye(3), (*measured.shape, 3))], axis=3)
         J = by_segment @ moves[:, None, row]
-        for column, axis in self.lengths.of(attachment.name):
+        for column, axis in self.lengths.columns(attachment.name):
             J[:, :, axis, self.chain.length_columns[column]] -= 1.0
         sigmas = np.hypot(attachment.sigmas, BODY_M)[:, None]
         rows = 3 * len(attachment.sigmas)

@@ -82,7 +82,7 @@ def _of_attachment(record: EquipmentRecord, column: int, attachment: Attachment 
 def _far_lengths(record: EquipmentRecord, equipment: Equipment) -> Iterator[_Doubt]:
     """Lengths that were found much farther from where the file has them than it says."""
     lengths = UnknownLengths(equipment, equipment.joints)
-    said = dict(zip(lengths.names, lengths.said.tolist(), strict=True))
+    said = dict(zip(lengths.names, lengths.given.tolist(), strict=True))
     for name, prior, value in zip(record.lengths, record.priors.tolist(), record.values.tolist(), strict=True):
         off = abs(value - said[name]) / prior
         if off > _OFF_PRIORS:

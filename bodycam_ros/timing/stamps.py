@@ -1,4 +1,4 @@
-"""What stamps alone tell: which cameras share them, where a clock was set, and what time most cameras agree on."""
+"""From stamps alone: which cameras share them, where a clock was set, and the time that most cameras agree on."""
 
 from collections import deque
 from collections.abc import Mapping
