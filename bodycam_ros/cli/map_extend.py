@@ -1,7 +1,6 @@
 """bodycam map extend: a recording and a map in, a map out with landmarks of its body cameras too (A 4.1)."""
 
 import argparse
-from contextlib import nullcontext
 from pathlib import Path
 
 from bodycam_ros.cli.options import (
@@ -12,7 +11,7 @@ from bodycam_ros.cli.options import (
     add_recording,
     pipeline_settings,
 )
-from bodycam_ros.cli.progress import JsonProgress, shown_progress
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.replay import print_rounds
 from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
@@ -25,7 +24,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_recording(parser)
     add_map(parser)
     add_output(parser, "MAP2", "map folder to write")
-    parser.add_argument("--json", action="store_true", help="print progress as lines of JSON, for programs")
     add_jobs(parser, "processes for the cameras")
     add_pipeline_config(parser)
     parser.set_defaults(run=run)
@@ -43,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(output, (arguments.map, recording, arguments.config))
     check_replaceable(output, arguments.force)
     known = len(ReferenceMap.load(arguments.map).landmark_ids)
-    with nullcontext(JsonProgress()) if arguments.json else shown_progress() as progress:
+    with shown_progress() as progress:
         extension = extend_map(recording, arguments.map, settings, arguments.jobs, on_progress=progress.show)
         extended = extension.reference_map
         coverage = measure_coverage(extended, progress)

@@ -1,10 +1,7 @@
-"""Progress bars on the terminal, or as lines of JSON."""
+"""Progress bars on the terminal."""
 
-import json
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
@@ -12,11 +9,18 @@ from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.terminal import Terminal
 
 
-class ShareProgress(Protocol):
-    """Shows the share of each step that is done."""
+class ProgressBars:
+    """A bar for each step, in the order in which they start."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
 
     def show(self, step: str, share: float) -> None:
         """Show that so much of a step is done, 0 to 1."""
+        if step not in self._tasks:
+            self._tasks[step] = self._bars.add_task(step, total=1.0)
+        self._bars.update(self._tasks[step], completed=share)
 
     @contextmanager
     def step(self, name: str, total: int) -> Iterator[Advance]:
@@ -31,20 +35,6 @@ class ShareProgress(Protocol):
 
         yield advance
         self.show(name, 1.0)
-
-
-class ProgressBars(ShareProgress):
-    """A bar for each step, in the order in which they start."""
-
-    def __init__(self, bars: Progress) -> None:
-        self._bars = bars
-        self._tasks: dict[str, TaskID] = {}
-
-    def show(self, step: str, share: float) -> None:
-        """As ``ShareProgress``."""
-        if step not in self._tasks:
-            self._tasks[step] = self._bars.add_task(step, total=1.0)
-        self._bars.update(self._tasks[step], completed=share)
 
 
 @contextmanager
@@ -63,18 +53,3 @@ def waiting(what: str) -> Iterator[None]:
     with Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as bars:
         bars.add_task(what, total=None)
         yield
-
-
-class JsonProgress(ShareProgress):
-    """A line of JSON with ``step`` and ``share`` whenever a share has changed by 1 %."""
-
-    def __init__(self) -> None:
-        self._last: tuple[str, float] | None = None
-
-    def show(self, step: str, share: float) -> None:
-        """As ``ShareProgress``."""
-        now = step, round(share, 2)
-        if now != self._last:
-            self._last = now
-            sys.stdout.write(json.dumps({"step": step, "share": now[1]}) + "\n")
-            sys.stdout.flush()

@@ -7,12 +7,11 @@ from pathlib import Path
 from std_srvs.srv import SetBool
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.live.flow_of_frames import AwaitedReaders, Work
+from bodycam_ros.live.flow_of_frames import AwaitedReaders
 from bodycam_ros.live.live_registration import LiveRegistration
-from bodycam_ros.live.map_extension import MapExtension
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.health import Health, HealthLevel
+from bodycam_ros.messages.health import Health
 from bodycam_ros.messages.timing import camera_timing
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, map_points_message, track_frame
 from bodycam_ros.moments import Moment
@@ -38,7 +37,6 @@ class RegistrationStage(Stage[RegistrationParameters]):
     """
 
     name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
-    action = "bodycam_msgs/action/ExtendMap", "~/extend_map"
 
     def __init__(self, node: StageNode[RegistrationParameters]) -> None:
         super().__init__(node)
@@ -63,7 +61,6 @@ class RegistrationStage(Stage[RegistrationParameters]):
             # The map grows by what was seen while the node was active, whatever it is by then.
             partial(self.soon, even_inactive=True),
         )
-        self._extension: MapExtension | None = None
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
         self._readers = AwaitedReaders()
         deep, one = reliable(STAGE_DEPTH), reliable(1)
@@ -97,29 +94,16 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def pause(self) -> None:
         """Frames that come meanwhile are missing, so what is known of the tracks is of no use."""
-        self._stop_work()
         self._waiting.clear()
         self.live.begin_anew()
 
     def finish(self) -> None:
         """Save what has grown before the node goes."""
-        self._stop_work()
         self.live.kept.stop()
 
     def settings_changed(self) -> None:
         """Register the next images by the thresholds that hold now."""
         self.live.settings_changed()
-
-    def work_on(self, goal: Message) -> Work:
-        """For the action ~/extend_map."""
-        self._extension = MapExtension(self._map_path, goal.recording, goal.output, self.settings.as_mapping())
-        return self._extension
-
-    def _stop_work(self) -> None:
-        if self._extension is not None:
-            self._extension.stop()
-        if self.node.action is not None:
-            self.node.action.stop()
 
     def _reset(self) -> tuple[bool, str]:
         count = self.live.begin_anew()
@@ -181,11 +165,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def health(self) -> list[Health]:
         """How the cameras fared in the last second."""
-        health = self.live.health(self._cameras, tuple(self._waiting))
-        if self._extension is not None and self._extension.result is None:
-            values: dict[str, object] = {"step": self._extension.step, "done [%]": round(100 * self._extension.share)}
-            health.append(Health("map extension", HealthLevel.OK, "extending", values))
-        return health
+        return self.live.health(self._cameras, tuple(self._waiting))
 
 
 make = partial(StageNode, RegistrationStage)

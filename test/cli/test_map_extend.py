@@ -1,6 +1,5 @@
 """bodycam map extend and bodycam replay --passes as a user calls them, on a stretch of the sample."""
 
-import json
 import os
 import shutil
 import signal
@@ -89,10 +88,7 @@ def test_a_recording_in_which_nothing_registers_leaves_the_map_as_it_was(
 ) -> None:
     """Grey images; the map that comes out is the one that went in, and the picture says so."""
     bag, out = write_tiny_bag(tmp_path / "bag"), tmp_path / "out"
-    assert main(["map", "extend", str(bag), "--map", str(part), "-o", str(out), "--jobs", "1", "--json"]) == 0
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines() if line.startswith("{")]
-    assert {each["step"] for each in told} >= {"round 1", "checking the coverage"}
-    assert told[-1]["share"] == 1.0 and all(0.0 <= each["share"] <= 1.0 for each in told)
+    assert main(["map", "extend", str(bag), "--map", str(part), "-o", str(out), "--jobs", "1"]) == 0
     before, after = ReferenceMap.load(part), ReferenceMap.load(out)
     np.testing.assert_array_equal(before.landmark_ids, after.landmark_ids)
     np.testing.assert_array_equal(before.descriptors, after.descriptors)
