@@ -58,14 +58,14 @@ def test_a_body_is_measured_and_its_file_says_how_well(
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
-        ([], "a body is measured by worn cameras, with --map and --rig, or by static ones"),
+        ([], "a body is measured by body cameras, with --map and --rig, or by static ones"),
         (["--height", "1.8"], "--height is for static cameras: say with --stations"),
         (["--start", "start.yaml"], "--start is for static cameras: say with --stations"),
         (["--initial-body", "body.yaml"], "--initial-body needs --stations"),
         (["STATIONS"], "give --height in metres, or --initial-body BODY"),
         (["STATIONS", "--height", "178"], "178 m is nobody's height"),
         (["STATIONS", "--initial-body", "nobody.yaml"], "nobody.yaml"),
-        (["STATIONS", "--height", "1.8", "--rig", "rig.yaml"], "--rig is for worn cameras"),
+        (["STATIONS", "--height", "1.8", "--rig", "rig.yaml"], "--rig is for body cameras"),
         (["STATIONS", "--height", "1.8", "--facing", "90"], "--facing is for body cameras"),
         (["--stations", "CAMERAS", "--height", "1.8"], "give that as --start"),
         (["--stations", "none.yaml", "--start", "START", "--height", "1.8"], "none.yaml"),
