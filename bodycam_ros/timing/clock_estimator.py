@@ -15,8 +15,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
-from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_evidence
+from bodycam_ros.timing.clock_evidence import CORRELATED, MARGIN_NS, ClockEvidence, window_evidence
 from bodycam_ros.timing.clock_filter import DRIFT_SIGMA, ClockFilter
 from bodycam_ros.timing.clock_state import (
     TRIGGER_SIGMA_S,
@@ -33,14 +32,9 @@ LOOKAHEAD_S = 8.0
 """How far ahead of the body clocks are estimated offline; four seconds of walking give them to 2 or 3 ms."""
 
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
-_MARGIN_NS = 300_000_000  # images beyond the ends of a window, for the paths at its ends and for clocks that are off
-_RATE = 10.0  # [Hz] states of a window at which cameras are compared
-_CORRELATED = 6.0  # neighbouring states that share their errors, because tracks keep theirs
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
 _JUMP_S, _SURPRISE = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
 _LATENCY_S = 0.001  # by which a sensor's delay to its camera may differ from that of the calibration
-_SETTLED_S = 0.001  # shifts below this need no further turn of a window
-_MOST_TURNS = 6  # of a window with clocks that moved; each leaves a fifth of the error
 
 
 @dataclass
@@ -185,7 +179,7 @@ class ClockEstimator:
             self._initialise()
         elif not camera.clocks and stamp_ns - camera.images[0].stamp_ns >= _FIRST_NS:
             self._admit(matches.camera)
-        while (self._time.latest_ns or 0) > self._window_ns + _WINDOW_NS + _MARGIN_NS:
+        while (self._time.latest_ns or 0) > self._window_ns + _WINDOW_NS + MARGIN_NS:
             self._estimate_until(self._window_ns + _WINDOW_NS)
         period_ns = self.shared.period_ns if self.shared else 0
         if self._learning is not None and stamp_ns - self._continued_ns >= period_ns:
@@ -293,7 +287,7 @@ class ClockEstimator:
                 self._stray(name)
                 camera.clocks.append(replace(camera.clocks[-1], since_ns=cut_ns, at_ns=cut_ns))
                 camera.images = deque(image for image in camera.images if image.stamp_ns >= cut_ns)
-            while camera.images and camera.images[0].stamp_ns < until_ns - 2 * _MARGIN_NS:
+            while camera.images and camera.images[0].stamp_ns < until_ns - 2 * MARGIN_NS:
                 camera.images.popleft()
 
     def _finish(self) -> None:
@@ -325,7 +319,7 @@ class ClockEstimator:
         evidence = yield from self._evidence(images, from_ns, to_ns)
         if evidence is None:
             return
-        alone, surprises = self._filter.innovations(evidence.delays, evidence.information / _CORRELATED)
+        alone, surprises = self._filter.innovations(evidence.delays, evidence.information / CORRELATED)
         off = np.flatnonzero((surprises > _SURPRISE) & (np.abs(alone) > _JUMP_S)).tolist()
         if 2 * len(off) > len(self._order):
             off = [self._filter.reference]  # most at once: it is the one that they are compared with
@@ -334,42 +328,16 @@ class ClockEstimator:
             for row in off:
                 self._stray(self._order[row])
             evidence = (yield from self._evidence(images, from_ns, to_ns)) or evidence
-        self._filter.update(evidence.delays, evidence.information / _CORRELATED)
+        self._filter.update(evidence.delays, evidence.information / CORRELATED)
         for row, name in enumerate(self._order):
             self._set_clock(name, self._clock(row))
 
     def _evidence(
         self, images: Mapping[str, Sequence[LandmarkMatches]], from_ns: int, to_ns: int
     ) -> Generator[None, None, ClockEvidence | None]:
-        """The evidence of a window beyond the prediction; it is repeated for clocks that are far off."""
-        evidence = None
-        shifts = np.zeros(len(self._order))
-        stamps_ns = np.arange(from_ns, to_ns, round(1e9 / _RATE), dtype=np.int64)
-        prior = self._filter.prior_information * _CORRELATED
-        for _ in range(_MOST_TURNS):
-            tracks = {}
-            for name, ahead_s in zip(self._order, (self._filter.offsets + shifts).tolist(), strict=True):
-                tracks[name] = self._track(images[name], round(1e9 * ahead_s), from_ns, to_ns)
-            yield
-            found = yield from clock_evidence(self._body, tracks, stamps_ns, prior, -shifts)
-            if found is None:
-                return None
-            evidence = replace(found, delays=found.delays + shifts)
-            if np.abs(found.delays).max() < _SETTLED_S:
-                break
-            shifts = evidence.delays
-        return evidence
-
-    def _track(self, images: Sequence[LandmarkMatches], ahead_ns: int, from_ns: int, to_ns: int) -> CameraTrack:
-        near = [
-            (image.stamp_ns - ahead_ns, image.world_T_camera, image.pose_covariance)
-            for image in images
-            if image.world_T_camera is not None
-            and from_ns - _MARGIN_NS <= image.stamp_ns - ahead_ns <= to_ns + _MARGIN_NS
-        ]
-        stamps_ns, poses, covariances = zip(*near, strict=True) if near else ((), (), ())
-        path = CameraPath(np.array(stamps_ns, np.int64), np.array(poses).reshape(-1, 4, 4))
-        return CameraTrack(path, np.array(covariances).reshape(-1, 6, 6) + self._floor)
+        offsets = dict(zip(self._order, self._filter.offsets.tolist(), strict=True))
+        prior = self._filter.prior_information * CORRELATED
+        return window_evidence(self._body, images, offsets, prior, self._floor, (from_ns, to_ns))
 
     def _clock(self, row: int) -> ClockState:
         """The estimate of a clock at the time of the filter."""

@@ -6,7 +6,7 @@ articulated without gaps (A eq. 3-5), is eliminated on its own, as in the refine
 the delays' normal equations, with as many rows as there are cameras.
 """
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +15,21 @@ from numpy.typing import NDArray
 from bodycam_ros.body.articulation import ArticulatedMotion, articulated, distance_weights, eliminate_instants
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, log_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.camera_path import CameraPath
 
 MAX_GAP_S = 0.12
 """Longest time between two images of a camera over which its pose is interpolated: beyond, limbs may do anything."""
 
+MARGIN_NS = 300_000_000
+"""Images beyond the ends of a window, for the paths at its ends and for clocks that are off."""
+
+CORRELATED = 6.0
+"""Neighbouring states of a window that share their errors, because tracks keep theirs."""
+
+_RATE = 10.0  # [Hz] states of a window at which cameras are compared
+_SETTLED_S = 0.001  # shifts below this need no further turn of a window
+_MOST_TURNS = 6  # of a window with clocks that moved; each leaves a fifth of the error
 _ITERATIONS = 4
 _CONVERGED_S = 1e-5  # a hundredth of a window's standard deviation; the next step would be a tenth of that
 _OUTLIER_SIGMAS = 4.0
@@ -50,6 +60,56 @@ class ClockEvidence:
 
     delays: Array
     information: Array
+
+
+def window_evidence(
+    body: BodyModel,
+    images: Mapping[str, Sequence[LandmarkMatches]],
+    offsets: Mapping[str, float],
+    prior_information: Array,
+    floor: Array,
+    window_ns: tuple[int, int],
+) -> Generator[None, None, ClockEvidence | None]:
+    """The evidence of a window of images beyond the prediction; it is repeated for clocks that are far off.
+
+    Args:
+        body: calibrated.
+        images: camera -> its images, in order of time, some beyond both ends.
+        offsets: camera -> predicted clock offset [s], in the order of the prior.
+        prior_information: (C, C) on the offsets [1/s^2].
+        floor: (6, 6) covariance that is added to every registration's.
+        window_ns: its two ends [ns].
+    """
+    evidence = None
+    shifts = np.zeros(len(offsets))
+    stamps_ns = np.arange(*window_ns, round(1e9 / _RATE), dtype=np.int64)
+    for _ in range(_MOST_TURNS):
+        tracks = {
+            camera: _track(images[camera], round(1e9 * (offset + shift)), floor, window_ns)
+            for (camera, offset), shift in zip(offsets.items(), shifts.tolist(), strict=True)
+        }
+        yield
+        found = yield from clock_evidence(body, tracks, stamps_ns, prior_information, -shifts)
+        if found is None:
+            return None
+        evidence = replace(found, delays=found.delays + shifts)
+        if np.abs(found.delays).max() < _SETTLED_S:
+            break
+        shifts = evidence.delays
+    return evidence
+
+
+def _track(images: Sequence[LandmarkMatches], ahead_ns: int, floor: Array, window_ns: tuple[int, int]) -> CameraTrack:
+    """The registered images in and near a window, by a clock that is ahead by some time [ns]."""
+    near = [
+        (image.stamp_ns - ahead_ns, image.world_T_camera, image.pose_covariance)
+        for image in images
+        if image.world_T_camera is not None
+        and window_ns[0] - MARGIN_NS <= image.stamp_ns - ahead_ns <= window_ns[1] + MARGIN_NS
+    ]
+    stamps_ns, poses, covariances = zip(*near, strict=True) if near else ((), (), ())
+    path = CameraPath(np.array(stamps_ns, np.int64), np.array(poses).reshape(-1, 4, 4))
+    return CameraTrack(path, np.array(covariances).reshape(-1, 6, 6) + floor)
 
 
 def clock_evidence(
