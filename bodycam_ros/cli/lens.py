@@ -15,8 +15,8 @@ from bodycam_ros.terminal import Terminal
 if TYPE_CHECKING:
     from bodycam_ros.lens.lens_calibration import LensCalibration
 
-_MODELS = ("fov", "equidistant", "plumb_bob", "rational_polynomial")
-"""From the simplest on."""
+_MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
+"""In order of preference: a later one has to explain pictures better by more than chance."""
 
 _MARK = "# lens measured by bodycam"
 

@@ -22,7 +22,6 @@ from bodycam_ros.lens.lens_quality import (
     Validation,
     cell_numbers,
     objections,
-    ray_difference_px,
     ray_grid,
     seen_area,
     validate,
@@ -38,7 +37,8 @@ _TILTED = np.sin(np.radians(15.0))
 _DIRECTIONS = 4  # that the board's face may be turned to, beside straight at the camera
 _TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
-_TWO_CAMERAS_PX = 3.0  # difference of the lenses of two groups of pictures, and of their errors, times
+_TWO_CAMERAS = 1.5  # times the errors of lenses of their own, by which one lens of two groups of pictures is off
+_LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 _LEAST_GROUP = 4
 
 
@@ -57,7 +57,7 @@ class LensCalibration:
 
     Attributes:
         chosen: the model that explains pictures left out best, or the given one.
-        trials: all that were tried, the simplest first.
+        trials: all that were tried, in order of preference.
         area: where the board was seen.
         is_lit: (H, W) pixels that the lens shows anything in.
         given, found: pictures, and those of them that show the board.
@@ -102,7 +102,6 @@ def calibrate_lens(
             "with all of it in the picture"
         )
     fit = first_fit(rough, width, height)
-    _check_one_camera(rough, fit)
     if board.dictionary is not None:
         # What was found without a lens is good to a pixel at best; and a lens finds more, where it bends much.
         fit = placed_fit(fit.camera, _find(pictures, board, fit.camera, "finding it through the lens", progress))
@@ -117,6 +116,7 @@ def calibrate_lens(
             trials.append(ModelTrial(model, trial, validate(trial, ray_grid(is_lit, reach))))
             advance()
     best = _best(trials, ray_grid(is_lit))
+    _check_one_camera(best.fit)
     area = seen_area(best.fit, is_lit)
     is_checkerboard = board.squares is not None and board.squares.kind == CHECKERBOARD
     return LensCalibration(
@@ -147,25 +147,21 @@ def _chosen_variant(pictures: Sequence[LensPicture], board: LensBoard, progress:
     return best
 
 
-def _check_one_camera(sights: Sequence[BoardSight], fit: LensFit) -> None:
-    """Refuse pictures whose names make two groups that different lenses took."""
-    groups: dict[str, list[BoardSight]] = {}
-    for sight in sights:
-        groups.setdefault(re.split(r"\d", sight.name)[0], []).append(sight)
-    large = {name: group for name, group in groups.items() if name and len(group) >= _LEAST_GROUP}
+def _check_one_camera(fit: LensFit) -> None:
+    """Refuse pictures whose names make two groups, each of which fits a lens of its own clearly better."""
+    groups: dict[str, list[int]] = {}
+    for row, sight in enumerate(fit.sights):
+        groups.setdefault(_LAST_NUMBER.sub("*", sight.name.split(" at ")[0]), []).append(row)
+    large = {name: rows for name, rows in sorted(groups.items()) if len(rows) >= _LEAST_GROUP}
     if len(large) < 2:
         return
-    grid = fit.pixels[:: max(1, len(fit.pixels) // 400)]
-    fits = {name: placed_fit(fit.camera, group) for name, group in large.items()}
-    names = list(fits)
-    for one, other in zip(names, names[1:], strict=False):
-        apart_px = float(np.median(ray_difference_px(fits[one].camera, fits[other].camera, grid)))
-        own_px = max(fits[one].median_px, fits[other].median_px)
-        if apart_px > _TWO_CAMERAS_PX * max(1.0, own_px) and fit.median_px > 1.5 * own_px:
-            raise LensError(
-                f"pictures '{one}...' and '{other}...' were taken by two cameras, whose lenses differ by "
-                f"{apart_px:.1f} px; give those of one camera, as in {one}*.jpg"
-            )
+    fits = [fit_lens(fit.camera, [fit.sights[row] for row in rows], fit.poses[rows]) for rows in large.values()]
+    own_px = max(each.median_px for each in fits)
+    if fit.median_px > _TWO_CAMERAS * own_px:
+        raise LensError(
+            f"pictures {' and '.join(large)} were taken by different cameras: one lens is off by {fit.median_px:.2f} "
+            f"px, lenses of their own by {own_px:.2f} px; give the pictures of one camera, as in {next(iter(large))}"
+        )
 
 
 def _spread_sights(fit: LensFit, width: int, height: int) -> list[int]:
@@ -197,7 +193,7 @@ def _turned(poses: Array) -> NDArray[np.int64]:
 
 
 def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:
-    """The simplest that has a ray at all pixels (G, 2), and that none with more numbers beats by more than chance."""
+    """The first that has a ray at all pixels (G, 2), and that no later one beats by more than chance."""
     finite = [trial for trial in trials if np.isfinite(trial.validation.worst_ray_px)] or list(trials)
     whole = [trial for trial in finite if trial.fit.camera.unproject(grid)[1].all()] or finite
     best = whole[0]
