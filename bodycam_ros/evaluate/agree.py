@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.urdf import optical_frame
-from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate import comparison
 from bodycam_ros.evaluate.agreement import (
@@ -27,9 +26,8 @@ from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.names_file import Place, places_of
 from bodycam_ros.geometry import Array, log_so3, nearest_rotation
-from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.results.topics import published_robot
+from bodycam_ros.results.topics import read_published_body
 
 
 @dataclass(frozen=True)
@@ -104,8 +102,7 @@ def agree(solved: SolvedRecording, captured: CapturedMotion, options: AgreementO
 
 def joints_of(solved: SolvedRecording) -> dict[str, str]:
     """Joint of the body -> the segment that hangs on it."""
-    with BagFile(solved.path) as bag:
-        return {joint.name: joint.child for joint in body_from_urdf(published_robot(bag)).tree_joints}
+    return {joint.name: joint.child for joint in read_published_body(solved.path).tree_joints}
 
 
 def _clock(solved: SolvedRecording, captured: CapturedMotion, tracked: Tracked, options: AgreementOptions) -> Clock:

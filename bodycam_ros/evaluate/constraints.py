@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Comparison, Distribution, compare
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.geometry import Array
 from bodycam_ros.plots.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
-from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
-from bodycam_ros.results.topics import published_robot
+from bodycam_ros.results.topics import read_published_body
 
 _MAX_PANELS = 3
 
@@ -127,8 +125,7 @@ def _held_points(
     solved: SolvedRecording, other: SolvedRecording, rows: NDArray[np.int64], other_rows: NDArray[np.int64]
 ) -> tuple[HeldPoint, ...]:
     """By the loops of the body that was published: where the equipment has them is told by the motion with it."""
-    with BagFile(solved.path) as bag:
-        body = body_from_urdf(published_robot(bag))
+    body = read_published_body(solved.path)
     found = []
     for joint in body.loop_joints:
         ends = {joint.parent: joint.parent_T_joint, joint.child: joint.child_T_joint}

@@ -9,17 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array
 from bodycam_ros.plots.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
-from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.results.topics import published_robot
+from bodycam_ros.results.topics import read_published_body
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,
@@ -82,8 +80,7 @@ class OutsideScene:
             RecordingError: not a recording.
             MapError, LensError: the map, or a lens, cannot be used.
         """
-        with BagFile(solved.path) as bag:
-            body = body_from_urdf(published_robot(bag))
+        body = read_published_body(solved.path)
         stations = read_stations(files.stations, None if files.map is None else ReferenceMap.load(files.map))
         check_stations_frame(files.stations, solved.path, files.map)
         with open_recording(recording) as images:

@@ -183,7 +183,7 @@ def report_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
     if stations := figures.get("stations"):
         yield _STATIONS.fill(stations, {name for name, each in stations.items() if not each["seen"]})
     clocks = {name: dict(camera["clock"]) for name, camera in cameras.items() if camera.get("clock") is not None}
-    if clocks:
+    if any(clock["is_off"] for clock in clocks.values()):
         for clock in clocks.values():
             clock["set"] = " ".join(f"{seconds:.1f}" for seconds in clock["held_from_s"])
         yield _CLOCKS.fill({name: {"clock": clock} for name, clock in clocks.items()})

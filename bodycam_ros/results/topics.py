@@ -4,6 +4,8 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, says_clock
 from bodycam_ros.messages.tracks import landmark_matches
@@ -27,6 +29,17 @@ def published_robot(bag: BagFile) -> str:
         for _, _, message in bag.messages([ROBOT]):
             text = str(message.data)
     return text
+
+
+def read_published_body(path: Path) -> BodyModel:
+    """The body of a solved bag, as its URDF has it.
+
+    Raises:
+        RecordingError: not a bag.
+        BodyError: what was published is no body.
+    """
+    with BagFile(path) as bag:
+        return body_from_urdf(published_robot(bag))
 
 
 def camera_topics(bag: BagFile, suffix: str, message_type: str) -> dict[str, str]:
