@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyUncertainty, SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments
+from bodycam_ros.estimation.between_factors import Between
 from bodycam_ros.estimation.estimate import Estimate, Transition
 from bodycam_ros.estimation.looking_on import ToldJoints
 from bodycam_ros.estimation.measurements import Measurements
-from bodycam_ros.estimation.motion_model import Between
 from bodycam_ros.geometry import Array, inverse, nearest_rotation
 from bodycam_ros.kinematics.tangent import TreeTangent
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, sole_points
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.motion_model import RestingPoint
+from bodycam_ros.estimation.between_factors import RestingPoint
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.settings import setting

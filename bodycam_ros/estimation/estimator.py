@@ -19,6 +19,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyNow, BodyState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
+from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, loosen_joints, measured_turns
 from bodycam_ros.estimation.camera_gate import GATE, gate_cameras
 from bodycam_ros.estimation.chain import ChainState, Step, first_poses, smooth
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
@@ -34,7 +35,7 @@ from bodycam_ros.estimation.measurements import (
     SegmentPoses,
     StateFit,
 )
-from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings, condition, loosen_joints, measured_turns
+from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
 from bodycam_ros.geometry import Array
@@ -44,32 +45,28 @@ Mask = NDArray[np.bool_]
 
 _BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
 _BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb to be observed again
+_CARRIED_S = 5.0  # the longest gap that accelerometers fill: their errors grow with the square of time
 _PERIODS = 15  # frames whose period is remembered: a single odd one does not count
 _GAP = 1.5  # periods without a frame are a gap: one missed frame is at two
 _FIRST_S = 0.033  # how long the first state lasts, as a measurement among others
 
 
 class FrameGaps:
-    """Finds missing frames by the period of the cameras' own stamps, which free-running cameras do not shorten.
+    """Finds missing frames by the period of the cameras' own stamps, which free-running cameras do not shorten."""
 
-    Args:
-        max_pause_s: a longer gap is not filled.
-    """
-
-    def __init__(self, max_pause_s: float) -> None:
-        self._max_pause_ns = 1e9 * max_pause_s
+    def __init__(self) -> None:
         self._periods_ns: deque[float] = deque(maxlen=_PERIODS)
         self._last_ns: int | None = None
 
-    def missing_stamps(self, frame: BodyFrame) -> tuple[int, ...]:
-        """Stamps [ns] between the frame before and this one at which images are missing."""
+    def missing_stamps(self, frame: BodyFrame, max_pause_s: float) -> tuple[int, ...]:
+        """Stamps [ns] between the frame before and this one at which images are missing; none in a longer pause."""
         last_ns, self._last_ns = self._last_ns, frame.stamp_ns
         own_ns = [m.stamp_ns - m.previous_stamp_ns for m in frame.matches.values() if m.previous_stamp_ns]
         period_ns = median(self._periods_ns) if self._periods_ns else None
         if own_ns:
             self._periods_ns.append(median(own_ns))
         pause_ns = frame.stamp_ns - last_ns if last_ns is not None else 0
-        if period_ns is None or not _GAP * period_ns < pause_ns <= self._max_pause_ns or last_ns is None:
+        if period_ns is None or not _GAP * period_ns < pause_ns <= 1e9 * max_pause_s or last_ns is None:
             return ()
         steps = round(pause_ns / period_ns)
         return tuple(last_ns + round(pause_ns * step / steps) for step in range(1, steps))
@@ -126,7 +123,7 @@ class BodyEstimator:
         coupled = coupling.joint_names if coupling else frozenset[str]()
         self._prior = PosePrior(body, coupled)
         self._fit = StateFit(self._tangent, coupled)
-        self._gaps = FrameGaps(self.settings.max_pause)
+        self._gaps = FrameGaps()
         self._whole = WholeRecording(body, self._tangent, self._motion, self._fit, self._prior, on_progress)
         self._root = body.segment_index[body.root]
         self.refused: Counter[str] = Counter()
@@ -156,8 +153,9 @@ class BodyEstimator:
         if self._coupling:
             self._coupling.start(frame.stamp_ns)
         states = []
-        missing_ns = self._gaps.missing_stamps(frame)
-        if self._chain and frame.stamp_ns - self._chain[-1].stamp_ns > 1e9 * self.settings.max_pause:
+        max_pause_s = self._max_pause_s(frame.stamp_ns)
+        missing_ns = self._gaps.missing_stamps(frame, max_pause_s)
+        if self._chain and frame.stamp_ns - self._chain[-1].stamp_ns > 1e9 * max_pause_s:
             states = self.flush()
             self._restart()
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
@@ -171,6 +169,12 @@ class BodyEstimator:
                 self.bridged += 1
             self._chain.append(self._next(frame, registered))
         return states + self._publish()
+
+    def _max_pause_s(self, stamp_ns: int) -> float:
+        """The longest gap before a stamp [ns] that is filled: with inertial sensors on the root, a longer one."""
+        if self._inertial is None or not self._chain or not self._inertial.carry(self._chain[-1].stamp_ns, stamp_ns):
+            return self.settings.max_pause
+        return max(self.settings.max_pause, _CARRIED_S)
 
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
         """The first state, where cameras measured the body or somebody placed it by hand."""
@@ -189,19 +193,20 @@ class BodyEstimator:
             )
         transition = self._motion.predict(before.estimate, dt_s, density, fade_s)
         needs_turn = ~(before.observed & self.body.named(pose.segment for pose in registered.values()))
-        turns = []
+        between: list[Between] = []
         if self._inertial is not None:
             self._inertial.observe(frame)
-            turns = self._inertial.turns(before.stamp_ns, frame.stamp_ns, needs_turn)
-        by_gyroscope = {turn.row for turn in turns}
-        turns += measured_turns(
+            between += self._inertial.factors(before.stamp_ns, frame.stamp_ns, needs_turn)
+        by_gyroscope = {factor.row for factor in between}
+        between += measured_turns(
             self.body,
             frame.matches.values(),
             before.stamps_ns,
             lambda camera, row: needs_turn[row] and row not in by_gyroscope,
         )
-        transition = condition(loosen_joints(transition, turns, self._tangent), turns, self._tangent)
-        return self._solve(frame, registered, Step(dt_s, transition.after, transition, density, fade_s, turns))
+        turns = [factor for factor in between if isinstance(factor, SegmentTurn)]
+        transition = condition(loosen_joints(transition, turns, self._tangent), between, self._tangent)
+        return self._solve(frame, registered, Step(dt_s, transition.after, transition, density, fade_s, between))
 
     def _solve(
         self, frame: BodyFrame, registered: Mapping[str, SegmentPose], step: Step, placed: Sequence[SegmentPose] = ()
@@ -211,7 +216,8 @@ class BodyEstimator:
         on_body = self.body.named(pose.segment for pose in accepted.values())
         step, poses, start = self._add_static_cameras(frame, step, start, [*accepted.values(), *placed], on_body)
         observed = (on_body | self._looking_on.rows) & ~(self._looking_on.unsupported & ~on_body)
-        turning = observed | self.body.named(self.body.segments[turn.row] for turn in step.between)
+        turning = observed.copy()
+        turning[[factor.row for factor in step.between if isinstance(factor, SegmentTurn)]] = True
         ends = self.body.joint_ends
         joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.link is None)
         # The measurements of this state.

@@ -8,16 +8,18 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame
-from bodycam_ros.estimation.motion_model import SegmentTurn
+from bodycam_ros.estimation.between_factors import InertialStep, SegmentTurn
 from bodycam_ros.geometry import log_so3
-from bodycam_ros.inertial.bias_filter import BiasFilter, turned
+from bodycam_ros.inertial.bias_filter import AccelerometerFilter, BiasFilter, turned
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.inertial.preintegration import MotionSums
+from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.clock_state import ClockState
 
 _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, not to a random walk
-_LEAST_RAD = 2e-5  # sigma of a rotation
+_LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
+_OBSERVED = 20.0  # times the sigma of a change of velocity where cameras observe it: they need not be bent by it
+_LEVER_M = 0.015  # most that a sensor's place in its camera is off
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,17 @@ class InertialSensors:
         self._sums = {name: MotionSums() for name in mounts}
         self._clocks: Mapping[str, ClockState] = {}
         self.biases = {name: BiasFilter(imu.gyro_bias_sigma) for name, imu in self._calibrations.items()}
+        # Sensors on the root carry the place of the body; without any, those of the next segment that has one.
+        rows = sorted(set(self._rows.values()), key=lambda row: int(body.moves[row].sum()))
+        self._accelerometers = {
+            name: AccelerometerFilter(imu.accelerometer_bias_sigma, imu.accelerometer_noise)
+            for name, imu in self._calibrations.items()
+            if self._rows[name] == rows[0]
+        }
+        self._places = {
+            name: (mount.segment_T_camera @ np.append(self._calibrations[name].camera_p_imu, 1.0))[:3]
+            for name, mount in mounts.items()
+        }
 
     def add(self, camera: str, samples: ImuSamples) -> None:
         """Add samples of a camera's sensor, later than those before; others are ignored."""
@@ -62,25 +75,56 @@ class InertialSensors:
         """Follow biases by the registered cameras of a frame."""
         for name, matches in frame.matches.items():
             if name in self._sums and matches.world_T_camera is not None:
+                pose, sums = matches.world_T_camera, self._sums[name]
                 stamp_ns = self._own_ns(name, matches.stamp_ns)
-                self.biases[name].observe(stamp_ns, matches.world_T_camera[:3, :3], self._sums[name])
+                self.biases[name].observe(stamp_ns, pose[:3, :3], sums)
+                if name in self._accelerometers:
+                    place = pose[:3, :3] @ self._calibrations[name].camera_p_imu + pose[:3, 3]
+                    self._accelerometers[name].observe(stamp_ns, pose[:3, :3], place, sums)
 
-    def turns(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn]:
-        """Rotations of segments between two stamps [ns], of the segments (S,) that need one."""
-        turns = []
+    def factors(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn | InertialStep]:
+        """Motion between two stamps [ns]: rotations of segments (S,) that need one, and all of the root's."""
+        factors: list[SegmentTurn | InertialStep] = []
         for name, sums in self._sums.items():
-            row, imu, filtered = self._rows[name], self._calibrations[name], self.biases[name]
+            is_carrier = name in self._accelerometers
             ends = self._own_ns(name, start_ns), self._own_ns(name, end_ns)
-            moved = sums.between(*ends) if needed[row] else None
-            if moved is None:
-                continue
-            R, segment_R_camera = turned(moved, filtered.bias), self._segment_R_camera[name]
-            angle = float(np.linalg.norm(log_so3(R)))
-            sigma = np.sqrt(
-                imu.gyro_noise**2 * moved.seconds
-                + filtered.sigma**2 * _DRIFT_S * moved.seconds
-                + ((imu.gyro_scale_sigma + imu.rotation_sigma) * angle) ** 2
-                + _LEAST_RAD**2
-            )
-            turns.append(SegmentTurn(row, segment_R_camera @ R @ segment_R_camera.T, float(sigma)))
-        return turns
+            moved = sums.between(*ends) if is_carrier or needed[self._rows[name]] else None
+            if moved is not None:
+                is_needed = bool(needed[self._rows[name]])
+                if is_needed:
+                    factors.append(self._turn(name, moved))
+                if is_carrier:
+                    factors.append(self._step(name, moved, 1.0 if is_needed else _OBSERVED))
+        return factors
+
+    def carry(self, start_ns: int, end_ns: int) -> bool:
+        """Whether sensors on the root cover all between two stamps [ns]."""
+        return any(
+            self._sums[name].between(self._own_ns(name, start_ns), self._own_ns(name, end_ns)) is not None
+            for name in self._accelerometers
+        )
+
+    def _turn(self, name: str, moved: Preintegrated) -> SegmentTurn:
+        imu, filtered, segment_R_camera = self._calibrations[name], self.biases[name], self._segment_R_camera[name]
+        R = turned(moved, filtered.bias)
+        of_angle = (imu.gyro_scale_sigma + imu.rotation_sigma) * float(np.linalg.norm(log_so3(R)))
+        of_delay = imu.time_offset_sigma * float(np.linalg.norm(moved.change[:3]))
+        density = imu.gyro_noise**2 + filtered.sigma**2 * _DRIFT_S
+        sigma = float(np.sqrt(density * moved.seconds + of_angle**2 + of_delay**2 + _LEAST_RAD**2))
+        return SegmentTurn(self._rows[name], segment_R_camera @ R @ segment_R_camera.T, sigma)
+
+    def _step(self, name: str, moved: Preintegrated, share: float) -> InertialStep:
+        R, filtered, spin_bias = self._segment_R_camera[name], self._accelerometers[name], self.biases[name].bias
+        imu, (spun, pushed) = self._calibrations[name], np.linalg.norm(moved.change.reshape(2, 3), axis=1)
+        lever = min(imu.position_sigma, _LEVER_M)
+        return InertialStep(
+            row=self._rows[name],
+            place=self._places[name],
+            seconds=moved.seconds,
+            velocity=R @ (moved.velocity - moved.velocity_by_bias @ filtered.bias),
+            position=R @ (moved.position - moved.position_by_bias @ filtered.bias),
+            spin_before=R @ (moved.first_rate - spin_bias),
+            spin_after=R @ (moved.second_rate - spin_bias),
+            density=imu.accelerometer_noise**2 + filtered.sigma**2 * _DRIFT_S,
+            sigma=share * (_LEAST_M_S + float(np.hypot(lever * spun, imu.time_offset_sigma * pushed))),
+        )

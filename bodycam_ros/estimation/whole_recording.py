@@ -8,12 +8,13 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import SettingsError
+from bodycam_ros.estimation.between_factors import SegmentTurn, condition, loosen_joints
 from bodycam_ros.estimation.chain import ChainState, Step, smooth
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
 from bodycam_ros.estimation.estimate import Estimate
 from bodycam_ros.estimation.measurements import JointRotations, StateFit
-from bodycam_ros.estimation.motion_model import MotionModel, SegmentTurn, condition, loosen_joints
+from bodycam_ros.estimation.motion_model import MotionModel
 from bodycam_ros.estimation.pose_prior import PosePrior, RecordedPoses
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent

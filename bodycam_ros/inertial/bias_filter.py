@@ -3,6 +3,7 @@
 import numpy as np
 
 from bodycam_ros.geometry import Array, exp_so3, log_so3
+from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
 
 WANDER = 3e-4  # [rad/s/sqrt(s)] of a consumer gyroscope's bias
@@ -75,3 +76,67 @@ def turned(moved: Preintegrated, bias: Array) -> Array:
     """Rotation (3, 3) of a motion, with a bias (3,) taken out [rad/s]."""
     R: Array = moved.rotation @ exp_so3(-moved.rotation_by_bias @ bias)
     return R
+
+
+_ACCELERATION_WANDER = 5e-4  # [m/s^2/sqrt(s)] of a consumer accelerometer's bias
+_ACCELERATION_TURN_ON = 0.02  # [m/s^2] by which it may differ from that of the calibration
+_TILT_RAD = 5e-4  # of a registered rotation: gravity leaks into the other axes
+_IMAGE_M = 3e-3  # sigma of a registered position
+
+
+class AccelerometerFilter:
+    """Bias of one accelerometer, beside that of its calibration, by registered places: a filter of place and velocity.
+
+    Args:
+        sigma: of the bias at first [m/s^2].
+        density: of the acceleration's noise [m/s^2/sqrt(Hz)].
+
+    The bias is in the axes of its motion sums.
+    """
+
+    def __init__(self, sigma: float, density: float) -> None:
+        self._density, self._first = density, np.hypot(sigma, _ACCELERATION_TURN_ON)
+        self._x, self._P = np.zeros(9), np.diag(np.repeat([1.0, 4.0, self._first**2], 3))
+        self._R = np.eye(3)
+        self._stamp_ns = 0
+
+    @property
+    def bias(self) -> Array:
+        """(3,) [m/s^2]."""
+        return self._x[6:]
+
+    @property
+    def sigma(self) -> float:
+        """Of the bias [m/s^2]."""
+        return float(np.sqrt(np.trace(self._P[6:, 6:]) / 3.0))
+
+    def observe(self, stamp_ns: int, R: Array, place: Array, sums: MotionSums) -> None:
+        """Update by the registered rotation (3, 3) and place (3,) of the sensor in the world."""
+        dt = 1e-9 * (stamp_ns - self._stamp_ns)
+        if self._stamp_ns and dt < _LEAST_S:
+            return
+        moved = sums.between(self._stamp_ns, stamp_ns) if self._stamp_ns and dt < _LONGEST_S else None
+        if moved is None:
+            kept = self._P[6:, 6:] + (min(dt, 60.0) * _ACCELERATION_WANDER**2 * np.eye(3) if self._stamp_ns else 0.0)
+            self._x[:6] = 0.0
+            self._P = np.diag(np.repeat([100.0, 16.0, 0.0], 3))
+            self._P[6:, 6:] = kept
+            self._x[:3] = place
+        else:
+            gravity = np.array([0.0, 0.0, -GRAVITY])
+            F = np.eye(9)
+            F[:3, 3:6] = dt * np.eye(3)
+            F[:3, 6:], F[3:6, 6:] = -self._R @ moved.position_by_bias, -self._R @ moved.velocity_by_bias
+            self._x = F @ self._x
+            self._x[:3] += 0.5 * gravity * dt**2 + self._R @ moved.position
+            self._x[3:6] += gravity * dt + self._R @ moved.velocity
+            q = self._density**2 + (_TILT_RAD * GRAVITY) ** 2 * dt
+            Q = np.kron(q * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]]), np.eye(3))
+            self._P = F @ self._P @ F.T
+            self._P[:6, :6] += Q
+            self._P[6:, 6:] += dt * _ACCELERATION_WANDER**2 * np.eye(3)
+        S = self._P[:3, :3] + _IMAGE_M**2 * np.eye(3)
+        gain = np.linalg.solve(S, self._P[:3]).T
+        self._x = self._x + gain @ (place - self._x[:3])
+        self._P = self._P - gain @ self._P[:3]
+        self._R, self._stamp_ns = R, stamp_ns

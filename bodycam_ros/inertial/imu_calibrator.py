@@ -278,7 +278,7 @@ def _fit_positions(
         J[rows, :, column + 3 : column + 6] = since[:, None, None] * np.eye(3)
     J, r = J / _POSITION_M, r / _POSITION_M
     prior = np.zeros(count)
-    prior[:3], prior[3:6], prior[6:9] = 0.03**-2, 0.3**-2, 0.006**-2
+    prior[:3], prior[3:6], prior[6:9] = 0.015**-2, 0.3**-2, 0.006**-2
     weights = np.ones(len(seconds))
     for _ in range(5):
         weighted = J.transpose(2, 0, 1) * weights[:, None]

@@ -35,6 +35,7 @@ class Preintegrated:
         velocity: (3,) [m/s].
         position: (3,) [m].
         first_rate, second_rate: (3,) angular velocities at both stamps, in the sensor's frame [rad/s].
+        change: (6,) of angular velocity and acceleration from the first to the second [rad/s], [m/s^2].
         rotation_by_bias: (3, 3) of the second frame about its own axes, by the gyroscope's bias, negated [s].
         velocity_by_bias, position_by_bias: (3, 3) by the accelerometer's bias, negated [s], [s^2].
     """
@@ -45,6 +46,7 @@ class Preintegrated:
     position: Array
     first_rate: Array
     second_rate: Array
+    change: Array
     rotation_by_bias: Array
     velocity_by_bias: Array
     position_by_bias: Array
@@ -100,6 +102,7 @@ class MotionSums:
             position=first_R_sums @ twice[9:],
             first_rate=at.readings[0, :3],
             second_rate=at.readings[1, :3],
+            change=at.readings[1] - at.readings[0],
             rotation_by_bias=at.R[1].T @ once[:9].reshape(3, 3),
             velocity_by_bias=first_R_sums @ once[:9].reshape(3, 3),
             position_by_bias=first_R_sums @ twice[:9].reshape(3, 3),

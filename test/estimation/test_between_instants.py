@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.estimation.motion_model import Between, RestingPoint, SegmentTurn
+from bodycam_ros.estimation.between_factors import Between, RestingPoint, SegmentTurn
 from bodycam_ros.geometry import exp_se3, exp_so3
 
 SMALL = 1e-6

@@ -1,0 +1,236 @@
+"""Measurements between two states: rotations of segments, soles that rest, accelerations; and both states given these.
+
+A measurement conditions the prediction of the later state, and the earlier one with it.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
+from bodycam_ros.geometry import Array, hat, log_so3
+from bodycam_ros.inertial.imu_samples import GRAVITY
+from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+_TURN_RAD = 0.01  # sigma of a rotation between frames; parallax of near things biases it by tenths of a degree
+_FREE_RAD = 0.5  # how far a joint may turn from frame to frame beyond its prediction, where its turn is measured
+_ITERATIONS, _NEAR = 2, 0.01  # at most; [rad], [m] of a step after which it is linear enough
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentTurn:
+    """The rotation of a segment since the instant before (A eq. 2 and the second term of eq. 8).
+
+    Attributes:
+        row: of the segment.
+        previous_R_segment: (3, 3).
+        sigma: of it [rad].
+    """
+
+    row: int
+    previous_R_segment: Array
+    sigma: float
+
+    def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
+        """See ``Between``."""
+        previous_R_now = before[:3, :3].T @ after[:3, :3]
+        r = log_so3(previous_R_now.T @ self.previous_R_segment) / self.sigma
+        by_after, by_before = np.zeros((2, 3, 6))
+        by_after[:, :3] = np.eye(3) / self.sigma
+        by_before[:, :3] = -previous_R_now.T / self.sigma
+        return r, by_after, by_before
+
+
+@dataclass(frozen=True, eq=False)
+class RestingPoint:
+    """A point of a sole that is where it was in the state before, or where it came to rest.
+
+    Attributes:
+        row: of the foot.
+        place: (3,) of the point in the foot [m].
+        whitening: (3, 3) of its displacement in the world [1/m].
+        anchor: (3,) where it rests in the world [m]; None: where it was.
+    """
+
+    row: int
+    place: Array
+    whitening: Array
+    anchor: Array | None
+
+    def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
+        """See ``Between``."""
+        was = self._point(before) if self.anchor is None else self.anchor
+        by_before = -self._moves(before) if self.anchor is None else np.zeros((3, 6))
+        left, by_after = was - self._point(after), self._moves(after)
+        return self.whitening @ left, self.whitening @ by_after, self.whitening @ by_before
+
+    def _point(self, pose: Array) -> Array:
+        point: Array = pose[:3, :3] @ self.place + pose[:3, 3]
+        return point
+
+    def _moves(self, pose: Array) -> Array:
+        moves: Array = pose[:3, :3] @ np.concatenate([-hat(self.place), np.eye(3)], axis=1)
+        return moves
+
+
+@dataclass(frozen=True, eq=False)
+class InertialStep:
+    """Change of velocity and place of a sensor on a segment by its accelerometer (Forster et al. 2017, eq. 45).
+
+    Attributes:
+        row: of the segment.
+        place: (3,) of the sensor on the segment [m].
+        seconds: between the two states.
+        velocity, position: (3,) preintegrated, in the segment's axes at the first [m/s], [m].
+        spin_before, spin_after: (3,) angular velocities of the segment at both, in its axes [rad/s].
+        density: spectral density of the acceleration's error [m^2/s^3].
+        sigma: of the change of velocity, beside that [m/s].
+    """
+
+    row: int
+    place: Array
+    seconds: float
+    velocity: Array
+    position: Array
+    spin_before: Array
+    spin_after: Array
+    density: float
+    sigma: float
+
+    def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
+        """See ``Between``."""
+        dt, lever, R1, R2 = self.seconds, hat(self.place), before[:3, :3], after[:3, :3]
+        u1, u2 = (
+            t[3:] + np.cross(w, self.place) for t, w in zip(twists, (self.spin_before, self.spin_after), strict=True)
+        )
+        gravity = np.array([0.0, 0.0, -GRAVITY])
+        moved = after[:3, 3] + R2 @ self.place - before[:3, 3] - R1 @ self.place
+        velocity = R1.T @ (R2 @ u2 - gravity * dt) - u1
+        position = R1.T @ (moved - 0.5 * gravity * dt**2) - u1 * dt
+        by_after, by_before, R12 = np.zeros((6, 12)), np.zeros((6, 12)), R1.T @ R2
+        by_after[:3, :3], by_after[:3, 9:] = -R12 @ hat(u2), R12
+        by_after[3:, :3], by_after[3:, 3:6] = -R12 @ lever, R12
+        by_before[:3, :3], by_before[:3, 9:] = hat(velocity) + hat(u1), -np.eye(3)
+        by_before[3:, :3] = hat(position) + lever + dt * hat(u1)
+        by_before[3:, 3:6], by_before[3:, 9:] = -np.eye(3), -dt * np.eye(3)
+        off = np.concatenate([self.velocity - velocity, self.position - position])
+        block = self.density * np.array([[dt, dt**2 / 2.0], [dt**2 / 2.0, dt**3 / 3.0]])
+        block += np.diag(self.sigma**2 * np.array([1.0, dt**2 / 4.0]))
+        W = np.kron(np.linalg.inv(np.linalg.cholesky(block)), np.eye(3))
+        return W @ off, W @ by_after, W @ by_before
+
+
+Between = SegmentTurn | RestingPoint | InertialStep
+"""A measurement of one segment in two states.
+
+Its residual (M), of the earlier and the later pose and twist, is in sigmas. With it come the rows (M, 6) by which
+tangents of the later pose, and of the earlier one, lessen it; or rows (M, 12), the last six for the segment's twist.
+"""
+
+
+def measured_turns(
+    body: BodyModel,
+    matches: Iterable[LandmarkMatches],
+    before_ns: Mapping[str, int],
+    needs_turn: Callable[[str, int], bool],
+) -> list[SegmentTurn]:
+    """The rotations that cameras measured since the instant before.
+
+    Args:
+        body: that carries them.
+        matches: of their images.
+        before_ns: camera -> stamp of its image at the instant before; by their own stamps, for each may run freely.
+        needs_turn: whether the rotation of a camera's segment, in a row, is used.
+    """
+    turns = []
+    for each in matches:
+        mount = body.mounts.get(each.camera)
+        if mount is None or each.rotation_inliers == 0 or before_ns.get(each.camera) != each.previous_stamp_ns:
+            continue
+        row = body.segment_index[mount.segment]
+        if needs_turn(each.camera, row):
+            segment_R_camera = mount.segment_T_camera[:3, :3]
+            turns.append(SegmentTurn(row, segment_R_camera @ each.current_R_previous.T @ segment_R_camera.T, _TURN_RAD))
+    return turns
+
+
+def loosen_joints(link: Transition, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Transition:
+    """The same, but how the joints beside segments whose turns are measured move is told by these alone.
+
+    Smooth motion of joints, and turns of both of their segments, would tell the angle between them (as of a hand and
+    an eye). Limbs do not swing by chance, so it would be wrong, and surely so.
+    """
+    if not turns:
+        return link
+    rows = {turn.row for turn in turns}
+    covariance = link.after.covariance.copy()
+    for row, joint in enumerate(tangent.tree.tree_joints):
+        if tangent.tree.segment_index[joint.child] in rows or tangent.tree.segment_index[joint.parent] in rows:
+            columns = np.arange(*tangent.columns[row].indices(tangent.count))
+            covariance[columns, columns] += _FREE_RAD**2 * tangent.twists[row][:3].any(axis=0)
+    return Transition(link.before, Estimate(link.after.at, covariance), link.cross)
+
+
+def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangent) -> Transition:
+    """The same two states given measurements between them (iterated extended Kalman update of both).
+
+    It is repeated about its outcome: a limb that is observed again may be far from its prediction, and what is smoothed
+    back by as much must turn as it was measured.
+    """
+    if not measured:
+        return link
+    K = tangent.count
+    before, after = link.before.at, link.after.at
+    for _ in range(_ITERATIONS):
+        r, H, H_before = _linearise(before, after, measured, tangent)
+        width = H.shape[1]
+        r += (
+            H @ link.after.at.step_to(tangent, after)[:width]
+            + H_before @ link.before.at.step_to(tangent, before)[:width]
+        )
+        # Covariances of the measured numbers with both states.
+        of_after = link.after.covariance[:, :width] @ H.T + link.cross[:, :width] @ H_before.T
+        of_before = link.cross[:width].T @ H.T + link.before.covariance[:, :width] @ H_before.T
+        S = H @ of_after[:width] + H_before @ of_before[:width] + np.eye(len(r))
+        solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
+        gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
+        before = link.before.at.moved(tangent, of_before @ scaled)
+        after = link.after.at.moved(tangent, step := of_after @ scaled)
+        if np.abs(step[:K]).max() < _NEAR:
+            break
+    return Transition(
+        Estimate(before, link.before.covariance - gain_before @ of_before.T),
+        Estimate(after, link.after.covariance - gain_after @ of_after.T),
+        link.cross - gain_after @ of_before.T,
+    )
+
+
+def _linearise(
+    before: Coordinates, after: Coordinates, measured: Sequence[Between], tangent: TreeTangent
+) -> tuple[Array, Array, Array]:
+    """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
+    ends = []
+    for at in (before, after):
+        poses = at.poses(tangent)
+        J = tangent.segment_jacobians(poses)
+        ends.append((poses, J, J @ at.velocity))
+    (poses_before, J_before, twists_before), (poses, J, twists) = ends
+    each = [
+        one.residual(poses_before[one.row], poses[one.row], twists_before[one.row], twists[one.row]) for one in measured
+    ]
+    with_velocities = any(by.shape[1] > 6 for _, by, _ in each)
+
+    def stacked(rows: Iterable[Array], jacobians: Array) -> Array:
+        blocks = []
+        for one, by in zip(measured, rows, strict=True):
+            parts = [by[:, :6] @ jacobians[one.row]]
+            if with_velocities:
+                parts.append(by[:, 6:] @ jacobians[one.row] if by.shape[1] > 6 else np.zeros_like(parts[0]))
+            blocks.append(np.concatenate(parts, axis=1))
+        return np.concatenate(blocks)
+
+    H, H_before = stacked((by for _, by, _ in each), J), stacked((by for _, _, by in each), J_before)
+    return np.concatenate([left for left, _, _ in each]), H, H_before
