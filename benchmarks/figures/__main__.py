@@ -27,6 +27,7 @@ from benchmarks.figures import (
     blind_cameras,
     equipment,
     faulty_cameras,
+    inertial_sensors,
     maps,
     real_person,
     recorded_motion,
@@ -89,6 +90,7 @@ def measurements(mode: str) -> Iterator[Measurement]:
         yield Measurement("quarter dark", partial(blind_cameras.quarter, walk=walk))
         yield Measurement("bicycle", equipment.bicycle)
         yield Measurement("legs gone", equipment.without_leg_cameras)
+        yield Measurement("inertial sensors", inertial_sensors.sensors)
         for name in ("dev_outside_cycle", "dev_outside_board"):
             for surface in ("scan", "capsules"):
                 yield Measurement(f"{name} {surface}", partial(static_cameras.rendered, name=name, surface=surface))

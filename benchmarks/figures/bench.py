@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from benchmarks.figures.command import Ran, bodycam
 from benchmarks.figures.figure import Figure
@@ -43,23 +44,26 @@ class Bench:
         assert self.shared is not None
         return self.shared / "recordings" / name
 
-    def body(self, of: str = "dev_rom", bag: Path | None = None, recording_name: str | None = None) -> Path:
-        """Body of a range of motion, calibrated once; of the sample that which the repository carries.
-
-        Args:
-            of: name of the body.
-            bag: of the range of motion, if not the recording's.
-            recording_name: the recording, if not ``of``.
-        """
+    def body(self, of: str = "dev_rom", bag: Path | None = None, *flags: object) -> Path:
+        """Body of a range of motion, calibrated once; of the sample that which the repository carries."""
         if of == "sample":
             return REPOSITORY / "bags/body.yaml"
+        name = " ".join(map(str, (of, *(flag for flag in flags if not isinstance(flag, Path)))))
         with self._lock:
-            if of not in self._bodies:
-                path, recording = self.work / f"{of}.body.yaml", self.recording(recording_name or of)
+            if name not in self._bodies:
+                path, recording = self.work / f"{name}.body.yaml", self.recording(of)
                 given = (bag or recording / "bag", "--map", self.map, "--rig", recording / "rig.yaml")
-                bodycam("body", *given, "-o", path, "--jobs", self.jobs)
-                self._bodies[of] = path
-            return self._bodies[of]
+                bodycam("body", *given, "-o", path, "--jobs", self.jobs, *flags)
+                self._bodies[name] = path
+            return self._bodies[name]
+
+    def body_with_sensors(self) -> Path:
+        """Body of ``dev_rom``, with its inertial sensors calibrated."""
+        return self.body("dev_rom", None, "--imu", self.recording("dev_rom") / "imu")
+
+    def cameras(self, name: str) -> list[str]:
+        """Cameras of a recording, by its rig file."""
+        return list(yaml.safe_load((self.recording(name) / "rig.yaml").read_text())["cameras"])
 
     def replay(self, name: str, bag: Path, body: Path, *flags: object, in_map: Path | None = None) -> Ran:
         """Replay a bag into ``self.out(name)``; ``flags`` with --stations bring their own world."""

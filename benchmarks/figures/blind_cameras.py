@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from benchmarks.figures import disturbance
 from benchmarks.figures.bench import Bench, errors
@@ -47,7 +46,7 @@ def every_third(bench: Bench, walk: str) -> Iterator[Figure]:
 def quarter(bench: Bench, walk: str) -> Iterator[Figure]:
     """Every fourth camera in turn is dark for half a second."""
     source = bench.recording(walk) / "bag"
-    in_turn = disturbance.quarter_in_turn(_cameras(bench, walk))
+    in_turn = disturbance.quarter_in_turn(bench.cameras(walk))
     bag = disturbance.write_disturbed(source, bench.work / "quarter dark", in_turn)
     for delay in WHEN:
         group = f"{walk}, a quarter of the cameras dark, delay {delay}"
@@ -87,10 +86,6 @@ def _means(group: str, position: np.ndarray, rotation: np.ndarray) -> Iterator[F
     yield Figure(f"{group}: joint position, mean [cm]", float(position.mean()))
     yield Figure(f"{group}: joint rotation, mean [deg]", float(rotation.mean()))
     yield Figure(f"{group}: joint rotation, max [deg]", float(rotation.max()))
-
-
-def _cameras(bench: Bench, walk: str) -> list[str]:
-    return list(yaml.safe_load((bench.recording(walk) / "rig.yaml").read_text())["cameras"])
 
 
 def _body(bench: Bench, walk: str) -> Path:

@@ -19,6 +19,7 @@ from bodycam_ros.timing.clock_state import ClockState
 _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, not to a random walk
 _LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
 _OBSERVED = 20.0  # times the sigma of a change of velocity where cameras observe it: they need not be bent by it
+_LEAST_IMAGES = 20  # registered images without a sample at their time, after which a clock is off
 _LEVER_M = 0.015  # most that a sensor's place in its camera is off
 
 
@@ -44,6 +45,7 @@ class InertialSensors:
         self._segment_R_camera = {name: mount.segment_T_camera[:3, :3] for name, mount in mounts.items()}
         self._sums = {name: MotionSums() for name in mounts}
         self._clocks: Mapping[str, ClockState] = {}
+        self._images = dict.fromkeys(mounts, 0)
         self.biases = {name: BiasFilter(imu.gyro_bias_sigma) for name, imu in self._calibrations.items()}
         # Sensors on the root carry the place of the body; without any, those of the next segment that has one.
         rows = sorted(set(self._rows.values()), key=lambda row: int(body.moves[row].sum()))
@@ -75,6 +77,7 @@ class InertialSensors:
         """Follow biases by the registered cameras of a frame."""
         for name, matches in frame.matches.items():
             if name in self._sums and matches.world_T_camera is not None:
+                self._images[name] += 1
                 pose, sums = matches.world_T_camera, self._sums[name]
                 stamp_ns = self._own_ns(name, matches.stamp_ns)
                 self.biases[name].observe(stamp_ns, pose[:3, :3], sums)
@@ -85,16 +88,21 @@ class InertialSensors:
     def factors(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn | InertialStep]:
         """Motion between two stamps [ns]: rotations of segments (S,) that need one, and all of the root's."""
         factors: list[SegmentTurn | InertialStep] = []
+        has_step = False
         for name, sums in self._sums.items():
-            is_carrier = name in self._accelerometers
-            ends = self._own_ns(name, start_ns), self._own_ns(name, end_ns)
-            moved = sums.between(*ends) if is_carrier or needed[self._rows[name]] else None
-            if moved is not None:
-                is_needed = bool(needed[self._rows[name]])
-                if is_needed:
-                    factors.append(self._turn(name, moved))
-                if is_carrier:
-                    factors.append(self._step(name, moved, 1.0 if is_needed else _OBSERVED))
+            is_needed, is_carrier = bool(needed[self._rows[name]]), name in self._accelerometers
+            # Where cameras observe the root, one of its sensors is enough to know its velocity.
+            takes_step = is_carrier and (is_needed or not has_step)
+            if self.biases[name].is_wrong or not (is_needed or takes_step):
+                continue
+            moved = sums.between(self._own_ns(name, start_ns), self._own_ns(name, end_ns))
+            if moved is None:
+                continue
+            if is_needed:
+                factors.append(self._turn(name, moved))
+            if takes_step:
+                factors.append(self._step(name, moved, 1.0 if is_needed else _OBSERVED))
+                has_step = True
         return factors
 
     def carry(self, start_ns: int, end_ns: int) -> bool:
@@ -102,7 +110,26 @@ class InertialSensors:
         return any(
             self._sums[name].between(self._own_ns(name, start_ns), self._own_ns(name, end_ns)) is not None
             for name in self._accelerometers
+            if not self.biases[name].is_wrong
         )
+
+    def remarks(self) -> list[str]:
+        """A sentence for each sensor that was left out, and why."""
+        remarks = []
+        for name, filtered in self.biases.items():
+            checked = filtered.agreeing + filtered.contradicting
+            if filtered.is_wrong:
+                remarks.append(
+                    f"camera {name}: its inertial sensor contradicts the images ({filtered.contradicting} of {checked} "
+                    "times) and is left out; are its axes, its units (rad/s, m/s^2), its range and its stamps those of "
+                    "the range of motion?"
+                )
+            elif not checked and self._images[name] >= _LEAST_IMAGES and len(self._sums[name]):
+                remarks.append(
+                    f"camera {name}: its inertial sensor has no samples at the time of the images and is left out; do "
+                    "their clocks agree?"
+                )
+        return remarks
 
     def _turn(self, name: str, moved: Preintegrated) -> SegmentTurn:
         imu, filtered, segment_R_camera = self._calibrations[name], self.biases[name], self._segment_R_camera[name]

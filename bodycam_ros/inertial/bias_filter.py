@@ -11,6 +11,7 @@ TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibrat
 _IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring images are alike
 _LEAST_S, _LONGEST_S = 0.15, 2.0  # between two images of an update
 _GATE = 25.0  # squared sigmas of 3 degrees of freedom
+_CONTRADICTIONS = 3  # updates that contradict the images, from which on a sensor may be wrong
 
 
 class BiasFilter:
@@ -35,6 +36,11 @@ class BiasFilter:
     def sigma(self) -> float:
         """Of the bias [rad/s]."""
         return float(np.sqrt(np.trace(self._P[3:, 3:]) / 3.0))
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the sensor contradicts the images too often: wrong axes or units, frozen, saturated, late."""
+        return self.contradicting >= _CONTRADICTIONS and 4 * self.contradicting > self.agreeing
 
     def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""

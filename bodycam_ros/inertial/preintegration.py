@@ -76,6 +76,10 @@ class MotionSums:
         if len(samples):
             self._pending.append(samples)
 
+    def __len__(self) -> int:
+        self._integrate_pending()
+        return len(self._stamps_ns)
+
     def covers(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """(T,) whether there are samples at stamps (T,) [ns]."""
         self._integrate_pending()

@@ -12,6 +12,7 @@ from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput, SaidSegments
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.errors import BodyError
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.live.flow_of_frames import MissedFrames, Work
 from bodycam_ros.live.live_calibration import LiveBody, LiveCalibration
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
@@ -19,17 +20,19 @@ from bodycam_ros.live.solver_health import SolverHealth
 from bodycam_ros.live.static_cameras import stations_of_solver
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import Health
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
-from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, best_effort, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _LOOK_S, _CALIBRATION_LOOK_S = 0.5, 0.2
+_IMU_DEPTH = 200  # samples that may wait, 0.2 s of a fast sensor
 
 
 class SolverStage(Stage[SolverParameters]):
@@ -66,6 +69,8 @@ class SolverStage(Stage[SolverParameters]):
             on_landmarks = partial(self._on_landmarks, camera)
             topic = f"{camera}/landmarks"
             self.subscription("bodycam_msgs/msg/LandmarkMatches", topic, on_landmarks, reliable(STAGE_DEPTH))
+            on_imu = partial(self._on_imu, camera)
+            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", on_imu, best_effort(_IMU_DEPTH), adapts=True)
         self.trigger("~/flush", lambda: (True, f"{self._flush()} instants published"))
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:
@@ -183,6 +188,10 @@ class SolverStage(Stage[SolverParameters]):
             reason = f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             self.skipped.add("registrations lost", reason)
         self._receive(matches)
+
+    def _on_imu(self, camera: str, message: Message) -> None:
+        if self._live.pipeline is not None:
+            self._live.pipeline.add_inertial(camera, ImuSamples.from_rows([imu_row(message)]))
 
     def _on_station(self, seen: SaidSegments) -> None:
         # Who waits for worn cameras does not wait for ever.

@@ -187,7 +187,7 @@ def replay(
             "than assembler.max_wait?",
             summary.late,
         )
-    summary.remarks = (*spans.remarks(), *rows.doubts().values())
+    summary.remarks = (*spans.remarks(), *rows.doubts().values(), *skeleton.inertial.remarks())
     summary.elapsed_s = time.monotonic() - started
     return summary
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.estimation.between_factors import Between, RestingPoint, SegmentTurn
+from bodycam_ros.estimation.between_factors import Between, InertialStep, RestingPoint, SegmentTurn
 from bodycam_ros.geometry import exp_se3, exp_so3
 
 SMALL = 1e-6
@@ -34,3 +34,21 @@ def test_residuals_lessen_as_their_jacobians_say(measured: Between) -> None:
         ):
             late, early = (measured.residual(*end)[0] for end in ends)
             np.testing.assert_allclose(by[:, axis], -(late - early) / (2.0 * SMALL), atol=1e-5)
+
+
+def test_an_inertial_step_lessens_as_its_jacobians_say() -> None:
+    twists = RNG.normal(size=(2, 6))
+    spins = RNG.normal(size=(2, 3))
+    step = InertialStep(0, PLACE, 0.2, RNG.normal(size=3), RNG.normal(size=3), *spins, density=1e-4, sigma=0.01)
+    after = BEFORE @ exp_se3(STEP)
+    _, by_after, by_before = step.residual(BEFORE, after, *twists)
+    for column in range(12):
+        xi, velocity = SMALL * np.eye(12)[column, :6], SMALL * np.eye(12)[column, 6:]
+        for by, end in ((by_before, 0), (by_after, 1)):
+            off = []
+            for sign in (1.0, -1.0):
+                poses, moved = [BEFORE, after], twists.copy()
+                poses[end], moved[end] = poses[end] @ exp_se3(sign * xi), moved[end] + sign * velocity
+                off.append(step.residual(*poses, *moved)[0])
+            numeric = -(off[0] - off[1]) / (2.0 * SMALL)
+            np.testing.assert_allclose(by[:, column], numeric, rtol=1e-4, atol=1e-3)

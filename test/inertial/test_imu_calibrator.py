@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.errors import RangeOfMotionError
+from bodycam_ros.body.imu_yaml import imu_entry, imu_of
+from bodycam_ros.errors import BodyError, RangeOfMotionError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.inertial.bias_filter import BiasFilter
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
@@ -103,3 +104,27 @@ def test_a_bias_that_changed_since_is_followed(recorded: tuple[np.ndarray, Array
         followed.observe(int(stamp_ns), pose[:3, :3], sums)
     assert np.linalg.norm(followed.bias - TRUE.camera_R_imu @ moved) < 4.0 * followed.sigma < np.radians(0.15)
     assert followed.contradicting == 0 < followed.agreeing
+
+
+@pytest.mark.parametrize("wrong", ["degrees", "exchanged", "frozen", "late"])
+def test_a_sensor_that_changed_since_the_calibration_is_wrong(
+    recorded: tuple[np.ndarray, Array, ImuSamples], wrong: str
+) -> None:
+    stamps_ns, poses, samples = recorded
+    w, late_ns = samples.angular_velocity, 100_000_000 if wrong == "late" else 0
+    changed = {"degrees": np.degrees(w), "exchanged": w[:, [1, 0, 2]], "frozen": np.tile(w[:1], (len(w), 1)), "late": w}
+    for readings, shift_ns, is_wrong in ((changed[wrong], late_ns, True), (w, 0, False)):
+        sums, followed = MotionSums(), BiasFilter(3e-4)
+        sums.add(TRUE.correct(ImuSamples(samples.stamps_ns + shift_ns, readings, samples.acceleration)))
+        for stamp_ns, pose in zip(stamps_ns, poses, strict=True):
+            followed.observe(int(stamp_ns), pose[:3, :3], sums)
+        assert followed.is_wrong == is_wrong
+
+
+def test_a_body_file_keeps_the_calibration() -> None:
+    again = imu_of(imu_entry(TRUE), "camera cam: imu")
+    for name in vars(TRUE):
+        if "noise" not in name:
+            np.testing.assert_allclose(getattr(again, name), getattr(TRUE, name), atol=1e-8)
+    with pytest.raises(BodyError, match="camera cam: imu: sigmas and scales must be positive"):
+        imu_of(imu_entry(TRUE) | {"gyro_scale": [1.0, 0.0, 1.0]}, "camera cam: imu")
