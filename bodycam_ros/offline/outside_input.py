@@ -30,6 +30,7 @@ from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 logger = logging.getLogger(__name__)
 
+_IMAGES = 12  # of each camera, spread over the recording: people have moved on from one to the next
 _OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
@@ -158,7 +159,7 @@ def place_stations(
     for name in cameras:
         try:
             camera = recording.camera_model(name)
-            images = _spread_images(recording, camera, settings.stations.images)
+            images = _spread_images(recording, camera, _IMAGES)
             yield StationRegistration(camera, reference_map, settings).register(images)
         except (LensError, RecordingError, StationError) as error:
             yield UnplacedCamera(name, str(error))

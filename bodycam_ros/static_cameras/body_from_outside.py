@@ -40,6 +40,13 @@ from bodycam_ros.static_cameras.station import Image, Station
 from bodycam_ros.static_cameras.station_watch import followed, with_hands
 from bodycam_ros.static_cameras.surface import BULGES
 
+_ROUNDS = 6  # of following the recording with a better body, at most
+_CONVERGED = 0.3  # sigmas of itself by which no length changes any more
+_SURFACE_SIGMA_M = 0.015  # of bulges that capsules do not have; scans of a subject have them by 3 to 18 mm
+_INTERVAL_S = 0.1  # between two frames that lengths are measured in
+_ALIKE_S = 1.0  # frames within this time err together; with 0.3 s lengths are twice as far off as their sigmas
+_MEASURED = 0.6  # sigma of a length over that beforehand, above which the recording does not measure it
+_MIN_SEEN = 0.5  # share of the segments that cameras must see on average, or the body is lost
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
 
 
@@ -133,7 +140,7 @@ class OutsideMeasurement:
     ) -> None:
         self._shape, self._segment_count = BodyShape(body, settings), len(body.segments)
         self._stations, self._instants, self._placed = stations, instants, placed
-        self._settings, self._region, self._motion = settings, region, motion
+        self._region, self._motion = region, motion
         self._on_progress = on_progress
 
     def measure(self) -> MeasuredBody:
@@ -142,12 +149,12 @@ class OutsideMeasurement:
         Raises:
             RangeOfMotionError: the recording has no instant, or the body was not seen in it.
         """
-        of, size = self._settings, self._shape.size
+        size = self._shape.size
         lasting = np.zeros(size + BULGES * self._segment_count)
         sigmas = np.zeros(size)
-        for number in range(1, of.rounds + 1):
+        for number in range(1, _ROUNDS + 1):
             said = self._round(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
-            if said.seen < of.least_seen:
+            if said.seen < _MIN_SEEN:
                 raise RangeOfMotionError(
                     f"static cameras saw only {said.seen:.0%} of the body's segments on average; is it where it was "
                     "placed in the first images, and are the cameras where they are said to stand?"
@@ -155,7 +162,7 @@ class OutsideMeasurement:
             step, sigmas = self._step(said, lasting)
             lasting = lasting + step
             lengths = slice(len(self._shape.lengths))
-            converged = bool((np.abs(step[lengths]) < of.converged * sigmas[lengths]).all())
+            converged = bool((np.abs(step[lengths]) < _CONVERGED * sigmas[lengths]).all())
             if converged:
                 break
         return self._measured(lasting[:size], sigmas, said, number, converged)
@@ -168,8 +175,8 @@ class OutsideMeasurement:
         A[:size, :size] += information
         b[:size] += vector
         bulges = np.arange(size, len(lasting))
-        A[bulges, bulges] += self._settings.surface_sigma**-2.0
-        b[size:] -= self._settings.surface_sigma**-2.0 * lasting[size:]
+        A[bulges, bulges] += _SURFACE_SIGMA_M**-2.0
+        b[size:] -= _SURFACE_SIGMA_M**-2.0 * lasting[size:]
         covariance = np.linalg.inv(A)
         step = covariance @ b
         longest = float(np.abs(step[:size]).max())
@@ -177,7 +184,6 @@ class OutsideMeasurement:
 
     def _round(self, evidence: ShapeEvidence, step: str) -> _Round:
         """Follow the body through the recording, and ask every so often."""
-        of = self._settings
         body = evidence.body
         tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
         size = self._shape.size + BULGES * self._segment_count
@@ -199,10 +205,10 @@ class OutsideMeasurement:
                 before, poses = poses, found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))
             latest_ns = instant.stamp_ns
-            if not asked or latest_ns - asked_ns >= 1e9 * of.interval - 1.0:
+            if not asked or latest_ns - asked_ns >= 1e9 * _INTERVAL_S - 1.0:
                 said = evidence.of_instant(tracker.views, instant.images, poses)
                 # Instants that err together count as one.
-                weight = 1.0 if not asked else min(1.0, 1e-9 * (latest_ns - asked_ns) / of.alike_for)
+                weight = 1.0 if not asked else min(1.0, 1e-9 * (latest_ns - asked_ns) / _ALIKE_S)
                 information += weight * said[0]
                 vector += weight * said[1]
                 asked, asked_ns = asked + 1, latest_ns
@@ -212,7 +218,7 @@ class OutsideMeasurement:
 
     def _measured(self, shares: Array, sigmas: Array, said: _Round, rounds: int, converged: bool) -> MeasuredBody:
         beforehand = np.sqrt(np.diag(np.linalg.inv(self._shape.prior(shares)[0])))
-        known = [*zip(sigmas.tolist(), (sigmas < self._settings.told * beforehand).tolist(), strict=True)]
+        known = [*zip(sigmas.tolist(), (sigmas < _MEASURED * beforehand).tolist(), strict=True)]
         begun, body = self._shape.shaped(np.zeros(self._shape.size)), self._shape.shaped(shares)
         lengths = []
         for (joint, axis), share, (sigma, told) in zip(self._shape.lengths, shares.tolist(), known, strict=False):

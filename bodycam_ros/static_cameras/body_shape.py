@@ -87,49 +87,18 @@ def _whole(values: list[NDArray[np.integer]]) -> Whole:
 
 @dataclass(frozen=True)
 class ShapeSettings:
-    """What is expected of a body that static cameras measure, and how long they are asked."""
+    """What is expected of a body that static cameras measure."""
 
     length_sigma: float = setting(
-        0.06, limits=(0.001, 1.0), reason="share of itself by which a length may be off before anything is seen"
+        0.06,
+        limits=(0.001, 1.0),
+        reason="relative error of a length beforehand; raise it for bodies of unusual proportions",
     )
-    girth_sigma: float = setting(
-        0.08, limits=(0.001, 1.0), reason="the same of how thick segments are; people's girths differ by some 8 %"
-    )
-    asymmetry_sigma: float = setting(
-        0.01, limits=(0.0001, 1.0), reason="share of a length by which left and right differ: 4 mm of a thigh"
-    )
-    girth_asymmetry_sigma: float = setting(0.03, limits=(0.0001, 1.0), reason="the same of girths")
-    surface_sigma: float = setting(
-        0.015,
-        unit="m",
-        limits=(0.0001, 0.2),
-        reason="by which people bulge, taper and lean other than capsules do, always in the same places; scans of a "
-        "subject do so by 3 to 18 mm",
-    )
-    interval: float = setting(
-        0.1, unit="s", limits=(0.001, 60.0), reason="from one instant that lengths are asked of to the next"
-    )
-    alike_for: float = setting(
-        1.0,
-        unit="s",
-        limits=(0.001, 60.0),
-        reason="instants within this time err together and count as one; with 0.3 s lengths are twice as far off as "
-        "they say",
-    )
-    rounds: int = setting(6, limits=(1, 100), reason="how often the recording is followed with a better body, at most")
-    converged: float = setting(
-        0.3,
-        limits=(0.001, 10.0),
-        reason="sigmas of itself by which no length changes any more: it is as good as it gets",
-    )
-    told: float = setting(
-        0.6,
-        limits=(0.0, 1.0),
-        reason="sigma of a length, as a share of what it was beforehand, above which the recording does not tell it",
-    )
-    least_seen: float = setting(
-        0.5, limits=(0.0, 1.0), reason="share of the segments that cameras must see on average, or the body is lost"
-    )
+
+
+_GIRTH_SIGMA = 0.08  # relative; people's girths differ by some 8 %
+_ASYMMETRY_SIGMA = 0.01  # share of a length by which left and right differ: 4 mm of a thigh
+_GIRTH_ASYMMETRY_SIGMA = 0.03  # the same of girths
 
 
 @dataclass(frozen=True)
@@ -186,14 +155,14 @@ class BodyShape:
 
     def prior(self, shares: Array) -> tuple[Array, Array]:
         """What is expected beforehand, as normal equations (K, K), (K,) about shares (K,); left is as right."""
-        of, count = self._settings, len(self.lengths)
-        sigmas = np.repeat([of.length_sigma, of.girth_sigma], [count, len(self.thick)])
+        count = len(self.lengths)
+        sigmas = np.repeat([self._settings.length_sigma, _GIRTH_SIGMA], [count, len(self.thick)])
         sizes = np.array(
             [abs(joint.parent_T_joint[axis, 3]) for joint, axis in self.lengths] + [*map(self._girth, self.thick)]
         )
         J, residuals = [np.diag(1.0 / sigmas)], [shares / sigmas]
         for pair in self._pairs:
-            sigma = of.asymmetry_sigma if pair[0] < count else of.girth_asymmetry_sigma
+            sigma = _ASYMMETRY_SIGMA if pair[0] < count else _GIRTH_ASYMMETRY_SIGMA
             row = np.zeros((1, self.size))
             row[0, pair] = sizes[pair] * [1.0, -1.0] / (sizes[pair].mean() * sigma)
             J.append(row)

@@ -90,15 +90,6 @@ class Surface:
         towards: NDArray[np.bool_] = self.face_normals @ segment_camera > self.face_offsets
         return towards
 
-    def contour(self, segment_camera: Array) -> NDArray[np.intp]:
-        """(K) rows of ``edges`` between a face towards a camera at (3,) [m] and one away from it, or a hole.
-
-        Those that other faces hide are among them.
-        """
-        towards = self.faces_towards(segment_camera)
-        first, second = self.edge_faces.T
-        return np.flatnonzero((second == OPEN) | (towards[first] != towards[second]))
-
 
 def crossed_sides(vertices: Array, faces: NDArray[np.int32]) -> Array:
     """(F, 3) normals of faces, outward and twice as long as the faces are large [m^2]."""

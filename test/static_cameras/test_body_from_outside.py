@@ -15,7 +15,7 @@ from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras import region_tracker, shape_evidence
+from bodycam_ros.static_cameras import body_from_outside, region_tracker, shape_evidence
 from bodycam_ros.static_cameras.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
@@ -28,7 +28,7 @@ INSTANTS, STATIONS, STEP_NS = 9, 4, 100_000_000
 OFF, THICK = 0.05, 0.06
 
 # Painted people are capsules, and no two of their lines err together.
-SETTINGS = ShapeSettings(surface_sigma=0.002, alike_for=1e-9 * STEP_NS, length_sigma=0.1, rounds=3)
+SETTINGS = ShapeSettings(length_sigma=0.1)
 REGION = RegionSettings()
 
 BENT = {"knee", "ankle", "elbow", "shoulder"}
@@ -56,6 +56,8 @@ class Painted:
         with threadpool_limits(limits=1), pytest.MonkeyPatch.context() as patch:
             for module in (region_tracker, shape_evidence):
                 patch.setattr(module, "LINES_ALIKE", 1.0)
+            for name, value in {"_SURFACE_SIGMA_M": 0.002, "_ALIKE_S": 1e-9 * STEP_NS, "_ROUNDS": 3}.items():
+                patch.setattr(body_from_outside, name, value)
             return OutsideMeasurement(
                 self.begun,
                 self.dressed.stations,
