@@ -6,11 +6,10 @@ each state is predicted, gated and fitted; going backwards each is smoothed by t
 or the whole recording differ in how far back that goes.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import compress
-from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from bodycam_ros.estimation.chain import ChainState, Step, first_poses, smooth
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition, body_uncertainty
+from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.looking_on import LookingOn, Onlookers
 from bodycam_ros.estimation.measurements import (
@@ -46,30 +46,7 @@ Mask = NDArray[np.bool_]
 _BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
 _BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb to be observed again
 _CARRIED_S = 5.0  # the longest gap that accelerometers fill: their errors grow with the square of time
-_PERIODS = 15  # frames whose period is remembered: a single odd one does not count
-_GAP = 1.5  # periods without a frame are a gap: one missed frame is at two
 _FIRST_S = 0.033  # how long the first state lasts, as a measurement among others
-
-
-class FrameGaps:
-    """Finds missing frames by the period of the cameras' own stamps, which free-running cameras do not shorten."""
-
-    def __init__(self) -> None:
-        self._periods_ns: deque[float] = deque(maxlen=_PERIODS)
-        self._last_ns: int | None = None
-
-    def missing_stamps(self, frame: BodyFrame, max_pause_s: float) -> tuple[int, ...]:
-        """Stamps [ns] between the frame before and this one at which images are missing; none in a longer pause."""
-        last_ns, self._last_ns = self._last_ns, frame.stamp_ns
-        own_ns = [m.stamp_ns - m.previous_stamp_ns for m in frame.matches.values() if m.previous_stamp_ns]
-        period_ns = median(self._periods_ns) if self._periods_ns else None
-        if own_ns:
-            self._periods_ns.append(median(own_ns))
-        pause_ns = frame.stamp_ns - last_ns if last_ns is not None else 0
-        if period_ns is None or not _GAP * period_ns < pause_ns <= 1e9 * max_pause_s or last_ns is None:
-            return ()
-        steps = round(pause_ns / period_ns)
-        return tuple(last_ns + round(pause_ns * step / steps) for step in range(1, steps))
 
 
 class BodyEstimator:
@@ -172,9 +149,10 @@ class BodyEstimator:
 
     def _max_pause_s(self, stamp_ns: int) -> float:
         """The longest gap before a stamp [ns] that is filled: with inertial sensors on the root, a longer one."""
-        if self._inertial is None or not self._chain or not self._inertial.carry(self._chain[-1].stamp_ns, stamp_ns):
-            return self.settings.max_pause
-        return max(self.settings.max_pause, _CARRIED_S)
+        longest_s, last_ns = self.settings.max_pause, self._chain[-1].stamp_ns if self._chain else stamp_ns
+        if self._inertial is None or stamp_ns - last_ns <= 1e9 * longest_s:
+            return longest_s
+        return max(longest_s, _CARRIED_S) if self._inertial.carry(last_ns, stamp_ns) else longest_s
 
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
         """The first state, where cameras measured the body or somebody placed it by hand."""
