@@ -1,7 +1,7 @@
 """Features of the photographs of a map, and the choice of pairs that overlap."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -17,8 +17,9 @@ from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
 # The tracker's detector, so that descriptors agree; half of OpenCV's contrast threshold doubles the large features.
-# At 0.6 of the size it costs half, and finds the same features with a sigma over 1.5 px.
-_DETECTOR = KeypointSettings(image_scale=0.6, contrast_threshold=0.02, max_keypoints=20000, cells=1)
+_DETECTOR = KeypointSettings(image_scale=1.0, contrast_threshold=0.02, max_keypoints=20000, cells=1)
+_WIDTH_PX, _MIN_SCALE = 768, 0.6  # of pictures that are searched: larger ones at 0.6 of their size cost half, and give
+# the same features with a sigma over 1.5 px
 _MAX_VIEW_ANGLE_DEG = 80.0  # from the optical axis; farther out a fisheye's calibration is poor
 
 MAX_RATIO = 0.8  # of a match: distance to the nearest descriptor over that to the second nearest
@@ -70,7 +71,8 @@ def extract_features(
         )
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     tags = [] if family is None else detect_tags(gray, camera, family)
-    found = KeypointDetector(_DETECTOR).detect(gray, _mask(camera))
+    scale = float(np.clip(_WIDTH_PX / camera.width, _MIN_SCALE, 1.0))
+    found = KeypointDetector(replace(_DETECTOR, image_scale=scale)).detect(gray, _mask(camera))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
     kept = np.argsort(-found.scales, kind="stable")[:max_features]
     pixels = found.pixels[kept]
