@@ -22,6 +22,8 @@ _DAMPING = 1e-6  # of all speeds, so that the program is convex
 _PLACE, _END_PLACE, _TURN, _POSTURE = 0.5, 10.0, 0.2, 1e-2  # costs: of a metre, of a radian
 _SHARES = (1.0, 0.5, 0.25, 0.1)
 _TOUCH_M = 0.002  # links nearer than this touch
+REACH = 0.98  # share of the robot's limbs that scaled motion uses: a stretched knee can only buckle
+_ROUNDS = 2  # of inverse kinematics a frame; each starts where the one before ended
 _FIRST_ROUNDS = 60  # from the N-pose, where any way is allowed
 
 
@@ -29,15 +31,12 @@ _FIRST_ROUNDS = 60  # from the N-pose, where any way is allowed
 class RetargetSettings:
     """How a robot follows."""
 
-    rounds: int = setting(
-        2, limits=(1, 50), reason="of inverse kinematics an instant; each starts where the one before ended"
+    clearance: float = setting(
+        0.01,
+        unit="m",
+        limits=(0.0, 0.1),
+        reason="least distance between the robot's own links; raise it for hulls that are too thin",
     )
-    reach: float = setting(
-        0.98,
-        limits=(0.5, 1.0),
-        reason="share of the robot's limbs that scaled motion uses: a stretched knee can only buckle",
-    )
-    clearance: float = setting(0.01, unit="m", limits=(0.0, 0.1), reason="kept between the robot's own links")
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ class Retargeting:
         Raises:
             BodyError: as of ``ScaledPerson``.
         """
-        self._person = ScaledPerson(body, self._robot, self._settings.reach)
+        self._person = ScaledPerson(body, self._robot, REACH)
 
     def follow(self, stamp_ns: int, world_T_segment: Array) -> RobotState:
         """The robot when the person is at poses (S, 4, 4), later than at the call before."""
@@ -118,7 +117,7 @@ class Retargeting:
             self._begin(targets)
             dt_s, rounds = np.inf, _FIRST_ROUNDS
         else:
-            dt_s, rounds = 1e-9 * (stamp_ns - self._stamp_ns), self._settings.rounds
+            dt_s, rounds = 1e-9 * (stamp_ns - self._stamp_ns), _ROUNDS
         before = self._configuration.q.copy()
         self._bounds.begin(before, dt_s)
         held = False

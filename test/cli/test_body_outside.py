@@ -59,8 +59,8 @@ def test_a_body_is_measured_and_its_file_says_how_well(
     ("flags", "complaint"),
     [
         ([], "a body is measured by body cameras, with --map and --rig, or by static ones"),
-        (["--height", "1.8"], "--height is for static cameras: say with --stations"),
-        (["--start", "start.yaml"], "--start is for static cameras: say with --stations"),
+        (["--height", "1.8"], "--height needs --stations"),
+        (["--start", "start.yaml"], "--start needs --stations"),
         (["--initial-body", "body.yaml"], "--initial-body needs --stations"),
         (["STATIONS"], "give --height in metres, or --initial-body BODY"),
         (["STATIONS", "--height", "178"], "178 m is nobody's height"),

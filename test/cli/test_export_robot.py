@@ -1,6 +1,5 @@
 """``bodycam export --to robot``: what it writes as rosbags reads it, and what it refuses, leaving nothing behind."""
 
-import re
 import shutil
 from pathlib import Path
 
@@ -98,11 +97,14 @@ def turned(xyzw: list[float], vector: Array) -> Array:
         ([], "needs --urdf and --mapping"),
         (["again", "--urdf", "r.urdf", "--mapping", "m.yaml"], "takes one recording a call, not 2"),
         (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate has no effect on robot"),
-        (["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.rounds", "99"], "rounds = 99: Expected int <="),
+        (
+            ["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.clearance", "99"],
+            "clearance = 99.0: Expected float <=",
+        ),
         (["--urdf", "r.urdf", "--mapping", "nothing.yaml"], "nothing.yaml"),
         (["--urdf", "nothing.urdf", "--mapping", str(MAPPING)], "nothing.urdf"),
         (["--to", "bvh", "--mapping", "m.yaml"], "--mapping: has no effect on bvh, only on robot"),
-        (["--to", "bvh", "--retarget.rounds", "3"], "--retarget.rounds: has no effect on bvh"),
+        (["--to", "bvh", "--retarget.clearance", "0.02"], "--retarget.clearance: has no effect on bvh"),
         (["--to", "bvh", "--config", "c.yaml"], "--config: has no effect on bvh"),
     ],
 )
@@ -119,12 +121,6 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def scale_of(printed: str) -> float:
-    """What the command says of the robot's size."""
-    (scale,) = re.findall(r"instants at ([\d.]+) of the person's size", " ".join(printed.split()))
-    return float(scale)
-
-
 def test_only_robots_are_replaced(
     capsys: pytest.CaptureFixture[str], solved: Path, written: Path, tmp_path: Path
 ) -> None:
@@ -134,12 +130,11 @@ def test_only_robots_are_replaced(
     assert "exists already" in capsys.readouterr().err
     assert contents(there) == before
     config = tmp_path / "settings.yaml"
-    config.write_text("/**:\n  ros__parameters:\n    retarget:\n      reach: 0.6\n")
-    assert exported(solved, *robot_flags(), "--config", config, "-o", there, "--force") == 0
+    for clearance, code in ((0.2, 1), (0.02, 0)):
+        config.write_text(f"/**:\n  ros__parameters:\n    retarget:\n      clearance: {clearance}\n")
+        assert exported(solved, *robot_flags(), "--config", config, "-o", there, "--force") == code
     assert contents(there) != before
-    by_config = scale_of(capsys.readouterr().out)
-    assert exported(solved, *robot_flags(), "--config", config, "--retarget.reach", 0.9, "-o", there, "--force") == 0
-    assert scale_of(capsys.readouterr().out) / by_config == pytest.approx(0.9 / 0.6, abs=0.03)
+    capsys.readouterr()
 
     person = Path(shutil.copytree(solved, tmp_path / "person"))
     assert exported(solved, *robot_flags(), "-o", person, "--force") == 1

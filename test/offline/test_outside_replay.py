@@ -60,9 +60,9 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
 @pytest.mark.parametrize(
     ("flags", "complaints"),
     [
-        ((), ["nothing tells where the cameras are", "--map", "--stations"]),
-        (("--surface", "meshes"), ["--surface is for static cameras: say with --stations"]),
-        (("--start", "start.yaml"), ["--start is for static cameras: say with --stations"]),
+        ((), ["give the place's reference map with --map", "--stations"]),
+        (("--surface", "meshes"), ["--surface needs --stations"]),
+        (("--start", "start.yaml"), ["--start needs --stations"]),
         (("--stations", "others.yaml"), ["others.yaml: the recording has none of its cameras (ext_09)", "ext_00"]),
         (("--stations", "missing.yaml"), ["missing.yaml"]),
         (("--stations", "cameras.yaml", "--start", "nobody.yaml"), ["nobody.yaml: places no segment of body"]),

@@ -15,7 +15,7 @@ from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.retargeting import REACH, Retargeting, RetargetSettings, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot
 from bodycam_ros.robot.scaled_person import ScaledPerson
 
@@ -53,7 +53,7 @@ def at_rest(body: BodyModel) -> Array:
 def test_hands_and_feet_follow_as_an_independent_reader_has_them(
     robot: Robot, solved: SolvedBody, poses: Array, states: list[RobotState]
 ) -> None:
-    scaled = ScaledPerson(solved.body, robot, RetargetSettings().reach)
+    scaled = ScaledPerson(solved.body, robot, REACH)
     reader = yourdfpy.URDF.load(str(talos_urdf()), load_meshes=False, build_scene_graph=True)
     off: list[list[float]] = []
     for pose, state in list(zip(poses, states, strict=True))[::5]:
