@@ -20,24 +20,15 @@ def landmark_tracker(
     camera: CameraModel, reference_map: ReferenceMap | None, settings: PipelineSettings, readout: Readout | None = None
 ) -> LandmarkTracker:
     """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
-    features = FeatureTracker(camera, settings.tracker, settings.keypoints, settings.flow, settings.rotation)
-    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, settings.shutter, readout)
+    features = FeatureTracker(camera, settings.keypoints)
+    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, readout)
 
 
 def registrar(
     camera: CameraModel, reference_map: ReferenceMap, settings: PipelineSettings, readout: Readout | None = None
 ) -> Registrar:
-    """The registrar of one camera, with what is known beforehand of how its rows are read out."""
-    return Registrar(
-        camera,
-        reference_map,
-        settings.registrar,
-        settings.matching,
-        settings.absolute_pose,
-        settings.pose_fit,
-        settings.shutter,
-        readout,
-    )
+    """The registrar of one camera, with its read-out time as far as it is known beforehand."""
+    return Registrar(camera, reference_map, settings.registrar, settings.pose_fit, readout)
 
 
 class CameraPipeline:
@@ -73,7 +64,7 @@ class CameraPipeline:
         """
         tracks = self._tracker.track(image, stamp_ns)
         matches = self._registrar.register(tracks)
-        self._tracker.hear(matches)
+        self._tracker.add_registration(matches)
         if self._keyframes is None:
             return tracks, matches, None
         keyframe = self._keyframes.take_keyframe(tracks, matches)

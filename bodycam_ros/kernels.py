@@ -36,6 +36,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
 _NAME = "bodycam_kernels"
+_FAST = {"reassoc", "contract", "arcp", "nsz"}  # sums become vectors; NaN and infinity keep their meaning
 _ARGUMENT = re.compile(r"([biuf]\d)(\[[:, ]*::1\])?")
 
 KERNEL_FILES = (
@@ -124,7 +125,7 @@ class Kernel:
         code, known = self._function.__code__, self._function.__globals__
         others = {name: known[name].dispatcher for name in code.co_names if isinstance(known.get(name), Kernel)}
         function = FunctionType(code, known | others, self._function.__name__)
-        return numba.njit(function, nogil=True, error_model="numpy")
+        return numba.njit(function, nogil=True, error_model="numpy", fastmath=_FAST)
 
     def load(self) -> None:
         """Load it from the library; without one compile it, or load it from numba's cache."""
@@ -142,6 +143,8 @@ class Kernel:
 
 def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
     """An array as the kernels are compiled for it: float64, row by row, writable; itself if it is that already."""
+    if isinstance(values, np.ndarray) and values.dtype == np.float64 and values.flags.carray:
+        return values
     return np.require(values, np.float64, ("C", "A", "W", "E"))
 
 
@@ -242,9 +245,11 @@ def _build_library(file: Path) -> None:
 
 def _flags() -> Any:
     from numba.core.compiler import Flags
+    from numba.core.cpu_options import FastMathOptions
 
     flags = Flags()
     flags.release_gil, flags.error_model = True, "numpy"
+    flags.fastmath = FastMathOptions(_FAST)
     return flags
 
 

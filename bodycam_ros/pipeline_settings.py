@@ -10,38 +10,25 @@ from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.mapping.growth_settings import ExtensionSettings, GrowthSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
-from bodycam_ros.registration.lost_camera import AbsolutePoseSettings
-from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.registration.readout_time import ReadoutSettings, ShutterSettings
 from bodycam_ros.registration.registrar import RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.frame_assembler import AssemblerSettings
-from bodycam_ros.tracking.feature_tracker import TrackerSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
-from bodycam_ros.tracking.optical_flow import OpticalFlowSettings
-from bodycam_ros.tracking.rotation import RotationSettings
 
 
 @dataclass(frozen=True)
 class PipelineSettings(SettingsGroups):
     """Settings of all stages between an image and the body."""
 
-    tracker: TrackerSettings = TrackerSettings()
     keypoints: KeypointSettings = KeypointSettings()
-    flow: OpticalFlowSettings = OpticalFlowSettings()
-    rotation: RotationSettings = RotationSettings()
     registrar: RegistrarSettings = RegistrarSettings()
     growth: GrowthSettings = GrowthSettings()
     extend: ExtensionSettings = ExtensionSettings()
     direct: DirectSettings = DirectSettings()
-    matching: MatchingSettings = MatchingSettings()
-    absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
-    shutter: ShutterSettings = ShutterSettings()
-    readout: ReadoutSettings = ReadoutSettings()
     clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()
     smoother: SmootherSettings = SmootherSettings()

@@ -13,7 +13,7 @@ from bodycam_ros.messages.health import Health, HealthLevel, few
 from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.recording.video_decoder import VideoDecoder
-from bodycam_ros.tracking.optical_flow import EverySecondImage
+from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
 _THINNED = "every second image left out, the machine does not keep up"

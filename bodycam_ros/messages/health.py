@@ -11,7 +11,7 @@ from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, flat, header_message, numbers
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.map_photographs import CameraSight, camera_sight
+from bodycam_ros.registration.landmark_matches import CameraSight, camera_sight
 from bodycam_ros.registration.readout_time import ReadoutSettings, TypicalSpeed, doubt
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.verdict import Level, Verdict

@@ -34,7 +34,7 @@ from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import placed_body
 from bodycam_ros.static_cameras.station_watch import LoneStation, with_hands
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
-from bodycam_ros.tracking.optical_flow import EverySecondImage
+from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
 _NOBODY = f"nothing on {SEGMENTS_NOW} says where the body is, and there is no start file"

@@ -20,7 +20,7 @@ from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.tracking.optical_flow import EverySecondImage
+from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _LOOK_S = 0.25
 

@@ -1,6 +1,4 @@
-"""How alike descriptors are, one pair after the other; whole numbers, so that every machine finds the same."""
-
-import math
+"""Distances of descriptors, pair by pair; in whole numbers, so that every machine finds the same."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,55 +15,60 @@ _HALF = 64  # entries of a descriptor
 
 
 @kernel("(u1[:, ::1], i8[::1], u1[:, ::1], i8[::1])")
-def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, looks: Whole) -> Whole:
+def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, rows: Whole) -> Whole:
     """(P,) squared distances of pairs of descriptors, given by their rows (P,) in two tables (M, 128), (D, 128)."""
     squared = np.empty(len(features), np.int64)
     for p in range(len(features)):
-        squared[p] = _squared_distance(descriptors, features[p], known, looks[p], FARTHEST)
+        squared[p] = _squared_distance(descriptors, features[p], known, rows[p], FARTHEST)
     return squared
 
 
-@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], i8[::1], i8[::1], i8[::1])")
+@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], b1[::1])")
 def search_lists(
     descriptors: Bytes,
     lists: Whole,
     first_of_list: Whole,
-    looks: Whole,
+    rows: Whole,
     known: Bytes,
-    landmark_of_look: NDArray[np.uint32],
-    nearest: Whole,
-    best: Whole,
-    rival: Whole,
-) -> None:
-    """Mend for each descriptor which landmark is most like it, by some of the lists that looks are in.
+    landmark_of_row: NDArray[np.uint32],
+    allowed: NDArray[np.bool_],
+) -> tuple[Whole, Whole, Whole]:
+    """The landmark most similar to each descriptor, by some of the lists.
 
     Args:
         descriptors: (M, 128).
-        lists: (M, P) those to be searched for each.
-        first_of_list: (W + 1,) where each begins in ``looks``.
-        looks: (N,) rows of the looks, list by list.
-        known: (D, 128) descriptors of all looks.
-        landmark_of_look: (D,) their landmarks.
-        nearest: (M,) most alike so far, or -1; mended.
-        best, rival: (M,) squared distances to it, and to the next landmark; mended.
+        lists: (M, P) lists searched for each.
+        first_of_list: (W + 1,) start of each list in ``rows``.
+        rows: (N,) of the table, list by list.
+        known: (D, 128) the table.
+        landmark_of_row: (D,) their landmarks.
+        allowed: (L,) landmarks that may be found.
+
+    Returns:
+        Landmarks (M,), or -1, and the squared distances (M,) to them and to the next landmark.
     """
-    for i in range(len(descriptors)):
+    count = len(descriptors)
+    nearest, best, rival = np.full(count, -1), np.full(count, FARTHEST), np.full(count, FARTHEST)
+    for i in range(count):
         for p in range(lists.shape[1]):
             for j in range(first_of_list[lists[i, p]], first_of_list[lists[i, p] + 1]):
-                look = looks[j]
-                landmark = np.int64(landmark_of_look[look])
-                squared = _squared_distance(descriptors, i, known, look, rival[i])
+                row = rows[j]
+                landmark = np.int64(landmark_of_row[row])
+                if not allowed[landmark]:
+                    continue
+                squared = _squared_distance(descriptors, i, known, row, rival[i])
                 if landmark == nearest[i]:
                     best[i] = min(best[i], squared)
                 elif squared < best[i]:
                     nearest[i], best[i], rival[i] = landmark, squared, best[i]
                 elif squared < rival[i]:
                     rival[i] = squared
+    return nearest, best, rival
 
 
 @kernel()
 def _squared_distance(a: Bytes, i: int, b: Bytes, j: int, enough: int) -> int:
-    """Or, if it is no less than ``enough``, what half of the entries tell, if that is so already: most are far away."""
+    """Squared distance; that of half of the entries where it is no less than ``enough`` already."""
     squared = np.int32(0)
     for k in range(_HALF):
         difference = np.int32(a[i, k]) - np.int32(b[j, k])
@@ -76,41 +79,3 @@ def _squared_distance(a: Bytes, i: int, b: Bytes, j: int, enough: int) -> int:
         difference = np.int32(a[i, k]) - np.int32(b[j, k])
         squared += np.int32(difference * difference)
     return int(squared)
-
-
-@kernel("(f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1], i8[::1], i8[::1])")
-def givers_of_looks(
-    points_world: NDArray[np.float64],
-    landmark_of_look: NDArray[np.int64],
-    sides: NDArray[np.float64],
-    centres: NDArray[np.float64],
-    first_observation: NDArray[np.int64],
-    observers: NDArray[np.int64],
-) -> NDArray[np.int64]:
-    """(D,) which photograph gave each look: that which stood most on its side. -1: none.
-
-    Args:
-        points_world: (L, 3) landmarks [m].
-        landmark_of_look: (D,) their rows.
-        sides: (D, 3) unit directions from the landmark to whoever gave the look.
-        centres: (K, 3) where photographs were taken [m].
-        first_observation, observers: (L + 1,), (O,) the photographs that see each landmark; of (0,), all see all.
-    """
-    givers = np.empty(len(landmark_of_look), np.int64)
-    for look in range(len(landmark_of_look)):
-        i = landmark_of_look[look]
-        first, last = 0, len(centres)
-        if len(observers) > 0:
-            first, last = first_observation[i], first_observation[i + 1]
-        best, givers[look] = -2.0, -1
-        for o in range(first, last):
-            k = observers[o] if len(observers) > 0 else o
-            x, y, z = (
-                centres[k, 0] - points_world[i, 0],
-                centres[k, 1] - points_world[i, 1],
-                centres[k, 2] - points_world[i, 2],
-            )
-            cosine = (x * sides[look, 0] + y * sides[look, 1] + z * sides[look, 2]) / math.sqrt(x * x + y * y + z * z)
-            if cosine > best:
-                best, givers[look] = cosine, k
-    return givers

@@ -1,8 +1,8 @@
-"""Direct registration of one camera: landmarks are found in its images by the photographs that made the map.
+"""Direct registration of one camera: landmarks are found in its images by the photographs of the map.
 
-Descriptors name a landmark to half a pixel, and tracks keep that error for as long as they live. A patch of a
-photograph, warped to how the camera should see it, is found to a third of a pixel in every image anew, at a fraction of
-the cost. What it needs is a pose near by: that of the image before, carried on.
+A patch of a photograph, warped to the camera's predicted view, is aligned with every image anew, to a third of a pixel,
+where descriptors give half a pixel and tracks keep that error. It needs a pose nearby: that of the image before,
+predicted (A eq. 2), and corrected by some landmarks of that image on coarse levels.
 """
 
 from dataclasses import dataclass
@@ -12,85 +12,84 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
-from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
-from bodycam_ros.registration.local_landmarks import LocalLandmarks
-from bodycam_ros.registration.map_photographs import MapPhotographs
-from bodycam_ros.registration.matching import LandmarkTrust
+from bodycam_ros.registration.landmark_choice_kernels import CELLS, LEAST_SIGMA_PX, best_views, choose_landmarks
+from bodycam_ros.registration.local_landmarks import LandmarkTrust, LocalLandmarks
+from bodycam_ros.registration.map_photographs import MapPhotographs, pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.patch_kernels import align_patches
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.recent_path import ImageMotion
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import setting
+from bodycam_ros.tracking.camera_motion import ImageMotion
 
-_WHERE_THEY_PROJECT = np.zeros((0, 2))
-_ALL_OF_ONE = np.zeros(1, np.uint16)  # camera, that took the image before
+_COARSE = 20  # landmarks of the image before that correct the predicted pose
+_COARSE_LEVEL = 3  # 4 px of 1/8 of the size are 32
+_LIKENESS = 0.7  # least correlation of a patch with the image
+_INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
+_AGREE = 0.6  # least share of the coarse landmarks that fit one pose
+_LEAST_FOUND = 8  # landmarks of a pose
+_CANDIDATES_PER_CHOICE = 2  # landmarks of the cells for each one that is chosen by its information
+_MOST_IMAGES = 6  # for which a choice of landmarks lasts,
+_MOST_TURN = 0.12  # or until the camera turned so far [rad],
+_MOST_WAY_M = 0.15  # moved so far,
+_LEAST_SHARE = 0.7  # or fewer of them are found
+_PROJECTIONS = np.zeros((0, 2))
+_ONE_CAMERA = np.zeros(1, np.uint16)
 _STILL = np.zeros(6)
-_AGREE = 0.6  # share of what is found; what agrees by chance is less
-_LEAST_FOUND = 8
-"""Landmarks of a pose that is worth a look."""
 
 
 @dataclass(frozen=True)
 class DirectSettings:
-    """How many landmarks are asked, and when their answers are a registration."""
+    """Whether and how densely landmarks are found by photographs."""
 
     enabled: bool = setting(
-        True, reason="whether photographs of the map are used; without them tracks and descriptors are"
+        True, reason="whether the photographs of the map are used; without them tracks and descriptors are"
     )
-    cells: int = setting(
-        8, limits=(2, 30), reason="columns and rows that the image is divided into, so that landmarks spread over it"
-    )
-    per_cell: int = setting(2, limits=(1, 20), reason="landmarks that are asked in each")
-    coarse: int = setting(
-        24, unit="landmarks", limits=(8, 200), reason="of the image before, by which the predicted pose is mended first"
-    )
-    coarse_level: int = setting(
-        3, limits=(1, 4), reason="of the pyramid that they begin on; on 1/8 of the size 4 px are 32"
-    )
-    fine_level: int = setting(1, limits=(0, 3), reason="of the pyramid that photographs are aligned on first")
-    likeness: float = setting(
-        0.7, limits=(0.1, 0.99), reason="least correlation of a patch with the image where it was found"
-    )
-    enough: int = setting(
-        24, unit="landmarks", limits=(6, 500), reason="with fewer that agree, tracks and descriptors are asked as well"
-    )
-    inlier_px: float = setting(
-        1.5,
-        unit="px",
-        limits=(0.2, 10.0),
-        reason="a patch that is found farther from its landmark shows something else",
-    )
-    max_view_angle_deg: float = setting(
-        84.0, unit="deg", limits=(20.0, 110.0), reason="patches keep out of the rim of a fisheye picture"
-    )
-    least_sigma_px: float = setting(
-        0.8,
-        unit="px",
-        limits=(0.0, 20.0),
-        reason="of a landmark's feature: a smaller one is blurred away in this image",
-    )
-    forget: float = setting(
-        0.2, limits=(0.01, 1.0), reason="share that the latest image has in how much a landmark is trusted"
+    per_cell: int = setting(
+        1,
+        limits=(1, 20),
+        reason="landmarks for each of the 64 cells of an image; more are more exact, and cost as much more time",
     )
 
 
 @dataclass(frozen=True)
 class DirectView:
-    """Landmarks that were found in an image.
+    """Landmarks found in an image, and the pose fitted to them.
 
     Attributes:
         stamp_ns: of the image [ns].
-        world_T_camera: (4, 4) the pose that they give.
+        world_T_camera: (4, 4) the pose.
         rows: (N,) of the landmarks in the map, those that agree with the pose.
-        pixels: (N, 2) where the image shows them.
+        pixels: (N, 2) their places in the image.
+        information: (6, 6) of the pose; None where it was not fitted to these pixels.
+        shifts: (N, 2) how far the read-out of the rows moved them [px].
     """
 
     stamp_ns: int
-    world_T_camera: NDArray[np.float64]
+    world_T_camera: Array
     rows: NDArray[np.int64]
-    pixels: NDArray[np.float64]
+    pixels: Array
+    information: Array | None = None
+    shifts: Array | None = None
+
+
+@dataclass
+class _Choice:
+    """Landmarks and their photographs, chosen for a pose."""
+
+    world_T_camera: Array
+    rows: NDArray[np.int64]
+    views: NDArray[np.int64]
+    images: int = 0
+    found_share: float = 1.0
+
+    def is_valid(self, world_T_camera: Array) -> bool:
+        """Whether it still serves a camera at another pose."""
+        moved = inverse(self.world_T_camera) @ world_T_camera
+        turn_cosine = 0.5 * (moved[0, 0] + moved[1, 1] + moved[2, 2] - 1.0)
+        is_near = turn_cosine > np.cos(_MOST_TURN) and moved[:3, 3] @ moved[:3, 3] < _MOST_WAY_M**2
+        return bool(is_near and self.images < _MOST_IMAGES and self.found_share >= _LEAST_SHARE)
 
 
 class DirectRegistration:
@@ -112,101 +111,99 @@ class DirectRegistration:
         pose_fit: PoseFitSettings,
     ) -> None:
         self._camera, self._photographs = camera, photographs
-        self._settings = settings
-        self._pose_fit = pose_fit
+        self._per_cell, self._pose_fit = settings.per_cell, pose_fit
         self._lens, self._scales = camera.parameters, local_scales(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
-        # The latest image and the one before it.
-        self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)
-        self._trust = LandmarkTrust(len(reference_map.landmark_ids), settings.forget)
-        self._local = LocalLandmarks(reference_map.grid, camera.fx, settings.least_sigma_px)
+        self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
+        self._trust = LandmarkTrust(len(reference_map.landmark_ids))
+        self._local = LocalLandmarks(reference_map.grid, camera.fx, LEAST_SIGMA_PX)
         self._points = as_rows(reference_map.points_world)
         self._sizes = reference_map.landmark_sizes
+        self._choice: _Choice | None = None
 
-    def see(self, image: NDArray[np.uint8]) -> None:
+    def add_image(self, image: NDArray[np.uint8]) -> None:
         """The next image (H, W)."""
         self._pyramids = self._pyramids[::-1]
         write_pyramid(image, self._levels, self._pyramids[0])
 
     def register(
-        self, before: DirectView, predicted: NDArray[np.float64], motion: ImageMotion | None, stamp_ns: int
+        self, before: DirectView, predicted: Array, motion: ImageMotion | None, stamp_ns: int
     ) -> DirectView | None:
         """The landmarks in the latest image, from the view before it; None if too few are found.
 
         Args:
             before: of the image before.
-            predicted: (4, 4) where the camera should be by now.
-            motion: how it moves while its rows are read out; None if all are exposed together.
+            predicted: (4, 4) predicted pose.
+            motion: of the camera while its rows are read out; None if all are exposed together.
             stamp_ns: of the latest image [ns].
         """
-        pose = self._follow(before, predicted, motion)
-        return None if pose is None else self.find(pose, motion, stamp_ns)
+        pose = self._correct_prediction(before, predicted, motion)
+        return None if pose is None else self.find(pose, motion, stamp_ns, first_level=0)
 
-    def find(self, near: NDArray[np.float64], motion: ImageMotion | None, stamp_ns: int) -> DirectView | None:
-        """The landmarks in the latest image around a pose (4, 4); None if too few are found."""
-        rows, _ = choose_landmarks(
+    def find(
+        self, near: Array, motion: ImageMotion | None, stamp_ns: int, first_level: int = 1
+    ) -> DirectView | None:
+        """The landmarks in the latest image around a pose (4, 4); None if too few are found.
+
+        Args:
+            near: (4, 4) the pose, good to ``4 * 2**first_level`` pixels.
+            motion: as of ``register``.
+            stamp_ns: of the latest image [ns].
+            first_level: of the pyramid on which patches are aligned first.
+        """
+        choice = self._choose(near, motion)
+        photographs, rows = self._photographs, choice.rows
+        pixels, likeness = align_patches(
             self._lens,
             as_rows(near),
-            *self._moving(near, motion),
+            *_twist_and_time(near, motion),
+            self._pyramids[0],
+            self._levels,
+            photographs.lenses,
+            photographs.camera_of_view,
+            as_rows(photographs.world_T_camera),
+            photographs.pyramids,
+            photographs.levels,
+            choice.views,
+            _PROJECTIONS,
+            self._points[rows],
+            as_rows(photographs.normals[rows]),
+            first_level,
+            0,
+            _LIKENESS,
+        )
+        found = np.flatnonzero(np.isfinite(likeness))
+        fit = self._fit(rows[found], pixels[found], near, motion)
+        inliers = np.zeros(0, np.int64) if fit is None else np.flatnonzero(fit.errors_px < _INLIER_PX)
+        choice.images, choice.found_share = choice.images + 1, len(inliers) / max(len(rows), 1)
+        if fit is None or len(inliers) < _LEAST_FOUND:
+            return None
+        agree = np.zeros(len(rows), bool)
+        agree[found[inliers]] = True
+        self._trust.update(rows, agree)
+        return DirectView(
+            stamp_ns, fit.world_T_camera, rows[agree], pixels[agree], fit.information, fit.shifts[inliers]
+        )
+
+    def _choose(self, near: Array, motion: ImageMotion | None) -> _Choice:
+        """The landmarks to look for around a pose, and the photograph for each."""
+        if self._choice is not None and self._choice.is_valid(near):
+            return self._choice
+        photographs = self._photographs
+        rows = choose_landmarks(
+            self._lens,
+            as_rows(near),
+            *_twist_and_time(near, motion),
             self._local.around(near[:3, 3]),
             self._points,
-            self._photographs.normals,
+            photographs.normals,
             self._sizes,
             self._trust.scaled,
             self._trust.scale,
-            self._settings.cells,
-            self._settings.per_cell,
-            float(self._settings.least_sigma_px),
-            float(np.cos(np.radians(self._settings.max_view_angle_deg))),
+            _CANDIDATES_PER_CHOICE * self._per_cell,
+            CELLS * CELLS * self._per_cell,
         )
-        views = self._views(rows, near)
-        pixels, likeness = self._align(rows, near, motion, views)
-        found = np.isfinite(likeness)
-        fit = self._fit(rows[found], pixels[found], near, motion)
-        agree = np.zeros(len(rows), bool)
-        if fit is not None:
-            agree[found] = fit.errors_px < self._settings.inlier_px
-        if fit is None or agree.sum() < _LEAST_FOUND:
-            return None
-        self._trust.learn(rows, agree)
-        return DirectView(stamp_ns, fit.world_T_camera, rows[agree], pixels[agree])
-
-    def _follow(
-        self, before: DirectView, predicted: NDArray[np.float64], motion: ImageMotion | None
-    ) -> NDArray[np.float64] | None:
-        """The pose by some landmarks of the image before, each looked for as that one showed it (A eq. 2)."""
-        few = np.linspace(0, len(before.rows) - 1, min(self._settings.coarse, len(before.rows))).astype(np.int64)
-        rows, shown = before.rows[few], before.pixels[few]
-        image, previous = self._pyramids
-        pixels, likeness = align_patches(
-            self._lens,
-            as_rows(predicted),
-            *self._moving(predicted, motion),
-            image,
-            self._levels,
-            self._lens[None],
-            _ALL_OF_ONE,
-            as_rows(before.world_T_camera)[None],
-            previous[None],
-            self._levels[None],
-            np.zeros(len(rows), np.int64),
-            as_rows(shown),
-            self._points[rows],
-            as_rows(self._photographs.normals[rows]),
-            self._settings.coarse_level,
-            1,
-            float(self._settings.likeness),
-        )
-        found = np.isfinite(likeness)
-        fit = self._fit(rows[found], pixels[found], predicted, motion)
-        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, _AGREE * found.sum()):
-            return None
-        return fit.world_T_camera
-
-    def _views(self, rows: NDArray[np.int64], near: NDArray[np.float64]) -> NDArray[np.int64]:
-        """(N,) the photograph for each landmark, which is there afterwards."""
-        photographs = self._photographs
-        views: NDArray[np.int64] = best_views(
+        views = best_views(
             self._scales,
             as_rows(near),
             self._points,
@@ -218,52 +215,49 @@ class DirectRegistration:
             photographs.observation_view,
         )
         photographs.develop(views[views >= 0])
-        return views
+        self._choice = _Choice(near, rows, views)
+        return self._choice
 
-    def _align(
-        self,
-        rows: NDArray[np.int64],
-        near: NDArray[np.float64],
-        motion: ImageMotion | None,
-        views: NDArray[np.int64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where the image shows landmarks (N, 2), by patches of these photographs, and how alike they are (N,)."""
-        photographs = self._photographs
-        found: tuple[NDArray[np.float64], NDArray[np.float64]] = align_patches(
+    def _correct_prediction(
+        self, before: DirectView, predicted: Array, motion: ImageMotion | None
+    ) -> Array | None:
+        """The pose by some landmarks of the image before, each by its patch in that image (A eq. 2)."""
+        few = np.linspace(0, len(before.rows) - 1, min(_COARSE, len(before.rows))).astype(np.int64)
+        rows = before.rows[few]
+        pixels, likeness = align_patches(
             self._lens,
-            as_rows(near),
-            *self._moving(near, motion),
+            as_rows(predicted),
+            *_twist_and_time(predicted, motion),
             self._pyramids[0],
             self._levels,
-            photographs.lenses,
-            photographs.camera_of_view,
-            as_rows(photographs.world_T_camera),
-            photographs.pyramids,
-            photographs.levels,
-            views,
-            _WHERE_THEY_PROJECT,
+            self._lens[None],
+            _ONE_CAMERA,
+            as_rows(before.world_T_camera)[None],
+            self._pyramids[1][None],
+            self._levels[None],
+            np.zeros(len(rows), np.int64),
+            as_rows(before.pixels[few]),
             self._points[rows],
-            as_rows(photographs.normals[rows]),
-            self._settings.fine_level,
-            0,
-            float(self._settings.likeness),
+            as_rows(self._photographs.normals[rows]),
+            _COARSE_LEVEL,
+            1,
+            _LIKENESS,
         )
-        return found
+        found = np.isfinite(likeness)
+        fit = self._fit(rows[found], pixels[found], predicted, motion)
+        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, _AGREE * found.sum()):
+            return None
+        return fit.world_T_camera
 
-    def _fit(
-        self,
-        rows: NDArray[np.int64],
-        pixels: NDArray[np.float64],
-        start: NDArray[np.float64],
-        motion: ImageMotion | None,
-    ) -> PoseFit | None:
+    def _fit(self, rows: NDArray[np.int64], pixels: Array, start: Array, motion: ImageMotion | None) -> PoseFit | None:
         """Pose from landmarks (A eq. 8, first term)."""
         if len(rows) < _LEAST_FOUND:
             return None
         return fit_pose(self._camera, self._points[rows], pixels, start, self._pose_fit, motion)
 
-    def _moving(self, pose: NDArray[np.float64], motion: ImageMotion | None) -> tuple[NDArray[np.float64], float]:
-        """Twist and read-out time, as kernels take them."""
-        if motion is None or motion.readout_time == 0.0:
-            return _STILL, 0.0
-        return as_rows(motion.twist_at(pose)), float(motion.readout_time)
+
+def _twist_and_time(pose: Array, motion: ImageMotion | None) -> tuple[Array, float]:
+    """Twist (6,) and read-out time, as kernels take them."""
+    if motion is None or motion.readout_time == 0.0:
+        return _STILL, 0.0
+    return as_rows(motion.twist_of(pose)), float(motion.readout_time)

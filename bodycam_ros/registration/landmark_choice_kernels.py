@@ -1,23 +1,36 @@
-"""Which landmarks a camera should see, where, and which photograph shows each of them most as the camera does."""
+"""Landmarks to look for in an image: in view, spread over it, and those that determine the pose best.
+
+Of the landmarks of every cell of the image the most trusted are candidates. Among these, each next one is that which
+adds most to the determinant of the pose's information (D-optimality, Fedorov 1972), as far as it is likely to be found.
+"""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.lens_kernels import project_point
+from bodycam_ros.camera.lens_kernels import project_point, project_point_with_jacobian
 from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
+CELLS = 8
+"""Columns and rows of the image."""
+
+LEAST_SIGMA_PX = 0.8
+"""[px] of a landmark's feature: a smaller one is blurred away in the image."""
+
 _BORDER = 6.0  # [px] of an image that patches keep out of
 _LEAST_COSINE = 0.2  # between a surface's normal and the view
+_LEAST_AXIS_COSINE = math.cos(math.radians(84.0))  # of the view to the optical axis: the rim of a fisheye is left out
 _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale below the image's
+_LEAST_CHANCE = 0.1  # of a landmark that was never found to be found
+_PRIOR_RAD, _PRIOR_M = 0.02, 0.05  # sigmas of the predicted pose, in units of which one pixel of noise counts
 
 
 @kernel(
-    "(f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], f8, i8, i8, f8, f8)",
+    "(f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], f8, i8, i8)",
 )
 def choose_landmarks(
     lens: Array,
@@ -30,73 +43,138 @@ def choose_landmarks(
     sizes: NDArray[np.float32],
     trust: NDArray[np.float32],
     trust_scale: float,
-    cells: int,
     per_cell: int,
-    least_sigma_px: float,
-    least_cosine: float,
-) -> tuple[Whole, Array]:
-    """The landmarks in view that are worth asking, spread over the image.
+    most: int,
+) -> Whole:
+    """Rows (N,) of landmarks in view that determine the pose best, ascending by cell.
 
     Args:
         lens: of the camera.
         world_T_camera: (4, 4) its pose.
-        twist, readout_time: (6,) how it moves [rad/s, m/s], and how long its rows are read out [s].
-        candidates: (C,) rows of all landmarks that may be in view; of two that are as good the first is asked.
+        twist, readout_time: (6,) its motion [rad/s, m/s], and the read-out time of its rows [s].
+        candidates: (C,) rows of all landmarks that may be in view; of two equal ones the first is taken.
         points_world: (L, 3) [m].
         normals: (L, 3) of their surfaces.
         sizes: (L,) of their features [m].
-        trust, trust_scale: (L,) and a factor of all of them: how often they were found, or more for those preferred.
-        cells: the image is divided into so many columns, and as many rows.
-        per_cell: so many of each cell, the most trusted.
-        least_sigma_px: of a feature that can be seen [px].
-        least_cosine: of the angle between view and optical axis.
-
-    Returns:
-        Rows of the landmarks (N,), and where they project (N, 2) [px].
+        trust, trust_scale: (L,) and a factor of all of them, see ``LandmarkTrust``.
+        per_cell: candidates of each cell, the most trusted.
+        most: landmarks in all.
     """
     width, height = lens[1], lens[2]
-    best = np.full((cells * cells, per_cell), -1, np.int64)
-    score = np.full((cells * cells, per_cell), -math.inf)
-    place = np.empty((cells * cells, per_cell, 2))
+    best = np.full((CELLS * CELLS, per_cell), -1, np.int64)
+    score = np.full((CELLS * CELLS, per_cell), -math.inf)
     T = world_T_camera
     for i in candidates:
         dx, dy, dz = points_world[i, 0] - T[0, 3], points_world[i, 1] - T[1, 3], points_world[i, 2] - T[2, 3]
         # Most landmarks are too far to be seen, and need no root.
         squared = dx * dx + dy * dy + dz * dz
-        if lens[3] * lens[3] * sizes[i] * sizes[i] < least_sigma_px * least_sigma_px * squared or squared < 1e-12:
+        if lens[3] * lens[3] * sizes[i] * sizes[i] < LEAST_SIGMA_PX * LEAST_SIGMA_PX * squared or squared < 1e-12:
             continue
         distance = math.sqrt(squared)
-        if T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz < least_cosine * distance:
+        if T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz < _LEAST_AXIS_COSINE * distance:
             continue
-        x, y, z, dx, dy, dz = in_camera(T, points_world[i, 0], points_world[i, 1], points_world[i, 2])
-        sigma_px = lens[3] * sizes[i] / distance
         if -(normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz) < _LEAST_COSINE * distance:
             continue
+        x, y, z, dx, dy, dz = in_camera(T, points_world[i, 0], points_world[i, 1], points_world[i, 2])
         u, v, valid = project_moving(lens, x, y, z, twist, readout_time)
         if not (valid and u > _BORDER and v > _BORDER and u < width - 1 - _BORDER and v < height - 1 - _BORDER):
             continue
-        cell = int(v * cells / height) * cells + int(u * cells / width)
-        merit = trust_scale * trust[i] - 0.05 * abs(math.log2(sigma_px / 2.0))
+        cell = int(v * CELLS / height) * CELLS + int(u * CELLS / width)
+        merit = trust_scale * trust[i] - 0.05 * abs(math.log2(0.5 * lens[3] * sizes[i] / distance))
         k = per_cell - 1
         if merit <= score[cell, k]:
             continue
         while k > 0 and merit > score[cell, k - 1]:
             score[cell, k], best[cell, k] = score[cell, k - 1], best[cell, k - 1]
-            place[cell, k, 0], place[cell, k, 1] = place[cell, k - 1, 0], place[cell, k - 1, 1]
             k -= 1
-        score[cell, k], best[cell, k], place[cell, k, 0], place[cell, k, 1] = merit, i, u, v
+        score[cell, k], best[cell, k] = merit, i
+    rows = np.empty(CELLS * CELLS * per_cell, np.int64)
     count = 0
-    for cell in range(cells * cells):
-        for k in range(per_cell):
-            count += best[cell, k] >= 0
-    rows, pixels = np.empty(count, np.int64), np.empty((count, 2))
-    count = 0
-    for cell in range(cells * cells):
+    for cell in range(CELLS * CELLS):
         for k in range(per_cell):
             if best[cell, k] >= 0:
-                rows[count], pixels[count, 0], pixels[count, 1] = best[cell, k], place[cell, k, 0], place[cell, k, 1]
+                rows[count] = best[cell, k]
                 count += 1
-    return rows, pixels
+    rows = rows[:count]
+    if count <= most:
+        return rows.copy()
+    return rows[_most_informative(lens, T, rows, points_world, trust, trust_scale, most)]
+
+
+@kernel()
+def _most_informative(
+    lens: Array,
+    world_T_camera: Array,
+    rows: Whole,
+    points_world: Array,
+    trust: NDArray[np.float32],
+    trust_scale: float,
+    most: int,
+) -> Whole:
+    """Which of the landmarks (rows, (N,)) determine the pose best, ascending: greedily, by lazy evaluation.
+
+    The gain of a landmark only falls while others are added (Minoux 1978), so the first whose gain is still the largest
+    after it was computed anew is the best.
+    """
+    count = len(rows)
+    jacobian, gain = np.empty((count, 2, 6)), np.empty(count)
+    covariance = np.zeros((6, 6))
+    for k in range(3):
+        covariance[k, k], covariance[3 + k, 3 + k] = _PRIOR_RAD**2, _PRIOR_M**2
+    for n in range(count):
+        p = points_world[rows[n]]
+        x, y, z, _, _, _ = in_camera(world_T_camera, p[0], p[1], p[2])
+        _, _, _, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
+        chance = min(max(0.5 + trust_scale * trust[rows[n]], _LEAST_CHANCE), 1.0)
+        J = jacobian[n]
+        J[0, 0], J[0, 1], J[0, 2] = u_y * z - u_z * y, u_z * x - u_x * z, u_x * y - u_y * x
+        J[1, 0], J[1, 1], J[1, 2] = v_y * z - v_z * y, v_z * x - v_x * z, v_x * y - v_y * x
+        J[0, 3], J[0, 4], J[0, 5] = -u_x, -u_y, -u_z
+        J[1, 3], J[1, 4], J[1, 5] = -v_x, -v_y, -v_z
+        for row in range(2):
+            for k in range(6):
+                J[row, k] *= chance
+        gain[n] = math.inf
+    moved, chosen = np.empty((2, 6)), np.zeros(count, np.bool_)
+    for _ in range(most):
+        best = 0
+        while True:
+            best = -1
+            for n in range(count):
+                if not chosen[n] and (best < 0 or gain[n] > gain[best]):
+                    best = n
+            s00, s01, s11 = _innovation(jacobian[best], covariance, moved)
+            now = s00 * s11 - s01 * s01
+            is_best = True
+            for n in range(count):
+                if not chosen[n] and n != best and gain[n] > now:
+                    is_best = False
+                    break
+            gain[best] = now
+            if is_best:
+                break
+        chosen[best] = True
+        for i in range(6):
+            a, b = moved[0, i], moved[1, i]
+            for k in range(6):
+                covariance[i, k] -= (
+                    a * (s11 * moved[0, k] - s01 * moved[1, k]) + b * (s00 * moved[1, k] - s01 * moved[0, k])
+                ) / now
+    return np.flatnonzero(chosen)
+
+
+@kernel()
+def _innovation(J: Array, covariance: Array, moved: Array) -> tuple[float, float, float]:
+    """Entries 00, 01, 11 of I + J covariance J.T, and J covariance (2, 6) in ``moved``."""
+    s00, s01, s11 = 1.0, 0.0, 1.0
+    for k in range(6):
+        a, b = 0.0, 0.0
+        for i in range(6):
+            a += J[0, i] * covariance[i, k]
+            b += J[1, i] * covariance[i, k]
+        moved[0, k], moved[1, k] = a, b
+        s00, s01, s11 = s00 + a * J[0, k], s01 + a * J[1, k], s11 + b * J[1, k]
+    return s00, s01, s11
 
 
 @kernel(
@@ -113,7 +191,7 @@ def best_views(
     first_observation: Whole,
     observation_view: NDArray[np.uint16],
 ) -> Whole:
-    """For each landmark (rows, (N,)) the photograph that shows it most as the camera does: its side, and fine enough.
+    """For each landmark (rows, (N,)) the photograph most similar to the camera's view: from its side, and fine enough.
 
     Args:
         scales: (S,) of the camera's lens, see ``local_scales``.
@@ -147,7 +225,7 @@ def best_views(
 
 @kernel()
 def _view_of(scales: Array, world_T_camera: Array, point: Array) -> tuple[float, float, float, float]:
-    """Unit direction from a camera to a point of the world, and how finely that is shown there [px/m]."""
+    """Unit direction from a camera to a point of the world, and its scale in the image [px/m]."""
     T = world_T_camera
     dx, dy, dz = point[0] - T[0, 3], point[1] - T[1, 3], point[2] - T[2, 3]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -176,7 +254,7 @@ def in_camera(world_T_camera: Array, x: float, y: float, z: float) -> tuple[floa
 def project_moving(
     lens: Array, x: float, y: float, z: float, twist: Array, readout_time: float
 ) -> tuple[float, float, bool]:
-    """Where a camera that moves shows a point, which it sees when the row is read out that shows it."""
+    """Pixel of a point in the image of a moving camera, at the time when its row is read out."""
     u, v, valid = project_point(lens, x, y, z)
     if readout_time == 0.0 or not valid:
         return u, v, valid

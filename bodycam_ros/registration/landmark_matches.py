@@ -1,7 +1,8 @@
-"""What the registrar says about one image."""
+"""The registration of one image."""
 
 import math
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +13,16 @@ from bodycam_ros.geometry import log_so3
 
 @dataclass(frozen=True)
 class LandmarkMatches:
-    """The landmarks of the reference map that one camera sees at one instant.
+    """The landmarks of the reference map in one image of one camera.
 
     Attributes:
         camera: the camera's name.
         stamp_ns: mid-exposure of the middle row [ns].
         previous_stamp_ns: stamp of the frame that ``current_R_previous`` starts from; 0 if there is none.
-        track_ids: (N,) uint32, the tracks that carry a landmark.
-        landmark_ids: (N,) uint32, their landmarks in the map.
-        pixels: (N, 2) float32, where the image would show them if all its rows were exposed with the middle one.
-        points_world: (N, 3) float32, where the map has them [m].
+        track_ids: (N,) uint32, their tracks.
+        landmark_ids: (N,) uint32 the landmarks.
+        pixels: (N, 2) float32, in the image if all its rows were exposed with the middle one.
+        points_world: (N, 3) float32 their places [m].
         world_T_camera: (4, 4) pose from absolute registration (A 4.1), or None when the camera is lost.
         pose_covariance: (6, 6), rotation [rad] then translation [m], both in camera axes.
         current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
@@ -29,7 +30,7 @@ class LandmarkMatches:
         shifts: (N, 2) float32, how far the read-out of the rows moved them; None if it did not.
         readout_time: of the camera, as far as it is known by now [s].
         readout_sigma: its standard deviation [s]; 0 if it was given.
-        grown: how many of the landmarks worn cameras gave, not the photographs.
+        grown: how many of the landmarks body cameras added.
     """
 
     camera: str
@@ -49,7 +50,7 @@ class LandmarkMatches:
     grown: int = 0
 
     def bare(self) -> "LandmarkMatches":
-        """The same without the landmarks: the pose by them, and whether most of them were grown (as one, or none)."""
+        """The same without the landmarks: the pose by them, and whether most of them were added by body cameras (as one, or none)."""
         nothing = slice(0)
         return replace(
             self,
@@ -63,7 +64,7 @@ class LandmarkMatches:
 
     @property
     def shown(self) -> NDArray[np.float32]:
-        """(N, 2) where the image itself shows them [px]."""
+        """(N, 2) their places in the image itself [px]."""
         return self.pixels if self.shifts is None else self.pixels + self.shifts
 
     @property
@@ -73,9 +74,35 @@ class LandmarkMatches:
 
     @property
     def turning(self) -> NDArray[np.float64]:
-        """(3,) angular velocity since the image before, in camera axes [rad/s]; zero where nobody knows it."""
+        """(3,) angular velocity since the image before, in camera axes [rad/s]; zero where it is unknown."""
         if not self.rotation_inliers:
             return np.zeros(3)
         since_s = 1e-9 * (self.stamp_ns - self.previous_stamp_ns)
         turning: NDArray[np.float64] = log_so3(self.current_R_previous.T) / since_s
         return turning
+
+
+class CameraSight(IntEnum):
+    """How well a camera was located in an image, from the best; of several images the worst is the greatest."""
+
+    REGISTERED = 0
+    """In the reference map (A 4.1): nothing drifts."""
+    RELATIVE = 1
+    """By landmarks of which most were added by body cameras."""
+    ROTATION_ONLY = 2
+    """No pose, but the rotation since the image before (A eq. 2)."""
+    BLIND = 3
+    """Nothing: a black, blurred or bare picture."""
+
+    @property
+    def label(self) -> str:
+        """The name for display."""
+        return self.name.lower().replace("_", " ")
+
+
+def camera_sight(matches: LandmarkMatches) -> CameraSight:
+    """How well a camera was located in an image."""
+    if matches.world_T_camera is not None:
+        grown_prevail = 2 * matches.grown > len(matches.landmark_ids)
+        return CameraSight.RELATIVE if grown_prevail else CameraSight.REGISTERED
+    return CameraSight.ROTATION_ONLY if matches.rotation_inliers else CameraSight.BLIND

@@ -1,8 +1,7 @@
-"""What is tracked in a camera's images: landmarks by the map's photographs, features by flow where those are too few.
+"""Tracks of a camera's images: landmarks found by the map's photographs, features by flow where those are too few.
 
-While enough landmarks are found directly, they are the tracks, each with its landmark's name. Else features are
-followed and described as if there were no photographs, and what the registrar makes of them tells where to look
-directly again.
+While enough landmarks are found directly, they are the tracks, with the pose fitted to them. Otherwise features are
+followed and described as if there were no photographs; their registration is where direct registration starts again.
 """
 
 from dataclasses import replace
@@ -11,17 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout, readout_of
+from bodycam_ros.geometry import Array
 from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings, DirectView
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
-from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
-from bodycam_ros.registration.recent_path import RecentPath, RegisteredView
+from bodycam_ros.registration.readout_time import ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.camera_motion import CameraMotion
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame, camera_velocity, predict_pose
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
-_LEAST_NAMED = 8
+_ENOUGH = 24  # landmarks; with fewer, tracks and descriptors are used as well
+_LEAST_MATCHED = 8  # tracks with a landmark from which direct registration starts
 
 
 class LandmarkTracker:
@@ -29,9 +30,9 @@ class LandmarkTracker:
 
     Args:
         features: the tracker of features, of the same camera.
-        reference_map: the map; None, or one without photographs, leaves it to the features.
-        settings, pose_fit, shutter: of the direct registration, its fits, and of rows read out one by one.
-        readout: how long the rows are read out, as far as it is known before the first image.
+        reference_map: the map; None, or one without photographs: features alone are tracked.
+        settings, pose_fit: of the direct registration and its fits.
+        readout: read-out time of the rows, as far as it is known before the first image.
     """
 
     def __init__(
@@ -40,21 +41,17 @@ class LandmarkTracker:
         reference_map: ReferenceMap | None,
         settings: DirectSettings,
         pose_fit: PoseFitSettings,
-        shutter: ShutterSettings,
         readout: Readout | None = None,
     ) -> None:
-        self._features = features
-        self._settings, self._pose_fit, self._shutter = settings, pose_fit, shutter
-        self._map = reference_map
+        self._features, self._map, self._pose_fit = features, reference_map, pose_fit
         self._direct: DirectRegistration | None = None
         if settings.enabled and reference_map is not None and reference_map.photographs is not None:
             self._direct = DirectRegistration(
                 features.camera, reference_map, reference_map.photographs, settings, pose_fit
             )
-        self._readout = ReadoutTime(shutter, readout)
-        self._path = RecentPath(shutter)
+        self._readout = ReadoutTime(readout)
+        self._motion = CameraMotion()
         self._before: DirectView | None = None
-        self._earlier: DirectView | None = None
         self._located_ns = 0
         self._track_of_landmark: dict[int, int] = {}
         self._latest: TrackFrame | None = None
@@ -72,63 +69,62 @@ class LandmarkTracker:
         if self._direct is None:
             return self._features.track(image, stamp_ns)
         self._features.check(image, stamp_ns)
-        self._direct.see(image)
-        view = self._look(self._direct, stamp_ns)
-        if view is not None and len(view.rows) >= self._settings.enough and not self._features.keyframe_wanted:
-            frame = self._frame_of(view)
+        self._direct.add_image(image)
+        view = self._find_landmarks(self._direct, stamp_ns)
+        if view is not None and len(view.rows) >= _ENOUGH and not self._features.keyframe_wanted:
+            frame = self._frame_of_landmarks(view)
             self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous, afresh=True)
-            self._go_on(view)
+            self._motion.add(stamp_ns, view.world_T_camera, frame.previous_stamp_ns)
+            self._before = view
         else:
             frame = self._features.track(image, stamp_ns)
             if view is not None:
-                frame = self._joined(frame, view)
+                frame = self._merge(frame, view)
                 self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous)
-            # Where the camera is, the registrar says.
-            self._earlier, self._before = self._before, None
+            self._before = None  # until the registrar has located the camera
         self._latest = frame
         return frame
 
-    def hear(self, matches: LandmarkMatches) -> None:
-        """What the registrar made of a frame: of the latest, or, live, of one before it."""
-        if matches.world_T_camera is not None:
+    def add_registration(self, matches: LandmarkMatches) -> None:
+        """The registration of the latest frame or, live, of one before it."""
+        is_registered = matches.world_T_camera is not None
+        if not is_registered:
+            self._features.mark_lost()
+        elif self._before is None:
             self._features.prune(matches.stamp_ns, matches.track_ids)
         else:
-            self._features.lost()
+            self._features.mark_registered()
         if self._direct is None:
             return
         if (known := readout_of(matches.readout_time, matches.readout_sigma)) is not None:
-            self._readout = ReadoutTime(self._shutter, known)
+            self._readout = ReadoutTime(known)
         if matches.world_T_camera is None:
             if self._before is not None and matches.stamp_ns > self._located_ns:
-                # Who does not believe these landmarks needs descriptors, which only features have.
+                # These landmarks were rejected, and descriptors are needed, which only features have.
                 self._before = None
                 self._features.want_keyframe()
         elif self._before is None:
             self._locate(matches, matches.world_T_camera)
 
     def want_keyframe(self) -> None:
-        """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
+        """Make the next image a keyframe, for a registrar that starts anew."""
         self._features.want_keyframe()
 
-    def _look(self, direct: DirectRegistration, stamp_ns: int) -> DirectView | None:
-        """Landmarks in the image just seen, from where the camera should be if it kept moving."""
+    def _find_landmarks(self, direct: DirectRegistration, stamp_ns: int) -> DirectView | None:
+        """Landmarks in the latest image, around its predicted pose."""
         before = self._before
-        if before is None:
+        predicted = self._motion.predict(stamp_ns - before.stamp_ns) if before is not None else None
+        if before is None or predicted is None:
             return None
-        predicted = before.world_T_camera
-        if self._earlier is not None:
-            passed_ns = before.stamp_ns - self._earlier.stamp_ns
-            velocity = camera_velocity(self._earlier.world_T_camera, before.world_T_camera, passed_ns)
-            predicted = predict_pose(predicted, velocity, stamp_ns - before.stamp_ns)
-        motion = self._path.motion(stamp_ns, before.stamp_ns, None, self._readout)
+        motion = self._motion.in_image(stamp_ns, before.stamp_ns, None, self._readout.in_use)
         return direct.register(before, predicted, motion, stamp_ns)
 
-    def _frame_of(self, view: DirectView) -> TrackFrame:
+    def _frame_of_landmarks(self, view: DirectView) -> TrackFrame:
         """Tracks of a view alone; a landmark that was tracked in the image before keeps its track."""
-        ids = self._ids_of(view.rows)
+        ids = self._track_ids(view.rows)
         order = np.argsort(ids)
         before = self._before
-        assert before is not None and self._map is not None
+        assert before is not None and self._map is not None and view.shifts is not None
         return TrackFrame(
             camera=self._features.camera.name,
             stamp_ns=view.stamp_ns,
@@ -142,62 +138,62 @@ class LandmarkTracker:
             current_R_previous=view.world_T_camera[:3, :3].T @ before.world_T_camera[:3, :3],
             rotation_inliers=len(ids),
             landmark_ids=self._map.landmark_ids[view.rows[order]],
+            world_T_camera=view.world_T_camera,
+            pose_information=view.information,
+            shifts=view.shifts[order],
         )
 
-    def _joined(self, frame: TrackFrame, view: DirectView) -> TrackFrame:
-        """Features of a frame, and landmarks of a view: those that are both lie where the view has them."""
+    def _merge(self, frame: TrackFrame, view: DirectView) -> TrackFrame:
+        """Features of a frame and landmarks of a view; those that are both have the view's pixels."""
         assert self._map is not None
-        ids = self._ids_of(view.rows)
-        names = self._map.landmark_ids[view.rows]
+        ids = self._track_ids(view.rows)
+        landmarks = self._map.landmark_ids[view.rows]
         pixels, landmark_ids = frame.pixels.copy(), np.full(len(frame.track_ids), NO_LANDMARK, np.uint32)
-        at = np.searchsorted(frame.track_ids, ids)
-        both = at < len(frame.track_ids)
-        both[both] = frame.track_ids[at[both]] == ids[both]
-        pixels[at[both]], landmark_ids[at[both]] = view.pixels[both], names[both]
+        rows = np.searchsorted(frame.track_ids, ids)
+        both = rows < len(frame.track_ids)
+        both[both] = frame.track_ids[rows[both]] == ids[both]
+        pixels[rows[both]], landmark_ids[rows[both]] = view.pixels[both], landmarks[both]
         more = np.flatnonzero(~both)
-        # Tracks that flow has lost begin anew, behind all others.
+        # Tracks that flow has lost get new ids, larger than all others.
         fresh = self._features.new_ids(len(more))
         self._track_of_landmark |= dict(zip(view.rows[more].tolist(), fresh.tolist(), strict=True))
         return replace(
             frame,
             track_ids=np.concatenate([frame.track_ids, fresh]),
             pixels=np.concatenate([pixels, view.pixels[more].astype(np.float32)]),
-            landmark_ids=np.concatenate([landmark_ids, names[more]]),
+            landmark_ids=np.concatenate([landmark_ids, landmarks[more]]),
         )
 
-    def _ids_of(self, rows: NDArray[np.int64]) -> NDArray[np.uint32]:
-        """(N,) the tracks of landmarks; who had none in the frame before gets one."""
+    def _track_ids(self, rows: NDArray[np.int64]) -> NDArray[np.uint32]:
+        """(N,) the tracks of landmarks; one that had none in the frame before gets a new id."""
         known = self._track_of_landmark
         without = [row for row in rows.tolist() if row not in known]
         known |= dict(zip(without, self._features.new_ids(len(without)).tolist(), strict=True))
         self._track_of_landmark = {row: known[row] for row in rows.tolist()}
         return np.array(list(self._track_of_landmark.values()), np.uint32)
 
-    def _go_on(self, view: DirectView) -> None:
-        assert self._map is not None and self._before is not None
-        points_world = self._map.points_world[view.rows]
-        registered = RegisteredView(view.stamp_ns, view.world_T_camera, points_world, view.pixels)
-        self._path.add(registered, self._before.stamp_ns)
-        self._earlier, self._before = self._before, view
-
-    def _locate(self, matches: LandmarkMatches, near: NDArray[np.float64]) -> None:
-        """Where the camera is in the latest image, by tracks of it that the registrar has named."""
+    def _locate(self, matches: LandmarkMatches, near: Array) -> None:
+        """Pose of the latest image, by those of its tracks that the registrar has matched."""
         latest, reference_map = self._latest, self._map
         if latest is None or reference_map is None:
             return
-        _, at, of = np.intersect1d(latest.track_ids, matches.track_ids, assume_unique=True, return_indices=True)
-        rows, known = reference_map.rows_of(matches.landmark_ids[of])
-        at, rows = at[known], rows[known]
-        if len(rows) < _LEAST_NAMED:
+        _, rows, of_matches = np.intersect1d(
+            latest.track_ids, matches.track_ids, assume_unique=True, return_indices=True
+        )
+        landmarks, known = reference_map.rows_of(matches.landmark_ids[of_matches])
+        rows, landmarks = rows[known], landmarks[known]
+        if len(landmarks) < _LEAST_MATCHED:
             return
-        points_world, pixels = reference_map.points_world[rows], latest.pixels[at].astype(np.float64)
-        motion = self._path.motion(latest.stamp_ns, latest.previous_stamp_ns, latest, self._readout)
+        points_world, pixels = reference_map.points_world[landmarks], latest.pixels[rows].astype(np.float64)
+        motion = self._motion.in_image(
+            latest.stamp_ns, latest.previous_stamp_ns, latest.measured_rotation, self._readout.in_use
+        )
         fit = fit_pose(self._features.camera, points_world, pixels, near, self._pose_fit, motion)
-        if fit.inliers.sum() < _LEAST_NAMED:
-            return
         agree = fit.inliers
+        if agree.sum() < _LEAST_MATCHED:
+            return
         self._located_ns = latest.stamp_ns
-        self._before = DirectView(latest.stamp_ns, fit.world_T_camera, rows[agree], pixels[agree])
-        self._track_of_landmark = dict(zip(rows[agree].tolist(), latest.track_ids[at[agree]].tolist(), strict=True))
-        registered = RegisteredView(latest.stamp_ns, fit.world_T_camera, points_world[agree], pixels[agree])
-        self._path.add(registered, latest.previous_stamp_ns)
+        self._before = DirectView(latest.stamp_ns, fit.world_T_camera, landmarks[agree], pixels[agree])
+        ids = latest.track_ids[rows[agree]].tolist()
+        self._track_of_landmark = dict(zip(landmarks[agree].tolist(), ids, strict=True))
+        self._motion.add(latest.stamp_ns, fit.world_T_camera, latest.previous_stamp_ns)

@@ -1,16 +1,15 @@
-"""The photographs of a reference map, small and grey: what a landmark looks like, for alignment by pixels.
+"""The photographs of a reference map, small and grey, for alignment by pixels.
 
-A map of before has none; then landmarks are known by their descriptors alone.
+A map without them registers cameras by descriptors alone.
 
-Those of a single camera have no leading axis, and ``camera_of_view`` and ``distortion_ends`` are left out.
+Arrays of a single camera have no leading axis, and ``camera_of_view`` and ``distortion_ends`` are left out.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -21,8 +20,6 @@ from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
-from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 CAMERA_DTYPES = {"distortion_model": "U", "size": "i8", "intrinsics": "f8", "distortion": "f8"}
 SEVERAL_CAMERAS_DTYPES = {"camera_of_view": "u2", "distortion_ends": "i8"}
@@ -74,6 +71,38 @@ def cameras_from(
         k = (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
         cameras.append(camera_from_info("photograph", int(width), int(height), str(model), distortion.tolist(), k))
     return tuple(cameras), of_view
+
+
+LEVELS: Final = 4
+"""Of a pyramid, down to 1/8: patches of a coarse level reach into photographs of twice the scale.
+
+Level k is smoothed (Burt and Adelson 1983), and its pixel (u, v) lies at (2^k u, 2^k v) of the image. All levels are in
+one array of bytes, as kernels read it.
+"""
+
+
+def pyramid_levels(height: int, width: int) -> NDArray[np.int64]:
+    """(LEVELS, 3) where each level begins in the bytes, its height and its width."""
+    levels, start = [], 0
+    for _ in range(LEVELS):
+        levels.append((start, height, width))
+        start += height * width
+        height, width = (height + 1) // 2, (width + 1) // 2
+    return np.array(levels, np.int64)
+
+
+def pyramid_size(levels: NDArray[np.int64]) -> int:
+    """Bytes of a pyramid."""
+    return int(levels[-1, 0] + levels[-1, 1] * levels[-1, 2])
+
+
+def write_pyramid(image: NDArray[np.uint8], levels: NDArray[np.int64], into: NDArray[np.uint8]) -> None:
+    """Fill ``into`` (bytes,) with the pyramid of a grey image (H, W)."""
+    start, height, width = levels[0]
+    into[: height * width] = image.ravel()
+    for start, height, width in levels[1:]:
+        smaller = into[start : start + height * width].reshape(height, width)
+        image = np.asarray(cv2.pyrDown(image, dst=smaller), np.uint8)
 
 
 PHOTOGRAPHS_FILE = "photographs.npz"
@@ -216,29 +245,3 @@ class MapPhotographs:
                 raise MapError(f"photograph {view} of the map is damaged; build the map again with 'bodycam map'")
             write_pyramid(picture, self.levels[camera], self.pyramids[view])
             self._developed[view] = True
-
-
-class CameraSight(IntEnum):
-    """From the most to the least; of several images the worst is the greatest."""
-
-    REGISTERED = 0
-    """In the reference map (A 4.1): nothing drifts."""
-    RELATIVE = 1
-    """By landmarks of which most are grown from the cameras' own tracks, so that it is as good as those are."""
-    ROTATION_ONLY = 2
-    """No pose, but it follows how it turns (A eq. 2)."""
-    BLIND = 3
-    """Nothing: a black, blurred or bare picture."""
-
-    @property
-    def label(self) -> str:
-        """For people."""
-        return self.name.lower().replace("_", " ")
-
-
-def camera_sight(matches: LandmarkMatches) -> CameraSight:
-    """What a camera knows by what its registrar says of an image."""
-    if matches.world_T_camera is not None:
-        grown_prevail = 2 * matches.grown > len(matches.landmark_ids)
-        return CameraSight.RELATIVE if grown_prevail else CameraSight.REGISTERED
-    return CameraSight.ROTATION_ONLY if matches.rotation_inliers else CameraSight.BLIND

@@ -18,12 +18,13 @@ from bodycam_ros.registration.landmark_choice_kernels import in_camera, project_
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Whole = NDArray[np.int64]
+Single = NDArray[np.float32]  # half the width of a double: twice as many to a vector instruction
 
 PATCH = 8  # [px] its side
 _RING = PATCH + 2  # with the pixels around it that its slopes need
 _MOST_STEPS = 8
-_STILL = 0.02  # [px] a step that changes nothing any more
-_FARTHEST = 4.0  # [px] of its level: beyond, a patch has found another place
+_STILL = 0.02  # [px] the iteration ends below this step
+_FARTHEST = 4.0  # [px] of its level: a larger shift is to another place
 _LEAST_SLOPE = 300.0  # [grey levels squared] of a patch in its flattest direction: else it slides
 _LEAST_GAIN, _MOST_GAIN = 0.1, 10.0
 _MOST_LEVELS = 4  # of a reference picture's pyramid, above its own size
@@ -53,19 +54,19 @@ def align_patches(
     last_level: int,
     least_likeness: float,
 ) -> tuple[Array, Array]:
-    """Where an image shows landmarks, by patches of reference pictures.
+    """Places of landmarks in an image, by patches of reference pictures.
 
     Args:
         lens: of the camera.
         world_T_camera: (4, 4) its pose, as predicted.
-        twist, readout_time: (6,) how it moves, and how long its rows are read out [s].
+        twist, readout_time: (6,) its motion, and the read-out time of its rows [s].
         image, image_levels: (bytes,) its pyramid, and (levels, 3) of it.
         reference_lenses: (C, PROJECTION or more) of the cameras of the reference pictures.
-        camera_of_view: (K,) which of them took each.
+        camera_of_view: (K,) the camera of each.
         world_T_reference: (K, 4, 4) their poses.
         references, reference_levels: (K, bytes) their pyramids, and (C, levels, 3) of those of each camera.
         views: (N,) the picture that each patch is taken from.
-        reference_pixels: (N, 2) where it shows the landmark; none (0, 2): where the landmark projects.
+        reference_pixels: (N, 2) of the landmarks in their pictures; none (0, 2): their projections.
         points_world: (N, 3) landmarks [m].
         normals: (N, 3) of their surfaces.
         first_level, last_level: of the image's pyramid, from coarse to fine.
@@ -76,7 +77,7 @@ def align_patches(
     """
     count = len(points_world)
     pixels, likeness = np.empty((count, 2)), np.full(count, math.nan)
-    patch, ring = np.empty((4, PATCH * PATCH)), np.empty((_RING, _RING))
+    patch, ring = np.empty((3, PATCH * PATCH), np.float32), np.empty((_RING, _RING), np.float32)
     for n in range(count):
         k = views[n]
         x, y, z, dx, dy, dz = in_camera(world_T_camera, points_world[n, 0], points_world[n, 1], points_world[n, 2])
@@ -158,7 +159,7 @@ def _derivative(
     by: float,
     bz: float,
 ) -> tuple[bool, float, float, float, float, float, float]:
-    """Whether a point is seen, its pixel, and the pixel's derivatives along two directions of the world."""
+    """Whether a point is in view, its pixel, and the pixel's derivatives along two directions of the world."""
     u, v, valid, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
     T = world_T_camera
     ax, ay, az = (
@@ -192,7 +193,7 @@ def _warp(
     w01: float,
     w10: float,
     w11: float,
-    ring: Array,
+    ring: Single,
 ) -> bool:
     """Fill a patch and the pixels around it (_RING, _RING) from a picture; False where that ends."""
     start, height, width = level[0], level[1], level[2]
@@ -206,16 +207,16 @@ def _warp(
             x, y = u + w00 * di + w01 * dj, v + w10 * di + w11 * dj
             column, row = int(x), int(y)
             x, y = x - column, y - row
-            at = start + row * width + column
-            above = picture[at] + x * (float(picture[at + 1]) - picture[at])
-            below = picture[at + width] + x * (float(picture[at + width + 1]) - picture[at + width])
+            p = start + row * width + column
+            above = picture[p] + x * (float(picture[p + 1]) - picture[p])
+            below = picture[p + width] + x * (float(picture[p + width + 1]) - picture[p + width])
             ring[j, i] = above + y * (below - above)
     return True
 
 
 @kernel()
-def _align(image: Bytes, level: Whole, u: float, v: float, ring: Array, patch: Array) -> tuple[float, float, float]:
-    """Shift of a patch (_RING, _RING) from a pixel of an image's level, and how alike they are there.
+def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: Single) -> tuple[float, float, float]:
+    """Place (u, v) of a patch (_RING, _RING) near a pixel of an image's level, and its correlation there.
 
     The image is a I = gain * (T + shift . slope T) + bias: its regression on the patch, its slopes and a constant.
     """
@@ -238,7 +239,7 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Array, patch: A
         g11, g12, g22 = g11 + x * x, g12 + x * y, g22 + y * y
     if g00 < 1.0:
         return u, v, math.nan
-    # What the slopes tell beside the patch itself; it must hold the patch in both directions.
+    # The slopes less their part along the patch itself; they must determine the shift in both directions.
     s11, s12, s22 = g11 - g01 * g01 / g00, g12 - g01 * g02 / g00, g22 - g02 * g02 / g00
     least = 0.5 * (s11 + s22 - math.sqrt((s11 - s22) ** 2 + 4.0 * s12 * s12))
     if least < _LEAST_SLOPE:
@@ -253,19 +254,20 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Array, patch: A
         column, row = int(left), int(top)
         x, y = left - column, top - row
         c00, c01, c10, c11 = (1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y
-        n, total, squares, r0, r1, r2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+        a00, a01, a10, a11 = np.float32(c00), np.float32(c01), np.float32(c10), np.float32(c11)
+        total, squares, r0, r1, r2 = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
         for j in range(PATCH):
-            at = start + (row + j) * width + column
+            start_of_row, n = start + (row + j) * width + column, PATCH * j
+            upper = image[start_of_row : start_of_row + PATCH + 1]
+            lower = image[start_of_row + width : start_of_row + width + PATCH + 1]
             for i in range(PATCH):
-                value = (
-                    c00 * image[at + i]
-                    + c01 * image[at + i + 1]
-                    + c10 * image[at + i + width]
-                    + c11 * image[at + i + width + 1]
-                )
-                total, squares = total + value, squares + value * value
-                r0, r1, r2 = r0 + patch[0, n] * value, r1 + patch[1, n] * value, r2 + patch[2, n] * value
-                n += 1
+                above = a00 * np.float32(upper[i]) + a01 * np.float32(upper[i + 1])
+                value = above + a10 * np.float32(lower[i]) + a11 * np.float32(lower[i + 1])
+                total += value
+                squares += value * value
+                r0 += patch[0, n + i] * value
+                r1 += patch[1, n + i] * value
+                r2 += patch[2, n + i] * value
         variance = squares - total * total / count
         if variance < 1.0:
             return u, v, math.nan

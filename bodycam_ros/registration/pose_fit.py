@@ -1,44 +1,40 @@
-"""The pose of one calibrated camera from landmarks that it sees: robust Gauss-Newton on the reprojection error.
+"""The pose of one calibrated camera from landmarks: robust Gauss-Newton on the reprojection error.
 
 This is the first term of A eq. 8 for a single camera, with the projection of A eq. 9. The result is a pose and
 its information matrix, which stand for all the image measurements when the body is solved. Where the rows are read out
-one after the other, every landmark is projected from where the camera is when its row is exposed.
+one after the other, every landmark is projected by the pose at the time when its row is exposed.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import exp_so3
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.pose_kernels import fit_kernel
-from bodycam_ros.registration.recent_path import ImageMotion, row_shares
 from bodycam_ros.settings import setting
+from bodycam_ros.tracking.camera_motion import ImageMotion
 
 _NOTHING = np.zeros(0)
+_ITERATIONS = 6  # from a prediction within a few pixels four suffice
+_START_PX = 10.0  # widest scale of the robust kernel; it starts at twice the median error and halves to the inliers'
 
 
 @dataclass(frozen=True)
 class PoseFitSettings:
-    """Noise of the measurements, and how outliers are told from them."""
+    """Noise of the measurements."""
 
     pixel_sigma: float = setting(
         0.7,
         unit="px",
         limits=(0.05, 10.0),
-        reason="flow, SIFT and map together, per axis; sets the weight of a camera against joints and smoothness",
+        reason="noise of a landmark's pixel per axis, patches, SIFT and map together; a larger one weighs cameras less "
+        "against joints and smoothness",
     )
-    inlier_px: float = setting(
-        2.5, unit="px", limits=(0.5, 20.0), reason="a reprojection error beyond this is no measurement of this landmark"
-    )
-    iterations: int = setting(6, limits=(1, 50), reason="from a prediction within a few pixels four suffice")
-    start_px: float = setting(
-        10.0,
-        unit="px",
-        limits=(0.5, 100.0),
-        reason="widest scale of the robust kernel; it starts at twice the median error and halves down to inlier_px",
-    )
+    inlier_px: ClassVar[float] = 2.5  # a reprojection error beyond this is no measurement of this landmark
 
 
 @dataclass(frozen=True)
@@ -48,11 +44,11 @@ class PoseFit:
     Attributes:
         world_T_camera: (4, 4) at the exposure of the middle row.
         information: (6, 6) of the pose, rotation [1/rad^2] then translation [1/m^2] in camera axes.
-        errors_px: (N,) reprojection errors, infinite where the camera cannot see the landmark.
-        inliers: (N,) whose error is below ``inlier_px``.
+        errors_px: (N,) reprojection errors, infinite where the landmark is out of view.
+        inliers: (N,) errors below ``inlier_px``.
         shifts: (N, 2) how far the read-out of the rows moved the landmarks in the image [px].
-        readout_time: what this image says of it [s].
-        readout_information: [1/s^2]; zero where it was not asked for.
+        readout_time: this image's estimate of it [s].
+        readout_information: [1/s^2]; zero where it was not estimated.
     """
 
     world_T_camera: NDArray[np.float64]
@@ -71,19 +67,26 @@ def fit_pose(
     world_T_camera: NDArray[np.float64],
     settings: PoseFitSettings,
     motion: ImageMotion | None = None,
+    *,
+    iterations: int = _ITERATIONS,
+    inlier_px: float = PoseFitSettings.inlier_px,
+    start_px: float = _START_PX,
 ) -> PoseFit:
     """Refine a camera's pose on its landmarks, with a Geman-McClure kernel that tightens as it converges.
 
     Args:
         camera: the model.
         points_world: (N, 3) landmarks [m].
-        pixels: (N, 2) where the image shows them.
-        world_T_camera: (4, 4) start.
-        settings: noise and thresholds.
-        motion: how the camera moves while its rows are read out; None if all are exposed together.
+        pixels: (N, 2) their places in the image.
+        world_T_camera: (4, 4) initial pose.
+        settings: noise.
+        motion: of the camera while its rows are read out; None if all are exposed together.
+        iterations: at most.
+        inlier_px: final scale of the kernel, and error of an inlier [px].
+        start_px: widest scale of the kernel [px].
     """
     shares, motion_vector, world_T_previous = _NOTHING, _NOTHING, world_T_camera
-    if motion is not None and motion.sweeps:
+    if motion is not None and motion.is_rolling:
         shares, motion_vector = row_shares(camera, pixels), motion.as_vector
         world_T_previous = motion.world_T_previous
     return PoseFit(
@@ -93,9 +96,9 @@ def fit_pose(
             as_rows(pixels),
             as_rows(world_T_camera),
             float(settings.pixel_sigma),
-            float(settings.inlier_px),
-            float(settings.start_px),
-            settings.iterations,
+            float(inlier_px),
+            float(start_px),
+            iterations,
             as_rows(shares),
             motion_vector,
             as_rows(world_T_previous),
@@ -109,6 +112,34 @@ def reprojection_errors(
     pixels: NDArray[np.floating],
     world_T_camera: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Reprojection errors (N,) [px] of landmarks (N, 3); infinite where the camera cannot see them."""
+    """Reprojection errors (N,) [px] of landmarks (N, 3); infinite where they are out of view."""
     projected, valid = camera.project((points_world - world_T_camera[:3, 3]) @ world_T_camera[:3, :3])
     return np.where(valid, np.linalg.norm(projected - pixels, axis=1), np.inf)
+
+
+def row_shares(camera: CameraModel, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Place of the rows of pixels (N, 2) in the read-out: -0.5 the first row, 0.5 the last."""
+    shares: NDArray[np.float64] = np.asarray(pixels, np.float64)[:, 1] / (camera.height - 1) - 0.5
+    return shares
+
+
+def steady_pixels(
+    camera: CameraModel, pixels: NDArray[np.floating], angular_velocity: NDArray[np.float64], readout_time: float
+) -> NDArray[np.float64]:
+    """Places of pixels (M, 2) if all rows were exposed with the middle one, by the camera's turning alone.
+
+    For gates and for a search without a pose: translation moves pixels by some tenths.
+
+    Args:
+        camera: the model.
+        pixels: (M, 2) in the image.
+        angular_velocity: (3,) in camera axes [rad/s].
+        readout_time: of the camera [s].
+    """
+    given = np.asarray(pixels, np.float64)
+    if readout_time == 0.0 or not len(given):
+        return given
+    bearings, in_view = camera.unproject(given)
+    turns = exp_so3(readout_time * row_shares(camera, given)[:, None] * angular_velocity)
+    steady, valid = camera.project((turns @ bearings[:, :, None])[:, :, 0])
+    return np.where((in_view & valid)[:, None], steady, given)

@@ -1,10 +1,7 @@
 """The robust Gauss-Newton iteration of ``pose_fit``.
 
-Its unknowns are the pose (6) and, where rows are read out one by one, the bend of the motion (6), by which the twist
-differs from what the images before tell [rad/s, m/s], and the read-out time (1).
-
-Weights follow: the information of a pose counts pixels of one size for all images, and is divided by the square of
-this.
+Its unknowns are the pose (6) and, where rows are read out one by one, the bend of the motion (6), the difference of the
+twist from its prediction [rad/s, m/s], and the read-out time (1).
 """
 
 import math
@@ -18,10 +15,10 @@ from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3, sol
 from bodycam_ros.kernels import kernel
 
 _LEAST_LANDMARKS = 15
-"""Fewer residuals tell their own size to a fifth at best, and six of them went into the pose."""
+"""Fewer residuals give their own size to a fifth at best, and six of them went into the pose."""
 
 _MOST = 4.0
-"""Beyond it the residuals are of wrong landmarks, which the kernel and the cameras' trust deal with."""
+"""Beyond it the residuals are of wrong landmarks, which the robust kernel rejects."""
 
 _MEDIAN_OF_RAYLEIGH = 1.1774
 """The median length of a vector of two normal errors, in standard deviations of one."""
@@ -84,42 +81,44 @@ def fit_kernel(
         lens: ``CameraModel.parameters``.
         points_world: (N, 3) [m].
         pixels: (N, 2).
-        world_T_start: (4, 4) where to start.
-        pixel_sigma, inlier_px, start_px, iterations: of ``PoseFitSettings``.
-        shares: (N,) where in the read-out the rows of the pixels are, ``row_shares``.
+        world_T_start: (4, 4) initial pose.
+        pixel_sigma, inlier_px, start_px, iterations: of ``fit_pose``.
+        shares: (N,) place of the pixels' rows in the read-out, ``row_shares``.
         motion: (15,) read-out time and its sigma, gain, twist and sigmas of ``ImageMotion``; empty where all rows are
             exposed together.
         world_T_previous: (4, 4) of ``ImageMotion``.
 
     Returns:
-        What ``PoseFit`` has, in its order.
+        The fields of ``PoseFit``, in their order.
     """
     count, unknowns = len(pixels), 13 if len(motion) else 6
-    residuals, errors_px, jacobian = np.empty((count, 2)), np.empty(count), np.zeros((count, 2, unknowns))
+    errors_px = np.empty(count)
     hessian, gradient = np.empty((unknowns, unknowns)), np.empty(unknowns)
     pose, bend, readout_time = world_T_start, np.zeros(6), motion[_READOUT_TIME] if len(motion) else 0.0
-    readout_before = readout_time
-    scale_px = inlier_px
+    stiffness = _stiffness(motion, pixel_sigma)
+    twist = _twist(pose, bend, motion, world_T_previous)
+    _linearise(
+        lens, points_world, pixels, pose, twist, readout_time, shares, motion, start_px, errors_px, hessian, gradient
+    )
+    # The right landmarks lie within twice the median error.
+    scale_px = min(max(2.0 * np.median(errors_px) if count else start_px, inlier_px), start_px)
     for iteration in range(iterations + 1):
-        readout_before = readout_time
+        last = iteration == iterations
         twist = _twist(pose, bend, motion, world_T_previous)
-        _linearise(
-            lens, points_world, pixels, pose, twist, readout_time, shares, motion, residuals, errors_px, jacobian
-        )
-        if iteration == 0:
-            # The right landmarks lie within twice the median error.
-            scale_px = min(max(2.0 * np.median(errors_px) if count else start_px, inlier_px), start_px)
-        elif iteration < iterations:
-            scale_px = max(0.5 * scale_px, inlier_px)
-        else:
+        if last:
             scale_px = inlier_px
-        _sum_up(residuals, errors_px, jacobian, scale_px, hessian, gradient)
+        elif iteration > 0:
+            scale_px = max(0.5 * scale_px, inlier_px)
+        _linearise(
+            lens, points_world, pixels, pose, twist, readout_time, shares, motion, scale_px, errors_px, hessian, gradient
+        )
+        pull = gradient[unknowns - 1]
         if len(motion):
-            stiffness = _stiffness(motion, pixel_sigma)
             for i in range(7):
                 hessian[6 + i, 6 + i] += stiffness[i]
                 gradient[6 + i] += stiffness[i] * (bend[i] if i < 6 else readout_time - motion[_READOUT_TIME])
-        if iteration == iterations:
+        readout_before = readout_time
+        if last:
             break
         step, found = _gauss_newton_step(hessian, gradient)
         if not found:
@@ -144,7 +143,6 @@ def fit_kernel(
         twist = _twist(pose, bend, motion, world_T_previous)
         _measure_shifts(lens, points_world, pose, twist, readout_time, shares, shifts)
         if motion[_READOUT_SIGMA] != 0.0 and np.isfinite(errors_px).any():
-            pull = gradient[12] - stiffness[6] * (readout_before - motion[_READOUT_TIME])
             readout, readout_information = _readout(hessian, gradient, stiffness[6], pull, readout_before)
     information = _pose_hessian(hessian) / variance
     return pose, information, errors_px, inliers, shifts, readout, readout_information / variance
@@ -160,59 +158,49 @@ def _linearise(
     readout_time: float,
     shares: Array,
     motion: Array,
-    residuals: Array,
+    scale_px: float,
     errors_px: Array,
-    jacobian: Array,
+    hessian: Array,
+    gradient: Array,
 ) -> None:
-    """Reprojection errors (A eq. 9) and their derivatives by the unknowns; a landmark out of view is infinitely off."""
-    by_pose = np.empty((2, 6))
+    """Reprojection errors (A eq. 9) and their normal equations, under the kernel of Geman and McClure.
+
+    A landmark out of view is infinitely far off and takes no part.
+    """
+    unknowns, by_u, by_v = len(gradient), np.empty(len(gradient)), np.empty(len(gradient))
+    hessian[:], gradient[:] = 0.0, 0.0
     for i in range(len(pixels)):
         x, y, z = _in_camera(pose, points_world, i)
         time_s = 0.0
         if len(motion):
             time_s = readout_time * shares[i]
-            x, y, z = _seen_later(x, y, z, twist, time_s)
+            x, y, z = _move_point(x, y, z, twist, time_s)
         u, v, valid, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
         if not valid:
             errors_px[i] = math.inf
             continue
-        residuals[i, 0], residuals[i, 1] = u - pixels[i, 0], v - pixels[i, 1]
-        errors_px[i] = math.sqrt(residuals[i, 0] * residuals[i, 0] + residuals[i, 1] * residuals[i, 1])
+        u, v = u - pixels[i, 0], v - pixels[i, 1]
+        errors_px[i] = math.sqrt(u * u + v * v)
         # The point moves by hat(p) w - v.
-        by_pose[0, 0], by_pose[0, 1], by_pose[0, 2] = u_y * z - u_z * y, u_z * x - u_x * z, u_x * y - u_y * x
-        by_pose[1, 0], by_pose[1, 1], by_pose[1, 2] = v_y * z - v_z * y, v_z * x - v_x * z, v_x * y - v_y * x
-        by_pose[0, 3], by_pose[0, 4], by_pose[0, 5] = -u_x, -u_y, -u_z
-        by_pose[1, 3], by_pose[1, 4], by_pose[1, 5] = -v_x, -v_y, -v_z
-        for row in range(2):
-            if not len(motion):
-                jacobian[i, row, :6] = by_pose[row]
-                continue
-            # A row's own pose is that of the middle row, moved on by the twist, which the pose has a part in.
-            by_time = 0.0
+        by_u[0], by_u[1], by_u[2] = u_y * z - u_z * y, u_z * x - u_x * z, u_x * y - u_y * x
+        by_v[0], by_v[1], by_v[2] = v_y * z - v_z * y, v_z * x - v_x * z, v_x * y - v_y * x
+        by_u[3], by_u[4], by_u[5] = -u_x, -u_y, -u_z
+        by_v[3], by_v[4], by_v[5] = -v_x, -v_y, -v_z
+        if len(motion):
+            # A row's own pose is that of the middle row, moved on by the twist, which depends on the pose.
+            by_u[12], by_v[12] = 0.0, 0.0
             for k in range(6):
-                jacobian[i, row, k] = (1.0 + motion[_GAIN] * time_s) * by_pose[row, k]
-                jacobian[i, row, 6 + k] = time_s * by_pose[row, k]
-                by_time += by_pose[row, k] * twist[k]
-            jacobian[i, row, 12] = shares[i] * by_time
-
-
-@kernel()
-def _sum_up(
-    residuals: Array, errors_px: Array, jacobian: Array, scale_px: float, hessian: Array, gradient: Array
-) -> None:
-    """Normal equations of the landmarks in view, under the kernel of Geman and McClure."""
-    unknowns = len(gradient)
-    hessian[:], gradient[:] = 0.0, 0.0
-    for i in range(len(errors_px)):
-        if errors_px[i] == math.inf:
-            continue
+                by_u[12] += shares[i] * by_u[k] * twist[k]
+                by_v[12] += shares[i] * by_v[k] * twist[k]
+                by_u[6 + k], by_v[6 + k] = time_s * by_u[k], time_s * by_v[k]
+                by_u[k] *= 1.0 + motion[_GAIN] * time_s
+                by_v[k] *= 1.0 + motion[_GAIN] * time_s
         weight = 1.0 / (1.0 + (errors_px[i] / scale_px) ** 2) ** 2
-        for row in range(2):
-            for j in range(unknowns):
-                weighted = weight * jacobian[i, row, j]
-                gradient[j] += weighted * residuals[i, row]
-                for k in range(j + 1):
-                    hessian[j, k] += weighted * jacobian[i, row, k]
+        for j in range(unknowns):
+            weighted_u, weighted_v = weight * by_u[j], weight * by_v[j]
+            gradient[j] += weighted_u * u + weighted_v * v
+            for k in range(j + 1):
+                hessian[j, k] += weighted_u * by_u[k] + weighted_v * by_v[k]
     for j in range(unknowns):
         for k in range(j):
             hessian[k, j] = hessian[j, k]
@@ -220,8 +208,10 @@ def _sum_up(
 
 @kernel()
 def _stiffness(motion: Array, pixel_sigma: float) -> Array:
-    """How firmly (7,) bend and read-out time are held, in units of a squared pixel."""
-    stiffness = np.empty(7)
+    """Weights (7,) of the priors of bend and read-out time, in squared pixels; 0 where rows are exposed together."""
+    stiffness = np.zeros(7)
+    if not len(motion):
+        return stiffness
     for i in range(6):
         stiffness[i] = (pixel_sigma / motion[_SIGMAS + i]) ** 2
     stiffness[6] = (pixel_sigma / max(motion[_READOUT_SIGMA], _FIXED_READOUT)) ** 2
@@ -250,8 +240,11 @@ def _in_camera(pose: Array, points_world: Array, i: int) -> tuple[float, float, 
 
 
 @kernel()
-def _seen_later(x: float, y: float, z: float, twist: Array, time_s: float) -> tuple[float, float, float]:
-    """A point of the camera's frame where a camera of some twist sees it later, as ``seen_later``."""
+def _move_point(x: float, y: float, z: float, twist: Array, time_s: float) -> tuple[float, float, float]:
+    """A point of the camera's frame after a time [s] of the camera's twist.
+
+    The exponential's series up to its second term: 10 rad/s over 6 ms leave 0.01 px.
+    """
     a, b, c = twist[0], twist[1], twist[2]
     moved_x = time_s * (y * c - z * b - twist[3])
     moved_y = time_s * (z * a - x * c - twist[4])
@@ -276,7 +269,7 @@ def _gauss_newton_step(hessian: Array, gradient: Array) -> tuple[Array, bool]:
 
 @kernel()
 def _pose_hessian(hessian: Array) -> Array:
-    """(6, 6) of the pose, whatever the rest is."""
+    """(6, 6) of the pose, the rest marginalised."""
     of_pose = hessian[:6, :6].copy()
     if len(hessian) > 6:
         for j in range(6):
@@ -291,7 +284,7 @@ def _pose_hessian(hessian: Array) -> Array:
 def _readout(
     hessian: Array, gradient: Array, stiffness: float, pull: float, readout_time: float
 ) -> tuple[float, float]:
-    """What the image says of the read-out time [s], and its information [px^2/s^2], when all else is free."""
+    """The image's estimate of the read-out time [s], and its information [px^2/s^2], all else free."""
     by_time, found = solve_positive(hessian[:12, :12], hessian[:12, 12])
     rest, _ = solve_positive(hessian[:12, :12], gradient[:12])
     if not found:
@@ -313,7 +306,7 @@ def _measure_shifts(
     for i in range(len(points_world)):
         x, y, z = _in_camera(pose, points_world, i)
         u, v, valid = project_point(lens, x, y, z)
-        x, y, z = _seen_later(x, y, z, twist, readout_time * shares[i])
+        x, y, z = _move_point(x, y, z, twist, readout_time * shares[i])
         u_moved, v_moved, valid_moved = project_point(lens, x, y, z)
         if valid and valid_moved:
             shifts[i, 0], shifts[i, 1] = u_moved - u, v_moved - v

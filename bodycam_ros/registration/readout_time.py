@@ -1,7 +1,7 @@
 """The read-out time of one camera, from how its images bend while it moves: a scalar information filter.
 
-Cameras whose images are of one size, and whose read-out times agree, are most likely of one make in one mode: then one
-that hardly moved is known as well as those that did. One that contradicts them keeps what it found itself.
+Cameras whose images are of one size, and whose read-out times agree, are most likely of one make in one mode. A camera
+that hardly moved then shares the estimate of those that did; one that contradicts them keeps its own.
 """
 
 import math
@@ -14,82 +14,43 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.settings import setting
 
+EVERY = 3
+"""Images of which one is used, with the weight of all: neighbours are strongly correlated, and each costs a pose fit."""
 
-@dataclass(frozen=True)
-class ShutterSettings:
-    """What is believed of rows that are read out one after the other."""
+LEAST_TURN = 0.5
+"""[rad/s] images of a camera that turns more slowly carry too little information for a fit."""
 
-    readout_sigma: float = setting(
-        0.015,
-        unit="s",
-        limits=(0.0, 0.1),
-        reason="of a read-out time before any image is seen, around zero; cameras take 0 (global shutter) to 30 ms",
-    )
-    images_alike: float = setting(
-        6.0,
-        limits=(1.0, 100.0),
-        reason="images say the same because they share tracks, and so errors; each counts by as much less",
-    )
-    every: int = setting(
-        3,
-        unit="images",
-        limits=(1, 100),
-        reason="so many say hardly more than one of them, and each costs a pose fit; one of them is asked, for all",
-    )
-    least_turn: float = setting(
-        0.5, unit="rad/s", limits=(0.0, 10.0), reason="a camera that turns more slowly says nothing that is worth a fit"
-    )
-    surprise: float = setting(
-        3.0,
-        unit="sigma",
-        limits=(1.0, 100.0),
-        reason="an image that differs by more, such as of a foot that lands, counts by the square of that less",
-    )
-    least_readout: float = setting(
-        0.0005,
-        unit="s",
-        limits=(0.0, 0.01),
-        reason="a shorter one is taken for none, and images are not corrected: 2 rad/s move nothing by 0.2 px",
-    )
-    enough: float = setting(
-        0.00025,
-        unit="s",
-        limits=(0.0, 0.1),
-        reason="a read-out time known this well is not estimated any further: 4 rad/s move the first row by 0.1 px",
-    )
-    turn_sigma: float = setting(
-        0.5,
-        unit="rad/s",
-        limits=(0.01, 20.0),
-        reason="by how much an image's own angular velocity differs from the one that the images before tell",
-    )
-    speed_sigma: float = setting(0.15, unit="m/s", limits=(0.01, 10.0), reason="the same for its velocity")
+_FIRST_SIGMA_S = 0.015  # before any image, around zero; cameras take 0 (global shutter) to 30 ms
+_IMAGES_ALIKE = 6.0  # images share tracks, and so errors; the information of each is divided by this
+_SURPRISE = 3.0  # [sigma] an image that differs by more, such as of a foot that lands, is down-weighted by its square
+_LEAST_S = 0.0005  # a shorter read-out is taken for none: 2 rad/s move nothing by 0.2 px
+_ENOUGH_S = 0.00025  # sigma at which the estimate ends: 4 rad/s move the first row by 0.1 px
+_CONTRADICTION, _OTHERWISE = 5.0, 0.3  # sigmas between images and start, and share of the start that images stay below
+_CONFIRMATION, _CHECKED_S = 2.0, 0.0005  # sigmas and [s] within which the images confirm the start
 
-
-_CONTRADICTION, _OTHERWISE = 5.0, 0.3
-"""Sigmas by which images differ from what was known before, and the share of it that they stay below."""
-
-_CONFIRMATION, _CHECKED_S = 2.0, 0.0005
-"""What was known before is not checked any further once the images alone agree with it to these sigmas and [s]."""
+_SPREAD_S = 0.0001  # between units of one make: their clocks differ by some ppm, the rest is the lens' share
+_AGREE = 3.0  # [sigma] cameras whose read-out times differ by more are of two makes
+_DOUBTFUL_S = 0.001  # sigma of a camera that is named: at 2 rad/s it leaves a tenth of a degree
+_EXACT_S = 1e-9  # no read-out time is known better
+_TURNS = 5  # the set of agreeing cameras settles within two or three
 
 
 class ReadoutTime:
     """Estimate of a read-out time.
 
-    What is known before the first image may be of another camera or video mode. The images are therefore filtered
-    without it as well until they confirm it, and replace it where they contradict it.
+    A start from another source may be of another camera or video mode. The images are therefore filtered without it as
+    well until they confirm it, and replace it where they contradict it.
 
     Args:
-        settings: what is believed before the first image.
-        start: what is known of this camera's before it; one that is given stays as it is.
+        start: what is known of this camera's before the first image; one that is given stays as it is.
+        images_alike: correlation of the images, see ``_IMAGES_ALIKE``.
     """
 
-    def __init__(self, settings: ShutterSettings, start: Readout | None = None) -> None:
-        self._by_images = None if start is None or start.is_given else ReadoutTime(settings)
-        start = start or Readout(0.0, settings.readout_sigma)
-        self._settings = settings
+    def __init__(self, start: Readout | None = None, images_alike: float = _IMAGES_ALIKE) -> None:
+        self._by_images = None if start is None or start.is_given else ReadoutTime(None, images_alike)
+        start = start or Readout(0.0, _FIRST_SIGMA_S)
+        self._images_alike = images_alike
         self._mean = start.seconds
         self._information = start.sigma**-2 if start.sigma > 0.0 else math.inf
 
@@ -111,17 +72,17 @@ class ReadoutTime:
     @property
     def is_known(self) -> bool:
         """Whether more images would not make it better."""
-        is_exact = self.sigma < self._settings.enough
-        is_known = is_exact or abs(self._mean) + 3.0 * self.sigma < self._settings.least_readout
+        is_exact = self.sigma < _ENOUGH_S
+        is_known = is_exact or abs(self._mean) + 3.0 * self.sigma < _LEAST_S
         return is_known and (self._by_images is None or self._by_images._confirms(self))
 
     @property
     def unchecked(self) -> "ReadoutTime":
-        """What images are asked with: by nothing that they have yet to confirm, which would hide what they show."""
+        """The estimate that images are linearised about: without a start that they have yet to confirm."""
         return self._by_images or self
 
     def contradicts(self, readout: Readout) -> bool:
-        """Whether the images say so certainly that the read-out time is another."""
+        """Whether the images contradict a read-out time with certainty."""
         if abs(readout.seconds - self._mean) < _CONTRADICTION * math.hypot(readout.sigma, self.sigma):
             return False
         # Blur and landings of a foot pull its read-out time towards zero, by a half at last and by more at first.
@@ -133,7 +94,7 @@ class ReadoutTime:
         return self.sigma < _CHECKED_S and apart_s < _CONFIRMATION * math.hypot(other.sigma, self.sigma)
 
     def add(self, readout_time: float, information: float) -> None:
-        """What one image says [s], and its information [1/s^2]."""
+        """The estimate of one image [s], and its information [1/s^2]."""
         if math.isinf(self._information):
             return
         if self._by_images is not None:
@@ -143,106 +104,73 @@ class ReadoutTime:
                 self._by_images = None
                 return
         surprise = abs(readout_time - self._mean) / math.sqrt(1.0 / max(information, 1e-9) + 1.0 / self._information)
-        information *= min(1.0, self._settings.surprise / max(surprise, 1e-9)) ** 2 / self._settings.images_alike
+        information *= min(1.0, _SURPRISE / max(surprise, 1e-9)) ** 2 / self._images_alike
         together = self._information + information
         self._mean += information / together * (readout_time - self._mean)
         self._information = together
 
     @property
     def _least(self) -> float:
-        return 0.0 if math.isinf(self._information) else self._settings.least_readout
+        return 0.0 if math.isinf(self._information) else _LEAST_S
 
 
-_EXACT_S = 1e-9
-"""No read-out time is known better [s]."""
-
-_TURNS = 5
-"""Whom the mean of the others takes in and leaves out settles within two or three."""
-
-
-@dataclass(frozen=True)
-class ReadoutSettings:
-    """Which cameras share a read-out time, and when it is known well enough."""
-
-    spread: float = setting(
-        0.0001,
-        unit="s",
-        limits=(0.0, 0.01),
-        reason="by how much units of one make differ: their clocks count the rows to some ppm, the rest is the lens' "
-        "share in the estimate",
-    )
-    agree: float = setting(
-        3.0, unit="sigma", limits=(1.0, 10.0), reason="cameras whose read-out times differ by more are of two makes"
-    )
-    doubtful: float = setting(
-        0.001,
-        unit="s",
-        limits=(0.0, 0.1),
-        reason="a camera whose read-out time is known less well is named: at 2 rad/s it leaves a tenth of a degree",
-    )
-
-
-def pooled(
-    readouts: Mapping[str, Readout], sizes: Mapping[str, tuple[int, int]], settings: ReadoutSettings
-) -> dict[str, Readout]:
-    """The read-out time of every camera when all have been heard; those that are given stay as they are.
+def pooled(readouts: Mapping[str, Readout], sizes: Mapping[str, tuple[int, int]]) -> dict[str, Readout]:
+    """The read-out time of every camera by all cameras alike; given ones stay as they are.
 
     Args:
-        readouts: camera -> what it says itself.
+        readouts: camera -> its own estimate.
         sizes: camera -> width and height of its images [px].
-        settings: who agrees with whom.
     """
     found = dict(readouts)
     for size in {sizes[camera] for camera in readouts}:
         alike = [camera for camera in readouts if sizes[camera] == size]
         while alike:
-            together = _agreeing([readouts[camera] for camera in alike], settings)
+            together = _agreeing([readouts[camera] for camera in alike])
             members = [alike[row] for row in np.flatnonzero(together)]
             for camera in members:
                 others = [readouts[other] for other in members if other != camera]
-                found[camera] = _with_others(readouts[camera], others, settings)
+                found[camera] = _with_others(readouts[camera], others)
             alike = [camera for camera in alike if camera not in members]
     return found
 
 
-def _agreeing(readouts: list[Readout], settings: ReadoutSettings) -> NDArray[np.bool_]:
-    """Which of them (N,) have one read-out time: the best known that any value finds; at least one."""
+def _agreeing(readouts: list[Readout]) -> NDArray[np.bool_]:
+    """Which of them (N,) share the best known read-out time; at least one."""
     means = np.array([readout.seconds for readout in readouts])
-    variances = np.array([readout.sigma**2 + settings.spread**2 for readout in readouts])
+    variances = np.array([readout.sigma**2 + _SPREAD_S**2 for readout in readouts])
     weights = 1.0 / np.maximum(variances, _EXACT_S**2)
-    # A value is tried as it stands: one that is vague agrees with everybody, but few agree with it.
-    agree = np.abs(means[:, None] - means) <= settings.agree * np.sqrt(variances)
+    agree = np.abs(means[:, None] - means) <= _AGREE * np.sqrt(variances)
     members: NDArray[np.bool_] = agree[np.argmax(agree @ weights)]
     for _ in range(_TURNS):
         mean = np.average(means[members], weights=weights[members])
-        now = np.abs(means - mean) <= settings.agree * np.sqrt(variances + 1.0 / weights[members].sum())
+        now = np.abs(means - mean) <= _AGREE * np.sqrt(variances + 1.0 / weights[members].sum())
         if not now.any() or np.array_equal(now, members):
             break
         members = now
     return members
 
 
-def _with_others(own: Readout, others: list[Readout], settings: ReadoutSettings) -> Readout:
-    """What a camera says, and others of its make, together."""
+def _with_others(own: Readout, others: list[Readout]) -> Readout:
+    """A camera's own estimate fused with that of others of its make."""
     if own.is_given or not others:
         return own
     means = np.array([readout.seconds for readout in others])
-    weights = 1.0 / np.maximum([readout.sigma**2 + settings.spread**2 for readout in others], _EXACT_S**2)
+    weights = 1.0 / np.maximum([readout.sigma**2 + _SPREAD_S**2 for readout in others], _EXACT_S**2)
     mean = float(np.average(means, weights=weights))
-    # Where they scatter by more than they should, they are known less well than they say (Birge 1932).
+    # Where they scatter by more than their sigmas, those are enlarged (Birge 1932).
     scatter = float(weights @ (means - mean) ** 2) / max(len(others) - 1, 1)
-    variance = max(1.0, scatter) / float(weights.sum()) + settings.spread**2
+    variance = max(1.0, scatter) / float(weights.sum()) + _SPREAD_S**2
     information = own.sigma**-2 + 1.0 / variance
     return Readout((own.seconds * own.sigma**-2 + mean / variance) / information, math.sqrt(1.0 / information))
 
 
 @dataclass
 class TypicalSpeed:
-    """How fast a camera moves on average while it is registered.
+    """Mean speed of a camera while it is registered.
 
     Attributes:
         latest: the last registered image; None before the first.
-        angle_rad, distance_m, seconds: it went so far in so long.
+        angle_rad, distance_m, seconds: sums over pairs of images.
     """
 
     latest: LandmarkMatches | None = None
@@ -257,59 +185,53 @@ class TypicalSpeed:
         before, self.latest = self.latest, matches
         if before is None or before.world_T_camera is None or before.stamp_ns != matches.previous_stamp_ns:
             return
-        # Of every image of every camera: kept to what the two numbers need.
         cosine = 0.5 * (float(np.vdot(before.world_T_camera[:3, :3], matches.world_T_camera[:3, :3])) - 1.0)
         self.angle_rad += math.acos(min(1.0, max(-1.0, cosine)))
         self.distance_m += math.dist(before.world_T_camera[:3, 3], matches.world_T_camera[:3, 3])
         self.seconds += 1e-9 * (matches.stamp_ns - before.stamp_ns)
 
     def within(self, seconds: float) -> tuple[float, float]:
-        """How far it turns [rad] and goes [m] in some time [s]; 0 of a camera that was never seen to move."""
+        """Mean turn [rad] and distance [m] in some time [s]; 0 of a camera that never moved."""
         share = seconds / self.seconds if self.seconds else 0.0
         return share * self.angle_rad, share * self.distance_m
 
 
 class ReadoutLog:
-    """Collects what the registrations of all cameras say of their read-out times.
+    """Collects the read-out times of all cameras.
 
     Args:
         cameras: their models, by name.
-        settings: which cameras share a read-out time, and when it is known well enough.
-        known: cameras whose read-out time was known beforehand. Others have told them already, and to ask them again
-            would count the same images twice.
+        known: cameras whose read-out time was known beforehand; they were pooled already, and are not again.
     """
 
-    def __init__(
-        self, cameras: Mapping[str, CameraModel], settings: ReadoutSettings, known: Collection[str] = ()
-    ) -> None:
+    def __init__(self, cameras: Mapping[str, CameraModel], known: Collection[str] = ()) -> None:
         self._known = known
         self._sizes = {camera: (model.width, model.height) for camera, model in cameras.items()}
-        self._settings = settings
         self._latest: dict[str, Readout] = {}
         self._speeds = {camera: TypicalSpeed() for camera in cameras}
 
     def add(self, matches: LandmarkMatches) -> None:
-        """The next registration of a camera; the latest one says all that its camera knows."""
+        """The next registration of a camera; its estimate replaces the one before."""
         if matches.readout is not None:
             self._latest[matches.camera] = matches.readout
         self._speeds[matches.camera].add(matches)
 
     def readouts(self) -> dict[str, Readout]:
-        """Camera -> its read-out time, with the help of those of its make."""
+        """Camera -> its read-out time, pooled with those of its make."""
         alone = {camera: readout for camera, readout in self._latest.items() if camera not in self._known}
-        return self._latest | pooled(alone, self._sizes, self._settings)
+        return self._latest | pooled(alone, self._sizes)
 
     def doubts(self) -> dict[str, str]:
-        """Camera -> what is not known of its read-out time, and what that may cost, of those that are doubtful."""
+        """Camera -> message about its read-out time, of those that are not known well."""
         return {
             camera: f"camera {camera}: {doubt(readout, self._speeds[camera])}"
             for camera, readout in sorted(self.readouts().items())
-            if readout.sigma > self._settings.doubtful
+            if readout.sigma > _DOUBTFUL_S
         }
 
 
 def doubt(readout: Readout, speed: TypicalSpeed) -> str:
-    """What a read-out time that is hardly known may cost."""
+    """Message about a read-out time that is not known well, with the error that it may cause."""
     angle_rad, distance_m = speed.within(readout.sigma)
     return (
         f"it moved too little to tell how long its rows are read out ({readout}); at its usual speed that may leave "

@@ -1,9 +1,7 @@
-"""The reference map: what a place looks like and where its landmarks are.
+"""The reference map: the landmarks of a place, their descriptors and photographs.
 
-Whether its lengths are metres and its z is up: a body has no size without the one, no upright without the other. The
-same for everybody who makes or solves a body, from a recording or live.
-
-Nobody changes a map that was loaded; what grows is a copy.
+A body needs a map with lengths in metres, and an upright needs z up; the checks are here. A loaded map is never changed;
+landmarks are added to a copy.
 """
 
 import re
@@ -24,7 +22,7 @@ from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.local_landmarks import LandmarkGrid
 from bodycam_ros.registration.map_photographs import MapPhotographs
-from bodycam_ros.registration.map_search import MapSearch
+from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, cluster_words
 from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
@@ -63,9 +61,10 @@ class ReferenceMap:
         image_names: their K file names.
         metric: whether lengths are metres; without a board the scale is arbitrary.
         gravity_aligned: whether z points up.
-        photographs: what the landmarks look like; None in maps that were made without.
-        grown: how many of the landmarks, the last ones, worn cameras gave and not the photographs; others never move.
-        summary: what ``map.yaml`` says: how and from what the map was made.
+        photographs: pictures of the landmarks; None in maps that were made without.
+        grown: how many of the landmarks, the last ones, body cameras added; others never move.
+        words: of the descriptors, saved with the map; None: made when they are needed, or when the map is saved.
+        summary: content of ``map.yaml``: how and from what the map was made.
     """
 
     landmark_ids: NDArray[np.uint32]
@@ -81,11 +80,12 @@ class ReferenceMap:
     gravity_aligned: bool
     photographs: MapPhotographs | None = None
     grown: int = 0
+    words: VisualWords | None = None
     summary: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def first_grown(self) -> int:
-        """Row of the first landmark that worn cameras gave; the number of landmarks if they gave none."""
+        """Row of the first landmark that body cameras added; the number of landmarks without any."""
         return len(self.landmark_ids) - self.grown
 
     @cached_property
@@ -97,34 +97,40 @@ class ReferenceMap:
 
     @cached_property
     def grid(self) -> LandmarkGrid:
-        """Where the landmarks are, for all cameras."""
+        """The landmarks in cells, for all cameras."""
         return LandmarkGrid(self.points_world, self.landmark_sizes)
 
     @cached_property
-    def search(self) -> MapSearch:
-        """What the map is asked by descriptors alone, for all cameras."""
-        return self._search(len(self.descriptors))
+    def visual_index(self) -> VisualIndex:
+        """Search by descriptors alone, for all cameras."""
+        return self.index_descriptors(len(self.descriptors))
 
-    def _search(self, looks: int) -> MapSearch:
-        """The search of so many of the descriptors; others may be added."""
-        return MapSearch(
-            self.points_world,
+    def index_descriptors(self, count: int) -> VisualIndex:
+        """The search of so many of the first descriptors; others may be added."""
+        nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        seen = self.photographs
+        return VisualIndex(
             self.descriptors,
             self.descriptor_landmark,
-            self.descriptor_view,
-            looks,
-            self.world_T_camera,
-            self.photographs,
+            self._words(count),
+            len(self.landmark_ids),
+            nothing if seen is None else (seen.observation_landmark, seen.observation_view),
+            len(self.world_T_camera) if seen is not None else 0,
         )
+
+    def _words(self, count: int) -> VisualWords:
+        if self.words is not None and len(self.words.word_of_descriptor) == count:
+            return self.words
+        return cluster_words(self.descriptors[:count])
 
     @cached_property
     def _by_id(self) -> NDArray[np.int64]:
         return np.argsort(self.landmark_ids, kind="stable")
 
     def rows_of(self, landmark_ids: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Rows (N,) of landmarks, and whether the map has each; rows of those that it has not mean nothing."""
-        at = np.searchsorted(self.landmark_ids, landmark_ids, sorter=self._by_id)
-        rows = self._by_id[np.minimum(at, len(self._by_id) - 1)]
+        """Rows (N,) of landmarks, and whether each is in the map; rows of absent ones are meaningless."""
+        places = np.searchsorted(self.landmark_ids, landmark_ids, sorter=self._by_id)
+        rows = self._by_id[np.minimum(places, len(self._by_id) - 1)]
         return rows, self.landmark_ids[rows] == landmark_ids
 
     @classmethod
@@ -143,14 +149,16 @@ class ReferenceMap:
                 f"{path}: the map has version {shown(summary.get('version'))}, this program reads {VERSION}; "
                 "build it again with 'bodycam map'"
             )
-        arrays = read_arrays(path / _ARRAYS_FILE, _DTYPES)
+        arrays = read_arrays(path / _ARRAYS_FILE, _DTYPES, _WORDS_DTYPES)
         names = arrays.pop("image_names")
+        words = [arrays.pop(name) for name in _WORDS_DTYPES if name in arrays]
         reference_map = cls(
             **arrays,
             image_names=tuple(map(str, names.ravel())),
             metric=_flag(summary, "metric", path),
             gravity_aligned=_flag(summary, "gravity_aligned", path),
             photographs=MapPhotographs.load(path, arrays["world_T_camera"], len(arrays["landmark_ids"])),
+            words=VisualWords(*words) if len(words) == len(_WORDS_DTYPES) else None,
             grown=_count(summary, _GROWN, len(arrays["landmark_ids"]), path),
             summary=summary,
         )
@@ -163,12 +171,14 @@ class ReferenceMap:
         Args:
             path: folder to create.
             force: replace a map that is there.
-            also: writes further files into the folder that it is given, before the folder appears.
+            also: writes further files into the folder before it appears under its name.
 
         Raises:
             OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
+        words = self._words(len(self.descriptors))
+        arrays |= dict(zip(_WORDS_DTYPES, (words.centres, words.word_of_descriptor), strict=True))
         summary = {
             "version": VERSION,
             "metric": self.metric,
@@ -197,6 +207,8 @@ class ReferenceMap:
             "descriptor_size": (descriptors,),
             "world_T_camera": (cameras, 4, 4),
         }
+        if self.words is not None and not self.words.fit(descriptors):
+            raise MapError(f"{path}: damaged: visual words do not fit the descriptors; build the map again")
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape:
@@ -228,12 +240,15 @@ _DTYPES = {
 }
 """Arrays of the file; the names are those of ``ReferenceMap``."""
 
+_WORDS_DTYPES = {"word_centres": "u1", "word_of_descriptor": "u2"}
+"""Arrays of ``VisualWords``, which maps of older versions lack."""
+
 
 def check_replaceable(path: Path, force: bool) -> None:
-    """Refuse to replace what is there, unless ``force`` is given and it is a map.
+    """Check that a map may be written at a path: nothing is there, or a map and ``force``.
 
     Raises:
-        OutputError: so it is.
+        OutputError: it may not.
     """
     if path.exists():
         check_folder(path, force, _SUMMARY_FILE, _PARTS, "map")
@@ -245,7 +260,7 @@ def _read_summary(path: Path) -> dict[str, Any]:
     except MapError as error:
         raise MapError(f"{path.parent}: not a map: {error}") from error
     if not isinstance(summary, dict):
-        raise MapError(f"{path.parent}: not a map: {path.name} should say how the map was made")
+        raise MapError(f"{path.parent}: not a map: expected the fields of a map in {path.name}")
     return summary
 
 
@@ -264,7 +279,7 @@ def _count(summary: Mapping[str, Any], name: str, most: int, path: Path) -> int:
 
 
 def check_metric(reference_map: ReferenceMap, path: Path) -> None:
-    """Refuse a map without metres: in it a body and its accelerations have no size.
+    """Check that a map is metric: a body and its accelerations need a size.
 
     Raises:
         MapError: the map, loaded from ``path``, is not metric.
@@ -274,7 +289,7 @@ def check_metric(reference_map: ReferenceMap, path: Path) -> None:
 
 
 def check_upright(reference_map: ReferenceMap, path: Path) -> None:
-    """Refuse a map without metres or without a vertical: bones would have no length, and the N-pose no up.
+    """Check that a map is metric and z up: bones need a length, and the N-pose a vertical.
 
     Raises:
         MapError: the map, loaded from ``path``, is not metric, or its z is not up.
@@ -288,7 +303,7 @@ def check_upright(reference_map: ReferenceMap, path: Path) -> None:
 
 
 def assumed_vertical(reference_map: ReferenceMap, path: Path) -> str:
-    """What is assumed where a body is solved in a map without a vertical; empty where the map has one."""
+    """Message where a body is solved in a map without a vertical; empty where the map has one."""
     if reference_map.gravity_aligned:
         return ""
     return (
@@ -299,18 +314,18 @@ def assumed_vertical(reference_map: ReferenceMap, path: Path) -> str:
 
 _lock = threading.Lock()
 _loaded: WeakValueDictionary[tuple[Path, int], ReferenceMap] = WeakValueDictionary()
-"""Folder, and when it was last changed -> map, for as long as a node has it."""
+"""Folder and time of its last change -> map, for as long as a node uses it."""
 
 
 def load_map(path: Path) -> ReferenceMap:
-    """Read a map folder, unless a node of this process has done so.
+    """Read a map folder, once for all nodes of a process.
 
     Raises:
         MapError: as of ``ReferenceMap.load``.
     """
     with _lock:
-        place = (path.absolute(), path.stat().st_mtime_ns if path.exists() else 0)
-        reference_map = _loaded.get(place)
+        key = (path.absolute(), path.stat().st_mtime_ns if path.exists() else 0)
+        reference_map = _loaded.get(key)
         if reference_map is None:
-            reference_map = _loaded[place] = ReferenceMap.load(path)
+            reference_map = _loaded[key] = ReferenceMap.load(path)
         return reference_map

@@ -1,66 +1,64 @@
 """Absolute registration of one body camera against the reference map (A 4.1).
 
-A described track is matched to the landmarks that the camera should see, or to the whole map while the camera is lost.
-From then on the track carries its landmark until it ends.
+A frame whose tracks were all found by their landmarks comes with a pose, which is judged. Otherwise described tracks
+are matched to the landmarks that should be in view, or to the whole map while the camera is lost, and the pose is
+fitted here. A track keeps its landmark until it ends.
 """
 
-from dataclasses import dataclass, replace
+from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.carried_landmarks import CarriedLandmarks
+from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.local_landmarks import LocalLandmarks
-from bodycam_ros.registration.lost_camera import AbsolutePoseSettings, LostCamera
-from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
-from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
-from bodycam_ros.registration.recent_path import ImageMotion, RecentPath, RegisteredView, steady_pixels
+from bodycam_ros.registration.matching import (
+    MIN_VISIBLE_SCALE_PX,
+    RADIUS_PX,
+    WIDE_RADIUS_PX,
+    match_near_prediction,
+)
+from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, steady_pixels
+from bodycam_ros.registration.readout_time import EVERY, LEAST_TURN, ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.relocalisation import find_poses
+from bodycam_ros.registration.track_landmarks import TrackLandmarks
 from bodycam_ros.settings import setting
-from bodycam_ros.tracking.track_frame import TrackFrame, camera_velocity, predict_pose
+from bodycam_ros.tracking.camera_motion import CameraMotion, ImageMotion
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+_MAX_SIGMA_M = 0.1  # of a pose's position: a dozen landmarks in a corner of the picture let it drift by metres
+_MAX_STRIKES = 2  # consecutive frames of disagreement after which a track loses its landmark
+_MAX_PREDICTED_FRAMES = 15  # of a lost camera, by its rotation, before the whole map is searched
+_DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
+_REFIT_ITERATIONS = 2  # of a fit that starts at the result of another
 
 
 @dataclass(frozen=True)
 class RegistrarSettings:
-    """When a camera counts as registered, and when a track loses its landmark."""
+    """When a camera counts as registered."""
 
     min_inliers: int = setting(
         12,
         limits=(4, 500),
-        reason="fewer landmarks in agreement are no registration (the paper asks 50, with twice as many pixels)",
-        live=True,
-    )
-    max_sigma: float = setting(
-        0.1,
-        unit="m",
-        limits=(0.001, 10.0),
-        reason="of a pose's position, by its landmarks: a dozen in a corner of the picture let it drift by metres, and "
-        "it takes their successors along",
-        live=True,
-    )
-    max_strikes: int = setting(
-        2,
-        unit="frames",
-        limits=(1, 30),
-        reason="a track whose landmark disagrees on this many frames in a row loses it",
-        live=True,
-    )
-    max_predicted_frames: int = setting(
-        15,
-        unit="frames",
-        limits=(0, 300),
-        reason="how long a lost camera's pose is carried on by its rotation before the whole map is searched",
+        reason="landmarks that must agree with a pose; more reject doubtful poses, and lose dim or crowded places (the "
+        "paper takes 50, with twice as many pixels)",
         live=True,
     )
 
 
-_DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
+@dataclass(frozen=True)
+class _Pose:
+    """A pose that was accepted, with its covariance (6, 6), and inliers (N,) and shifts (N, 2) of its tracks."""
 
-_FROM_A_FIT = 2  # steps of a fit that starts where another has ended
+    world_T_camera: Array
+    covariance: Array
+    inliers: NDArray[np.bool_]
+    shifts: Array
 
 
 class Registrar:
@@ -68,8 +66,8 @@ class Registrar:
 
     Args:
         camera, reference_map: its model; the map, which may be shared by the registrars of all cameras.
-        settings, matching, absolute_pose, pose_fit, shutter: settings of the registrar and of its steps.
-        readout: how long the camera's rows are read out, as far as it is known before the first image.
+        settings, pose_fit: of the registrar and of its fits.
+        readout: read-out time of the camera's rows, as far as it is known before the first image.
 
     Attributes:
         settings: may be replaced between two images.
@@ -81,188 +79,181 @@ class Registrar:
         camera: CameraModel,
         reference_map: ReferenceMap,
         settings: RegistrarSettings | None = None,
-        matching: MatchingSettings | None = None,
-        absolute_pose: AbsolutePoseSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
-        shutter: ShutterSettings | None = None,
         readout: Readout | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
         self.settings = settings or RegistrarSettings()
-        self._matching = matching or MatchingSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self._shutter = shutter or ShutterSettings()
-        self.readout = ReadoutTime(self._shutter, readout)
-        self._local = LocalLandmarks(reference_map.grid, camera.fx, self._matching.min_visible_scale_px)
-        self._lost = LostCamera(camera, reference_map, self._matching, absolute_pose or AbsolutePoseSettings())
-        self._path = RecentPath(self._shutter)
-        self._carried = CarriedLandmarks(reference_map)
-        self._world_T_camera: NDArray[np.float64] | None = None
-        self._velocity = np.zeros(6)
-        self._frames_predicted = 0
-        self._motion: ImageMotion | None = None
-        self._until_rows = 0
+        self.readout = ReadoutTime(readout)
+        self._local = LocalLandmarks(reference_map.grid, camera.fx, MIN_VISIBLE_SCALE_PX)
+        self._motion = CameraMotion()
+        self._image_motion: ImageMotion | None = None
+        self._tracks = TrackLandmarks.none()
+        self._predicted_frames = 0
+        self._recent: deque[tuple[Array, Array, Array]] = deque(maxlen=2)  # pose, points and pixels of latest images
+        self._until_readout = 0
 
-    def learn(self, readout: Readout) -> None:
-        """Somebody knows how long the rows are read out; that counts if it is better than what is known by now."""
+    def set_readout(self, readout: Readout) -> None:
+        """Take a read-out time from another source, if it is better known than the present one."""
         if readout.sigma <= self.readout.sigma and not self.readout.contradicts(readout):
-            self.readout = ReadoutTime(self._shutter, readout)
+            self.readout = ReadoutTime(readout)
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
-        """Find the camera's pose and the landmarks that its tracks show."""
-        rows = self._carried.into(frame)
-        predicted = self._predict(frame)
-        self._motion = self._path.motion(frame.stamp_ns, frame.previous_stamp_ns, frame, self.readout)
-        fit = self._fit(frame, rows, predicted)
-        if len(frame.described):
-            rows, fit = self._register_described(frame, rows, fit, predicted)
-        rows, shifts = self._strike_out(frame, rows, fit)
-        self._remember(frame, fit, predicted)
-        if fit is not None:
-            points_world = self._carried.points_world
-            view = RegisteredView(frame.stamp_ns, fit.world_T_camera, points_world, frame.pixels[rows])
-            self._path.add(view, frame.previous_stamp_ns)
-            self._time_rows()
-        return self._matches(frame, rows, shifts, fit)
+        """Find the camera's pose and the landmarks of its tracks."""
+        rotation = frame.measured_rotation
+        predicted = self._motion.predict(frame.stamp_ns - frame.previous_stamp_ns, rotation)
+        self._image_motion = self._motion.in_image(
+            frame.stamp_ns, frame.previous_stamp_ns, rotation, self.readout.in_use
+        )
+        tracks = self._tracks.in_frame(frame, self.map)
+        pose = self._accept(frame, tracks)
+        if pose is None:
+            pose = self._fit(frame, tracks, predicted)
+            if len(frame.described):
+                tracks, pose = self._match_described(frame, tracks, pose, predicted)
+        tracks, shifts = self._reject_outliers(frame, tracks, pose)
+        if pose is None:
+            self._predicted_frames += 1
+            self._motion.add_unregistered(predicted if self._predicted_frames <= _MAX_PREDICTED_FRAMES else None)
+        else:
+            self._predicted_frames = 0
+            self._motion.add(frame.stamp_ns, pose.world_T_camera, frame.previous_stamp_ns)
+            if not self.readout.is_known:
+                points_world = self.map.points_world[tracks.landmarks]
+                self._recent.append((pose.world_T_camera, points_world, frame.pixels[tracks.frame_rows]))
+                self._estimate_readout()
+        self._tracks = tracks
+        return self._matches(frame, tracks, shifts, pose)
 
-    def _register_described(
-        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None, predicted: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.int64], PoseFit | None]:
-        """Name the described tracks around the best pose there is: fitted, else extrapolated, else searched for."""
-        if fit is None and predicted is not None:
-            rows, fit = self._name_tracks(frame, rows, predicted, self._matching.lost_radius_px)
-        if fit is None:
-            rows, fit = self._find(frame, rows)
-        if fit is None:
-            return rows, None
-        named_rows, named_fit = self._name_tracks(frame, rows, fit.world_T_camera, self._matching.radius_px)
-        return (named_rows, named_fit) if named_fit else (rows, fit)
-
-    def _predict(self, frame: TrackFrame) -> NDArray[np.float64] | None:
-        """The pose that the camera would have if it kept moving; its rotation is measured where possible (A eq. 2)."""
-        if self._world_T_camera is None:
+    def _accept(self, frame: TrackFrame, tracks: TrackLandmarks) -> _Pose | None:
+        """The tracker's own fit, if it is determined; None if there is none, or the map lacks one of its landmarks."""
+        if frame.world_T_camera is None or frame.pose_information is None or frame.shifts is None:
             return None
-        measured = frame.current_R_previous if frame.rotation_inliers else None
-        return predict_pose(self._world_T_camera, self._velocity, frame.stamp_ns - frame.previous_stamp_ns, measured)
-
-    def _fit(self, frame: TrackFrame, rows: NDArray[np.int64], start: NDArray[np.float64] | None) -> PoseFit | None:
-        """Pose from the named tracks (A eq. 8, first term), or None if too few of them agree."""
-        if start is None or len(rows) < self.settings.min_inliers:
+        if len(tracks.landmarks) < len(frame.track_ids) or len(tracks.landmarks) < self.settings.min_inliers:
             return None
-        fit = fit_pose(self.camera, self._carried.points_world, frame.pixels[rows], start, self._pose_fit, self._motion)
-        agree = fit.inliers.sum() >= self.settings.min_inliers
-        if not agree or np.linalg.cond(fit.information) >= _DEGENERATE:
+        covariance = _covariance(frame.pose_information)
+        if covariance is None:
             return None
-        variance = np.trace(np.linalg.inv(fit.information)[3:, 3:])
-        return fit if variance < self.settings.max_sigma**2 else None
+        return _Pose(frame.world_T_camera, covariance, np.ones(len(tracks.landmarks), bool), frame.shifts)
 
-    def _name_tracks(
-        self, frame: TrackFrame, rows: NDArray[np.int64], pose: NDArray[np.float64], radius_px: float
-    ) -> tuple[NDArray[np.int64], PoseFit | None]:
-        """Match the described tracks to landmarks that project near them, and fit the pose to all that carry one."""
+    def _fit(self, frame: TrackFrame, tracks: TrackLandmarks, start: Array | None) -> _Pose | None:
+        """Pose from the tracks with a landmark (A eq. 8, first term), or None if too few of them agree."""
+        if start is None or len(tracks.landmarks) < self.settings.min_inliers:
+            return None
+        points_world = self.map.points_world[tracks.landmarks]
+        fit = fit_pose(
+            self.camera, points_world, frame.pixels[tracks.frame_rows], start, self._pose_fit, self._image_motion
+        )
+        covariance = _covariance(fit.information) if fit.inliers.sum() >= self.settings.min_inliers else None
+        return None if covariance is None else _Pose(fit.world_T_camera, covariance, fit.inliers, fit.shifts)
+
+    def _match_described(
+        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None, predicted: Array | None
+    ) -> tuple[TrackLandmarks, _Pose | None]:
+        """Match the described tracks around the best pose there is: fitted, else predicted, else relocalised."""
+        if pose is None and predicted is not None:
+            tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX)
+        if pose is None:
+            pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
+            for candidate in find_poses(self.camera, self.map, pixels, frame.descriptors):
+                tracks, pose = self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX)
+                if pose is not None:
+                    break
+        if pose is None:
+            return tracks, None
+        better_tracks, better_pose = self._match_near(frame, tracks, pose.world_T_camera, RADIUS_PX)
+        return (better_tracks, better_pose) if better_pose else (tracks, pose)
+
+    def _match_near(
+        self, frame: TrackFrame, tracks: TrackLandmarks, near: Array, radius_px: float
+    ) -> tuple[TrackLandmarks, _Pose | None]:
+        """Match the described tracks to landmarks that project near them, and fit the pose to all with a landmark."""
         described = frame.described.astype(np.int64)
-        named, landmarks = match_near_prediction(
+        features, landmarks = match_near_prediction(
             self.map,
             self.camera,
-            pose,
+            near,
             self._steady(frame.pixels[described]),
             frame.descriptors,
             frame.scales,
             radius_px,
-            self._matching,
-            self._local.around(pose[:3, 3]),
+            self._local.around(near[:3, 3]),
         )
-        before = self._carried.snapshot()
-        # A fresh match has to prove itself at once; an old one may fail for a moment.
-        strikes = self.settings.max_strikes - 1
-        all_rows = self._carried.instead_of_older(frame, rows, described, described[named], landmarks, strikes)
-        fit = self._fit(frame, all_rows, pose)
-        if fit is None:
-            # Names that no pose confirms are worse than none.
-            self._carried.restore(before)
-            return rows, None
-        return all_rows, fit
+        # A new match must agree at once; an old one may fail for a moment.
+        matched = tracks.rematched(frame, self.map, described[features], landmarks, _MAX_STRIKES - 1)
+        pose = self._fit(frame, matched, near)
+        # Matches that no pose confirms are worse than none.
+        return (tracks, None) if pose is None else (matched, pose)
 
-    def _find(self, frame: TrackFrame, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], PoseFit | None]:
-        """Name the described tracks around the first pose that they confirm, of those where a lost camera may be."""
-        pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
-        for pose in self._lost.poses(pixels, frame.descriptors, frame.scales):
-            rows, fit = self._name_tracks(frame, rows, pose, self._matching.lost_radius_px)
-            if fit is not None:
-                return rows, fit
-        return rows, None
-
-    def _steady(self, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Pixels (M, 2) as they would be if all rows were exposed together, near enough for a gate."""
-        turning = np.zeros(3) if self._motion is None else self._motion.turning
+    def _steady(self, pixels: NDArray[np.floating]) -> Array:
+        """Pixels (M, 2) as if all rows were exposed together, near enough for a gate."""
+        turning = np.zeros(3) if self._image_motion is None else self._image_motion.turning
         return steady_pixels(self.camera, pixels, turning, self.readout.in_use)
 
-    def _time_rows(self) -> None:
-        """Learn the read-out time from the image before, whose motion is known from both sides."""
-        self._until_rows -= 1
-        if (
-            self._until_rows > 0
-            or self.readout.is_known
-            or (between := self._path.between(self.readout.unchecked)) is None
-        ):
+    def _estimate_readout(self) -> None:
+        """Add the image before the latest to the read-out time; both of its neighbours give its motion."""
+        self._until_readout -= 1
+        start = self.readout.unchecked
+        motion = self._motion.in_middle_image(start.seconds, start.sigma)
+        if self._until_readout > 0 or motion is None or len(self._recent) < 2:
             return
-        view, motion = between
-        if np.linalg.norm(motion.turning) < self._shutter.least_turn:
+        if np.linalg.norm(motion.turning) < LEAST_TURN:
             return
-        self._until_rows = self._shutter.every
-        settings = replace(self._pose_fit, iterations=_FROM_A_FIT)
-        fit = fit_pose(self.camera, view.points_world, view.pixels, view.world_T_camera, settings, motion)
+        self._until_readout = EVERY
+        pose, points_world, pixels = self._recent[0]
+        fit = fit_pose(
+            self.camera, points_world, pixels, pose, self._pose_fit, motion, iterations=_REFIT_ITERATIONS
+        )
         if fit.inliers.sum() >= self.settings.min_inliers:
-            self.readout.add(fit.readout_time, self._shutter.every * fit.readout_information)
+            self.readout.add(fit.readout_time, EVERY * fit.readout_information)
 
-    def _strike_out(
-        self, frame: TrackFrame, rows: NDArray[np.int64], fit: PoseFit | None
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _reject_outliers(
+        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None
+    ) -> tuple[TrackLandmarks, Array]:
         """Take the landmark from tracks that keep disagreeing; from all once the camera is lost.
 
         Returns:
-            The rows that keep theirs, and how far the read-out of the image moved those in the image (N, 2) [px].
+            The others, and how far the read-out of the rows moved them in the image (N, 2) [px].
         """
-        shifts = frame.pixels[rows] - self._steady(frame.pixels[rows]) if fit is None else fit.shifts
-        if fit is None:
-            keep = self._carried.forget(
-                np.full(len(rows), self._frames_predicted >= self.settings.max_predicted_frames)
-            )
-        else:
-            keep = self._carried.judge(fit.inliers, self.settings.max_strikes)
-        return rows[keep], shifts[keep]
-
-    def _remember(self, frame: TrackFrame, fit: PoseFit | None, predicted: NDArray[np.float64] | None) -> None:
-        if fit is not None:
-            self._velocity = np.zeros(6)
-            if self._world_T_camera is not None and self._frames_predicted == 0:
-                passed_ns = frame.stamp_ns - frame.previous_stamp_ns
-                self._velocity = camera_velocity(self._world_T_camera, fit.world_T_camera, passed_ns)
-            self._world_T_camera = fit.world_T_camera
-            self._frames_predicted = 0
-            return
-        self._frames_predicted += 1
-        self._world_T_camera = predicted if self._frames_predicted <= self.settings.max_predicted_frames else None
+        if pose is None:
+            if self._predicted_frames >= _MAX_PREDICTED_FRAMES:
+                tracks = TrackLandmarks.none()
+            pixels = frame.pixels[tracks.frame_rows]
+            return tracks, pixels - self._steady(pixels)
+        tracks = tracks.judged(pose.inliers)
+        if pose.inliers.all():
+            return tracks, pose.shifts
+        keep = tracks.strikes < _MAX_STRIKES
+        return tracks.kept(keep), pose.shifts[keep]
 
     def _matches(
-        self, frame: TrackFrame, rows: NDArray[np.int64], shifts: NDArray[np.float64], fit: PoseFit | None
+        self, frame: TrackFrame, tracks: TrackLandmarks, shifts: Array, pose: _Pose | None
     ) -> LandmarkMatches:
-        covariance = np.full((6, 6), np.nan) if fit is None else np.asarray(np.linalg.inv(fit.information), np.float64)
         return LandmarkMatches(
             camera=frame.camera,
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=frame.previous_stamp_ns,
-            track_ids=frame.track_ids[rows],
-            landmark_ids=self.map.landmark_ids[self._carried.rows],
-            pixels=(frame.pixels[rows] - shifts).astype(np.float32),
-            points_world=self._carried.points_world.astype(np.float32),
-            world_T_camera=None if fit is None else fit.world_T_camera,
-            pose_covariance=covariance,
+            track_ids=frame.track_ids[tracks.frame_rows],
+            landmark_ids=tracks.landmark_ids,
+            pixels=(frame.pixels[tracks.frame_rows] - shifts).astype(np.float32),
+            points_world=self.map.points_world[tracks.landmarks].astype(np.float32),
+            world_T_camera=None if pose is None else pose.world_T_camera,
+            pose_covariance=np.full((6, 6), np.nan) if pose is None else pose.covariance,
             current_R_previous=frame.current_R_previous,
             rotation_inliers=frame.rotation_inliers,
             shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
-            grown=int((self._carried.rows >= self.map.first_grown).sum()),
+            grown=int((tracks.landmarks >= self.map.first_grown).sum()),
         )
+
+
+def _covariance(information: Array) -> Array | None:
+    """(6, 6) covariance of a pose, or None if its landmarks do not determine it."""
+    values, vectors = np.linalg.eigh(information)
+    if not values[0] * _DEGENERATE > values[-1]:
+        return None
+    covariance: Array = (vectors / values) @ vectors.T
+    return covariance if np.trace(covariance[3:, 3:]) < _MAX_SIGMA_M**2 else None

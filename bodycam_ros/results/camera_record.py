@@ -12,7 +12,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import segment_poses
 from bodycam_ros.messages.timing import TIMING, clock_state, says_clock
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
-from bodycam_ros.registration.map_photographs import CameraSight, camera_sight
+from bodycam_ros.registration.landmark_matches import CameraSight, camera_sight
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 

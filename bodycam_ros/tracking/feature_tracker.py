@@ -1,6 +1,4 @@
-"""One camera's feature tracks: followed from frame to frame, replenished and named on keyframes."""
-
-from dataclasses import dataclass
+"""One camera's feature tracks: followed from frame to frame, replenished and described on keyframes."""
 
 import cv2
 import numpy as np
@@ -10,81 +8,33 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
-from bodycam_ros.settings import setting
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
-from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
-from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
-from bodycam_ros.tracking.track_frame import LONGEST_NS, TrackFrame
+from bodycam_ros.tracking.optical_flow import follow
+from bodycam_ros.tracking.rotation import estimate_rotation
+from bodycam_ros.tracking.camera_motion import LONGEST_NS
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 
-@dataclass(frozen=True)
-class TrackerSettings:
-    """How many tracks, how old they may grow, and when to look for new ones."""
-
-    keyframe_interval: int = setting(
-        30,
-        unit="frames",
-        limits=(1, 300),
-        reason="SIFT costs as much as ten frames of tracking, and a camera that hardly turns keeps its tracks",
-    )
-    keyframe_survival: float = setting(
-        0.55,
-        limits=(0.0, 1.0),
-        reason="a keyframe comes early when fewer of the last keyframe's tracks than this share are left",
-    )
-    keyframe_rotation: float = setting(
-        0.6,
-        unit="rad",
-        limits=(0.01, 6.3),
-        reason="a keyframe comes early once the camera turned this far: flow does not follow turning patches exactly",
-    )
-    min_keyframe_gap: float = setting(
-        0.09,
-        unit="s",
-        limits=(0.0, 5.0),
-        reason="a camera that sees nothing must not pay for a keyframe on every frame; at ten images a second one that "
-        "turns quickly needs just that",
-    )
-    lost_keyframe_gap: float = setting(
-        0.18,
-        unit="s",
-        limits=(0.0, 5.0),
-        reason="a camera that the registration has lost is described again so soon: the next image may show more",
-    )
-    starved_survival: float = setting(
-        0.25,
-        limits=(0.0, 1.0),
-        reason="keyframe at once, however soon after the last, when fewer than this share of its tracks survive",
-    )
-    max_track_age: float = setting(
-        1.5,
-        unit="s",
-        limits=(0.05, 60.0),
-        reason="flow drifts by some hundredths of a pixel a frame; an old track ends at the next keyframe",
-    )
-    min_distance_px: float = setting(
-        3.0,
-        unit="px",
-        limits=(1.0, 50.0),
-        reason="an old track this near to a fresh keypoint gives way to it, and of two fresh ones the weaker",
-    )
-    max_view_angle_deg: float = setting(
-        86.0,
-        unit="deg",
-        limits=(20.0, 110.0),
-        reason="fisheye pictures end near 90 degrees, and their rim is no feature of the world",
-    )
-
+_KEYFRAME_INTERVAL = 30  # [frames] SIFT costs as much as ten frames of tracking
+_KEYFRAME_SURVIVAL = 0.55  # share of the last keyframe's tracks below which a keyframe comes early
+_KEYFRAME_ROTATION = 0.6  # [rad] since the last keyframe: flow does not follow turning patches exactly
+_MIN_KEYFRAME_GAP_NS = 90_000_000  # without features every frame would be a keyframe
+_LOST_KEYFRAME_GAP_NS = 180_000_000  # between keyframes of a camera that is not registered
+_STARVED_SURVIVAL = 0.25  # share of tracks below which a keyframe comes at once: a fast swing takes nearly all
+_MAX_TRACK_AGE_NS = 1_500_000_000  # flow drifts by some hundredths of a pixel a frame
+_MIN_DISTANCE_PX = 3.0  # an old track this near to a fresh keypoint ends, and of two fresh ones the weaker
+MAX_VIEW_ANGLE_DEG = 86.0
+"""Fisheye pictures end near 90 degrees from the axis, and their rim is no feature of the world."""
 
 _RIM_SAMPLES = 1440
 """Between two of them a rim of 2000 px radius bends by 0.005 px."""
 
-_NEAR_PX = 5  # width of the band along the rim whose pixels are asked
-_FAR = 4.0  # image sizes from the principal point: what is farther is drawn there
+_NEAR_PX = 5  # width of the band along the rim that is tested pixel by pixel
+_FAR = 4.0  # image sizes from the principal point: farther pixels are moved there
 
 
-def view_mask(camera: CameraModel, max_view_angle_deg: float) -> NDArray[np.uint8]:
-    """(H, W) mask, 255 where a pixel looks at most this far from the optical axis."""
+def view_mask(camera: CameraModel, max_view_angle_deg: float = MAX_VIEW_ANGLE_DEG) -> NDArray[np.uint8]:
+    """(H, W) mask, 255 where a pixel's bearing is at most this far from the optical axis."""
     max_angle = np.radians(max_view_angle_deg)
     rim = _rim(camera, min(max_angle, camera.max_angle)).round().astype(np.int32)
     mask, near = np.zeros((2, camera.height, camera.width), np.uint8)
@@ -97,7 +47,7 @@ def view_mask(camera: CameraModel, max_view_angle_deg: float) -> NDArray[np.uint
 
 
 def _rim(camera: CameraModel, angle: float) -> NDArray[np.float64]:
-    """Pixels (N, 2) of all that is at an angle to the axis [rad], drawn in to where it is surely out of the image."""
+    """Pixels (N, 2) at an angle to the axis [rad], those far outside the image moved to ``_FAR``."""
     turn = np.linspace(0.0, 2.0 * np.pi, _RIM_SAMPLES, endpoint=False)
     bearings = np.column_stack(
         [np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.full(_RIM_SAMPLES, np.cos(angle))]
@@ -115,27 +65,16 @@ class FeatureTracker:
 
     Args:
         camera: its model; the rotation is estimated on bearings.
-        settings, keypoints, flow, rotation: settings of the tracker and of its steps.
+        keypoints: settings of the detector.
     """
 
-    def __init__(
-        self,
-        camera: CameraModel,
-        settings: TrackerSettings | None = None,
-        keypoints: KeypointSettings | None = None,
-        flow: OpticalFlowSettings | None = None,
-        rotation: RotationSettings | None = None,
-    ) -> None:
+    def __init__(self, camera: CameraModel, keypoints: KeypointSettings | None = None) -> None:
         self.camera = camera
-        self.settings = settings or TrackerSettings()
-        self._flow = flow or OpticalFlowSettings()
-        self._rotation = rotation or RotationSettings()
         self._detector = KeypointDetector(keypoints or KeypointSettings())
-        self._mask = view_mask(camera, self.settings.max_view_angle_deg)
+        self._mask = view_mask(camera)
         self._image: NDArray[np.uint8] | None = None
         self._stamp_ns = 0
         self._pixels = np.zeros((0, 2), np.float32)
-        self._bearings = np.zeros((0, 3))
         self._ids = np.zeros(0, np.uint32)
         self._born_ns = np.zeros(0, np.int64)
         self._next_id = 1
@@ -180,18 +119,17 @@ class FeatureTracker:
             rotation_inliers=rotation_inliers,
         )
 
-    def prune(self, stamp_ns: int, named: NDArray[np.uint32]) -> None:
-        """Drop the tracks that the registrar found no landmark for; call it while the camera is registered.
+    def prune(self, stamp_ns: int, matched: NDArray[np.uint32]) -> None:
+        """Drop the tracks without a landmark, while the camera is registered: most keypoints are no landmarks.
 
-        Most keypoints are none of the map's landmarks, and to follow them would cost more than all the others. A live
-        graph may be some frames late with this: unnamed tracks take no part in a pose.
+        Live, the result of a registration may come some frames late.
 
         Args:
-            stamp_ns: the frame that the registrar speaks of [ns].
-            named: (N,) ids of the tracks that carried a landmark in it.
+            stamp_ns: the registered frame [ns].
+            matched: (N,) ids of its tracks with a landmark.
         """
         self._is_lost = False
-        self._keep(np.isin(self._ids, named) | (self._born_ns > stamp_ns))
+        self._keep(np.isin(self._ids, matched) | (self._born_ns > stamp_ns))
         if stamp_ns == self._keyframe_ns:
             self._tracks_at_keyframe = len(self._ids)
 
@@ -204,14 +142,14 @@ class FeatureTracker:
         current_R_previous: NDArray[np.float64],
         afresh: bool = False,
     ) -> None:
-        """Go on from an image in which somebody else has found what to track.
+        """Continue from an image whose tracks were found by their landmarks.
 
         Args:
             image, stamp_ns: as of ``track``.
-            track_ids: (N,) ascending; those of ``new_ids`` or of tracks that are there.
-            pixels: (N, 2) where they are.
+            track_ids: (N,) ascending; of ``new_ids`` or of present tracks.
+            pixels: (N, 2) their places.
             current_R_previous: (3, 3) rotation of the camera since the image before.
-            afresh: whether these are all that is needed, as after a keyframe.
+            afresh: whether these replace a keyframe.
         """
         at = np.searchsorted(self._ids, track_ids)
         known = at < len(self._ids)
@@ -224,7 +162,6 @@ class FeatureTracker:
         self._image, self._stamp_ns = image, stamp_ns
         self._ids, self._born_ns = track_ids.astype(np.uint32), born_ns
         self._pixels = np.ascontiguousarray(pixels, np.float32)
-        self._bearings = self.camera.unproject(self._pixels)[0]
         if afresh:
             self._keyframe_ns = stamp_ns if self._keyframe_ns is None else self._keyframe_ns
             self._tracks_at_keyframe = len(track_ids)
@@ -239,23 +176,24 @@ class FeatureTracker:
 
     @property
     def keyframe_wanted(self) -> bool:
-        """Whether somebody asked that the next image be a keyframe."""
+        """Whether the next image is to be a keyframe."""
         return self._keyframe_wanted
 
     def want_keyframe(self) -> None:
-        """Make the next image a keyframe, for a registrar that knows nothing of the tracks so far."""
+        """Make the next image a keyframe, for a registrar that starts anew."""
         self._keyframe_wanted = True
 
-    def lost(self) -> None:
-        """Somebody could not register the images.
+    def mark_registered(self) -> None:
+        """The camera is registered: keyframes need fewer keypoints."""
+        self._is_lost = False
 
-        The next is a keyframe, unless there was one lately, and keyframes have more keypoints to find the camera by.
-        """
+    def mark_lost(self) -> None:
+        """The camera is not registered: the next image is a keyframe, unless there was one lately, with more keypoints."""
         self._is_lost = True
-        self._keyframe_wanted |= self._stamp_ns - (self._keyframe_ns or 0) >= 1e9 * self.settings.lost_keyframe_gap
+        self._keyframe_wanted |= self._stamp_ns - (self._keyframe_ns or 0) >= _LOST_KEYFRAME_GAP_NS
 
     def check(self, image: NDArray[np.uint8], stamp_ns: int) -> None:
-        """Refuse what is no next image of this camera; raises RecordingError as ``track``."""
+        """Raise RecordingError, as ``track``, for an image that cannot follow."""
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
             size, of_lens = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
@@ -273,15 +211,15 @@ class FeatureTracker:
         """Move the tracks on and drop the lost ones; the rotation between the frames and its inliers."""
         if self._image is None or len(self._pixels) == 0:
             return np.eye(3), 0
-        bearings_previous = self._bearings
+        bearings_previous = self.camera.unproject(self._pixels)[0]
         predicted = self._predict(bearings_previous, stamp_ns - self._stamp_ns)
-        pixels, alive = follow(self._image, image, self._pixels, predicted, self._flow)
+        pixels, alive = follow(self._image, image, self._pixels, predicted)
         bearings_current, in_view = self.camera.unproject(pixels)
         alive &= in_view & self._in_mask(pixels)
-        self._pixels, self._bearings = pixels, bearings_current
+        self._pixels = pixels
         self._keep(alive)
         current_R_previous, agree = estimate_rotation(
-            bearings_previous[alive], bearings_current[alive], self._rotation, seed=self._next_id
+            bearings_previous[alive], bearings_current[alive], seed=self._next_id
         )
         self._turning = log_so3(current_R_previous) / (stamp_ns - self._stamp_ns)
         self._turned += float(np.linalg.norm(log_so3(current_R_previous)))
@@ -301,29 +239,27 @@ class FeatureTracker:
         due = (
             self._tracks_at_keyframe == 0
             or self._keyframe_wanted
-            or self._frames_since_keyframe >= self.settings.keyframe_interval
-            or self._turned > self.settings.keyframe_rotation
-            or survivors < self.settings.keyframe_survival * self._tracks_at_keyframe
+            or self._frames_since_keyframe >= _KEYFRAME_INTERVAL
+            or self._turned > _KEYFRAME_ROTATION
+            or survivors < _KEYFRAME_SURVIVAL * self._tracks_at_keyframe
         )
         since_keyframe_ns = self._stamp_ns - self._keyframe_ns if self._keyframe_ns is not None else None
-        rested = since_keyframe_ns is None or since_keyframe_ns >= 1e9 * self.settings.min_keyframe_gap
-        # Where a fast swing takes nearly all tracks at once, the few that are left will not reach the next keyframe.
-        starved = survivors < self.settings.starved_survival * self._tracks_at_keyframe
+        rested = since_keyframe_ns is None or since_keyframe_ns >= _MIN_KEYFRAME_GAP_NS
+        starved = survivors < _STARVED_SURVIVAL * self._tracks_at_keyframe
         return due and (rested or starved)
 
     def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
         """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
         keypoints = self._detector.detect(image, self._mask, self._is_lost)
-        fresh = thin_out(keypoints.pixels, keypoints.responses, self.settings.min_distance_px)
-        # They stay in the detector's order: a registrar that looks only some of them up asks all parts of the picture.
+        fresh = thin_out(keypoints.pixels, keypoints.responses, _MIN_DISTANCE_PX)
+        # They stay in the detector's order, which spreads over the picture.
         pixels = keypoints.pixels[fresh]
-        young = self._stamp_ns - self._born_ns < 1e9 * self.settings.max_track_age
-        self._keep(young & far_from(self._pixels, pixels, self.settings.min_distance_px))
+        young = self._stamp_ns - self._born_ns < _MAX_TRACK_AGE_NS
+        self._keep(young & far_from(self._pixels, pixels, _MIN_DISTANCE_PX))
 
         described = np.arange(len(self._ids), len(self._ids) + len(fresh), dtype=np.uint32)
         new_ids = self.new_ids(len(fresh))
         self._pixels = np.concatenate([self._pixels, pixels])
-        self._bearings = np.concatenate([self._bearings, self.camera.unproject(pixels)[0]])
         self._ids = np.concatenate([self._ids, new_ids])
         self._born_ns = np.concatenate([self._born_ns, np.full(len(fresh), self._stamp_ns)])
         self._keyframe_ns = self._stamp_ns
@@ -334,8 +270,7 @@ class FeatureTracker:
         return described, keypoints.descriptors[fresh], keypoints.scales[fresh]
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:
-        self._pixels, self._bearings = self._pixels[kept], self._bearings[kept]
-        self._ids, self._born_ns = self._ids[kept], self._born_ns[kept]
+        self._pixels, self._ids, self._born_ns = self._pixels[kept], self._ids[kept], self._born_ns[kept]
 
     def _in_mask(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         columns, rows = np.rint(pixels).astype(int).T if len(pixels) else (np.zeros(0, int), np.zeros(0, int))

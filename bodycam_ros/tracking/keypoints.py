@@ -1,6 +1,6 @@
-"""SIFT keypoints and RootSIFT descriptors, the names by which tracks find their landmarks (A 4.1).
+"""SIFT keypoints and RootSIFT descriptors, by which tracks are matched to landmarks (A 4.1).
 
-Which of them become tracks: the strong ones of every part of the picture, none upon another.
+The strong ones of every part of the picture become tracks, none upon another.
 """
 
 from collections.abc import Sequence
@@ -14,49 +14,38 @@ from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.settings import setting
 
 DESCRIPTOR_LENGTH = 128
-ROOT_SIFT_SCALE = 512.0
-"""A unit vector of 128 positive entries seldom has one above 0.5: 512 fills a byte."""
-
-_DOUBLING_OFFSET_PX = 0.25
-"""OpenCV's SIFT doubles the image but halves the positions without the resampling's half pixel: too far by this."""
+_ROOT_SIFT_SCALE = 512.0  # a unit vector of 128 positive entries seldom has one above 0.5: 512 fills a byte
+_DOUBLING_OFFSET_PX = 0.25  # OpenCV's SIFT doubles the image, but halves positions without the resampling's half pixel
+_MAX_KEYPOINTS_LOST = 1000  # where people fill half of the picture, a tenth of the strongest are landmarks
+_CELLS = 8  # columns and rows of the picture with equal shares: people in bright clothes would else have all keypoints
 
 
 @dataclass(frozen=True)
 class KeypointSettings:
-    """Where and how finely keypoints are looked for."""
+    """Where and how densely keypoints are detected."""
 
     image_scale: float = setting(
         0.5,
         limits=(0.25, 1.0),
-        reason="SIFT doubles the image first; at half size it costs a quarter, and what it misses "
-        "the photographs seldom show",
+        reason="size of the image in which keypoints are detected; at half size they cost a quarter, and what is "
+        "missed the photographs seldom show",
     )
     contrast_threshold: float = setting(
-        0.02, limits=(0.001, 0.2), reason="SIFT contrast; half of Lowe's value, for dim halls and compressed images"
+        0.02,
+        limits=(0.001, 0.2),
+        reason="SIFT contrast of a keypoint; a lower one finds more in dim halls and compressed images, and more noise",
     )
     max_keypoints: int = setting(
         350,
         limits=(50, 20000),
-        reason="the strongest of an image: a quarter of them are landmarks of the map, and a hundred "
-        "hold a pose to millimetres",
-    )
-    max_keypoints_lost: int = setting(
-        1000,
-        limits=(50, 20000),
-        reason="the same for a camera that is not registered: where people fill half of its picture, a tenth of the "
-        "strongest are landmarks, and a dozen must be",
-    )
-    cells: int = setting(
-        8,
-        limits=(1, 100),
-        reason="columns and rows of the picture that get equal shares of them: people in bright clothes that fill half "
-        "of it would else have them all; 1 takes the strongest wherever they are",
+        reason="strongest keypoints of an image; a quarter of them are landmarks of the map, and a hundred "
+        "give a pose to millimetres",
     )
 
 
 @dataclass(frozen=True)
 class Keypoints:
-    """SIFT keypoints of one image; where they are parted among cells, the best of every cell come first.
+    """SIFT keypoints of one image; the strongest of every cell come first.
 
     Attributes:
         pixels: (N, 2) float32.
@@ -74,25 +63,30 @@ class Keypoints:
 def root_sift(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
     """RootSIFT (N, 128) as bytes of SIFT descriptors (N, 128): Arandjelovic and Zisserman 2012, section 3."""
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
-    return np.asarray(np.clip(np.rint(ROOT_SIFT_SCALE * np.sqrt(descriptors / total)), 0, 255), np.uint8)
+    return np.asarray(np.clip(np.rint(_ROOT_SIFT_SCALE * np.sqrt(descriptors / total)), 0, 255), np.uint8)
 
 
 class KeypointDetector:
-    """Finds and describes the SIFT keypoints of an image."""
+    """Detects and describes the SIFT keypoints of an image.
 
-    def __init__(self, settings: KeypointSettings) -> None:
-        self._settings = settings
-        most = settings.max_keypoints if settings.cells == 1 else 0
-        self._sift = cv2.SIFT_create(nfeatures=most, contrastThreshold=settings.contrast_threshold)
+    Args:
+        settings: of the detector.
+        cells: columns and rows of the picture that get equal shares of the keypoints; 1 takes the strongest anywhere.
+    """
+
+    def __init__(self, settings: KeypointSettings, cells: int = _CELLS) -> None:
+        self._settings, self._cells = settings, cells
+        self._sift = cv2.SIFT_create(
+            nfeatures=settings.max_keypoints if cells == 1 else 0, contrastThreshold=settings.contrast_threshold
+        )
 
     def detect(self, image: NDArray[np.uint8], mask: NDArray[np.uint8], lost: bool = False) -> Keypoints:
         """Keypoints of an (H, W) grey image where the (H, W) mask is not zero; more for a camera that is lost."""
-        scale = self._settings.image_scale
+        scale, most = self._settings.image_scale, self._settings.max_keypoints
         if scale < 1.0:
             image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
             mask = np.asarray(cv2.resize(mask, image.shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
-        most = self._settings.max_keypoints_lost if lost else self._settings.max_keypoints
-        raw, descriptors = self._found(image, mask, most)
+        raw, descriptors = self._detect(image, mask, max(most, _MAX_KEYPOINTS_LOST) if lost else most)
         if descriptors is None:
             nothing = np.zeros((0, 2), np.float32)
             return Keypoints(nothing, nothing[:, 0], nothing[:, 0], np.zeros((0, DESCRIPTOR_LENGTH), np.uint8))
@@ -105,36 +99,33 @@ class KeypointDetector:
             root_sift(np.asarray(descriptors, np.float32)),
         )
 
-    def _found(
+    def _detect(
         self, image: NDArray[np.uint8], mask: NDArray[np.uint8], most: int
     ) -> tuple[Sequence[cv2.KeyPoint], NDArray[np.float32] | None]:
         """OpenCV's keypoints and descriptors; only what is kept is described."""
-        if self._settings.cells == 1:
+        if self._cells == 1:
             raw, descriptors = self._sift.detectAndCompute(image, mask)
             return raw, descriptors
         found = self._sift.detect(image, mask)
         if not found:
             return found, None
-        kept = shared_out(
-            np.array([k.pt for k in found], np.float32),
-            np.array([k.response for k in found], np.float32),
-            (image.shape[0], image.shape[1]),
-            self._settings.cells,
-        )
+        pixels = np.array([k.pt for k in found], np.float32)
+        strengths = np.array([k.response for k in found], np.float32)
+        kept = spread_over_cells(pixels, strengths, (image.shape[0], image.shape[1]), self._cells)
         raw, descriptors = self._sift.compute(image, [found[row] for row in kept[:most]])
         return raw, descriptors
 
 
-def shared_out(
+def spread_over_cells(
     pixels: NDArray[np.float32], strengths: NDArray[np.float32], size: tuple[int, int], cells: int
 ) -> NDArray[np.intp]:
-    """Rows of points (N, 2) in the order of their turns: the strongest of every cell first, then the second of each.
+    """Rows of points (N, 2): the strongest of every cell first, then the second of each, and so on.
 
     Args:
         pixels: (N, 2).
         strengths: (N,).
         size: height and width of the picture.
-        cells: columns and rows that it is parted into.
+        cells: its columns and rows.
     """
     column, row = np.clip((pixels * cells / np.array(size[::-1])).astype(int), 0, cells - 1).T
     cell = row * cells + column
@@ -160,7 +151,7 @@ def thin_out(pixels: NDArray[np.float32], strengths: NDArray[np.float32], min_di
     rank[np.argsort(-strengths, kind="stable")] = np.arange(len(pixels))
     pairs = np.column_stack([stronger, weaker])[rank[stronger] < rank[weaker]]
     kept = np.ones(len(pixels), bool)
-    # A point falls only to one that stays itself, so the strongest must be asked first.
+    # A point gives way only to one that stays itself, so pairs go from the strongest on.
     for stronger, weaker in pairs[np.argsort(rank[pairs[:, 0]], kind="stable")].tolist():
         if kept[stronger]:
             kept[weaker] = False

@@ -5,61 +5,43 @@ homography needs a plane of projection, which a lens of 150 degrees does not hav
 fitted to unit bearings instead: ``bearing_current = current_R_previous @ bearing_previous``.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.settings import setting
 from bodycam_ros.tracking.rotation_kernels import agreed_rotation
 
-
-@dataclass(frozen=True)
-class RotationSettings:
-    """How far a bearing may be from the rotation, and how hard to look for it."""
-
-    inlier_angle_deg: float = setting(
-        0.8,
-        unit="deg",
-        limits=(0.05, 5.0),
-        reason="parallax of a limb at 1 m/s and 30 Hz against a wall at 3 m is 0.6 deg, so far "
-        "points agree and near ones do not",
-    )
-    hypotheses: int = setting(
-        24, limits=(8, 512), reason="pairs sampled; 24 find a clean pair among 60 % outliers with 98 %"
-    )
-    min_inliers: int = setting(
-        12, limits=(4, 200), reason="below this many agreeing tracks the rotation is called unknown"
-    )
+INLIER_ANGLE_DEG = 0.8  # parallax of a limb at 1 m/s and 30 Hz against a wall at 3 m is 0.6 deg
+HYPOTHESES = 24  # pairs sampled: they contain a clean pair among 60 % outliers with 98 %
+MIN_INLIERS = 12  # below this many agreeing tracks the rotation is unknown
 
 
 def estimate_rotation(
     bearings_previous: NDArray[np.float64],
     bearings_current: NDArray[np.float64],
-    settings: RotationSettings,
     seed: int,
+    inlier_angle_deg: float = INLIER_ANGLE_DEG,
+    hypotheses: int = HYPOTHESES,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Find the rotation that most tracks agree on (A eq. 2), by RANSAC over pairs of bearings.
 
     Args:
         bearings_previous: (N, 3) unit bearings in the previous camera frame.
         bearings_current: (N, 3) the same tracks in the current camera frame.
-        settings: thresholds.
         seed: of the sampling, so that two runs over one recording are identical.
+        inlier_angle_deg: largest angle between a bearing and its prediction by the rotation.
+        hypotheses: pairs sampled.
 
     Returns:
         current_R_previous (3, 3) and the (N,) tracks that agree with it. With too few tracks in agreement the
         rotation is the identity and no track agrees.
     """
     count = len(bearings_previous)
-    if count < settings.min_inliers:
+    if count < MIN_INLIERS:
         return np.eye(3), np.zeros(count, bool)
-    samples = np.random.default_rng(seed).integers(0, count, (2, settings.hypotheses))
-    max_chord = float(2 * np.sin(np.radians(settings.inlier_angle_deg) / 2))
-    return agreed_rotation(
-        as_rows(bearings_previous), as_rows(bearings_current), samples, max_chord, settings.min_inliers
-    )
+    samples = np.random.default_rng(seed).integers(0, count, (2, hypotheses))
+    max_chord = float(2 * np.sin(np.radians(inlier_angle_deg) / 2))
+    return agreed_rotation(as_rows(bearings_previous), as_rows(bearings_current), samples, max_chord, MIN_INLIERS)
 
 
 def align_bearings(source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What the tracker says about one image."""
+"""The feature tracks of one image."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,18 +6,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation, rigid
-
 NO_LANDMARK: Final = 0xFFFFFFFF
-"""In place of a landmark's id, of a track that the tracker has no name for."""
+"""In place of a landmark's id, of a track without one."""
 
 
 @dataclass(frozen=True)
 class TrackFrame:
-    """The feature tracks of one camera at one instant.
+    """The feature tracks of one camera in one image.
 
-    A track keeps its id from birth to end. Descriptors are rare: only a track that needs a name carries
-    one, and only in the frame in which it was described.
+    A track keeps its id from first to last image. Only a track that needs a landmark carries a descriptor, and only
+    in the image in which it was described.
 
     Attributes:
         camera: the camera's name, which is its topic prefix.
@@ -28,11 +26,14 @@ class TrackFrame:
         described: (M,) uint32, rows of ``track_ids`` that carry a descriptor in this frame, the strongest first.
         descriptors: (M, 128) uint8 RootSIFT.
         scales: (M,) float32, SIFT scale (sigma) of the described tracks [px].
-        keyframe: whether new features were looked for in this frame.
+        keyframe: whether new features were detected in this frame.
         current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
         rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
         landmark_ids: (N,) uint32 the landmarks that the tracks were found by; ``NO_LANDMARK`` of the others. None: of
             no track.
+        world_T_camera: (4, 4) pose fitted to the tracks, if all of them were found by their landmarks; else None.
+        pose_information: (6, 6) of that pose, rotation [1/rad^2] then translation [1/m^2] in camera axes.
+        shifts: (N, 2) how far the read-out of the rows moved the tracks in the image [px], by that pose.
     """
 
     camera: str
@@ -47,28 +48,11 @@ class TrackFrame:
     current_R_previous: NDArray[np.float64]
     rotation_inliers: int
     landmark_ids: NDArray[np.uint32] | None = None
+    world_T_camera: NDArray[np.float64] | None = None
+    pose_information: NDArray[np.float64] | None = None
+    shifts: NDArray[np.float64] | None = None
 
-
-LONGEST_NS = 500_000_000
-"""Nobody keeps a velocity for longer: from then on a prediction stands still."""
-
-
-def camera_velocity(world_T_earlier: Array, world_T_camera: Array, passed_ns: int) -> Array:
-    """(6,) twist in camera axes [rad/s, m/s] that brings a camera from one pose to another in the time passed [ns]."""
-    return np.asarray(log_se3(inverse(world_T_earlier) @ world_T_camera) / (1e-9 * passed_ns))
-
-
-def predict_pose(world_T_camera: Array, velocity: Array, passed_ns: int, later_R_camera: Array | None = None) -> Array:
-    """The pose (4, 4) after some time.
-
-    Args:
-        world_T_camera: (4, 4) the pose.
-        velocity: (6,) of ``camera_velocity`` [rad/s, m/s].
-        passed_ns: how much later [ns].
-        later_R_camera: (3, 3) rotation since then where it was measured (A eq. 2).
-    """
-    camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
-    if later_R_camera is not None:
-        camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
-    predicted = world_T_camera @ camera_T_later
-    return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])  # or rounding doubles with every image
+    @property
+    def measured_rotation(self) -> NDArray[np.float64] | None:
+        """(3, 3) ``current_R_previous``, or None if it is unknown."""
+        return self.current_R_previous if self.rotation_inliers else None

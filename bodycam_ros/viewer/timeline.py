@@ -20,7 +20,7 @@ from bodycam_ros.messages.tracks import transform_from_pose
 from bodycam_ros.plots.picture_style import FAINT, GOOD, INK, QUIET, RELATIVE, ROTATION_ONLY, WARNING
 from bodycam_ros.plots.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.registration.map_photographs import CameraSight
+from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner, nearest
 from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, ROBOT, camera_topics, published_robot
 from bodycam_ros.results.urdf_tree import UrdfTree

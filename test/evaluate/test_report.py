@@ -22,7 +22,7 @@ from bodycam_ros.evaluate.report import write_report
 from bodycam_ros.evaluate.time_panels import flexion, limb_joints
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.plots.picture_style import LEFT, RIGHT, WARNING
-from bodycam_ros.registration.map_photographs import CameraSight
+from bodycam_ros.registration.landmark_matches import CameraSight
 
 SMALL_SHARE = 1e-4  # of the picture's pixels
 

@@ -1,0 +1,168 @@
+"""The motion of one camera: its pose between registered images, and its twist while the rows of an image are read out.
+
+The model is a constant twist between images, given the time that passed. A measured rotation (A eq. 2, or a
+gyroscope's) replaces the predicted one.
+
+A row ``s`` in [-0.5, 0.5] from the first to the last is exposed ``s * readout_time`` after the middle one. By then a
+camera of twist ``xi`` sees a point where ``exp(-s * readout_time * xi)`` takes it. The twist follows from the poses
+of the images before, up to the camera's own acceleration; the rows of the image itself correct it.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, log_so3, nearest_rotation, rigid
+
+LONGEST_NS: Final = 500_000_000
+"""A prediction further ahead stays where it is after this time."""
+
+TWIST_SIGMAS: Final = np.repeat([0.5, 0.15], 3)
+"""[rad/s, m/s] difference of the twist in an image from the one that the images before predict."""
+
+_UNKNOWN = 4.0  # times wider sigmas where only one image precedes
+_BOTH_SIDES = 0.2  # times narrower sigmas between two images
+_UNEVEN = 0.4  # share of the change between two steps that may come at once, such as of a foot that lands
+
+
+def camera_velocity(world_T_earlier: Array, world_T_camera: Array, passed_ns: int) -> Array:
+    """(6,) twist in camera axes [rad/s, m/s] that moves a camera from one pose to another in the time passed [ns]."""
+    return np.asarray(log_se3(inverse(world_T_earlier) @ world_T_camera) / (1e-9 * passed_ns))
+
+
+def predict_pose(world_T_camera: Array, velocity: Array, passed_ns: int, later_R_camera: Array | None = None) -> Array:
+    """The pose (4, 4) after some time.
+
+    Args:
+        world_T_camera: (4, 4) the pose.
+        velocity: (6,) of ``camera_velocity`` [rad/s, m/s].
+        passed_ns: how much later [ns].
+        later_R_camera: (3, 3) rotation since then where it was measured (A eq. 2).
+    """
+    camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
+    if later_R_camera is not None:
+        camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
+    predicted = world_T_camera @ camera_T_later
+    return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])  # or rounding doubles with every image
+
+
+@dataclass(frozen=True)
+class ImageMotion:
+    """The motion of a camera while the rows of an image are read out, as the images before predict it.
+
+    The twist at a pose is ``gain * log(inverse(world_T_previous) @ pose) + twist``, up to ``sigmas``.
+
+    Attributes:
+        readout_time: from the exposure of the first row to that of the last [s]; negative from the bottom up.
+        readout_sigma: its standard deviation [s]; zero if it is given.
+        world_T_previous: (4, 4) pose of the image before.
+        gain: what a step since then adds to the twist [1/s].
+        twist: (6,) the constant part of the twist, rotation [rad/s] then translation [m/s] in camera axes.
+        sigmas: (6,) standard deviation of the true twist from this [rad/s, m/s].
+        turning: (3,) angular velocity without a pose, from the tracks or the images before [rad/s].
+    """
+
+    readout_time: float
+    readout_sigma: float
+    world_T_previous: Array
+    gain: float
+    twist: Array
+    sigmas: Array
+    turning: Array
+
+    @property
+    def is_rolling(self) -> bool:
+        """Whether the rows are, or may be, read out one after the other."""
+        return self.readout_time != 0.0 or self.readout_sigma != 0.0
+
+    @property
+    def as_vector(self) -> Array:
+        """As ``pose_kernels`` take it (15,): read-out time and its sigma, gain, twist, sigmas."""
+        return np.concatenate([[self.readout_time, self.readout_sigma, self.gain], self.twist, self.sigmas])
+
+    def twist_of(self, world_T_camera: Array) -> Array:
+        """(6,) twist at a pose (4, 4) [rad/s, m/s]."""
+        step: Array = log_se3(inverse(self.world_T_previous) @ world_T_camera)
+        return self.gain * step + self.twist
+
+
+class CameraMotion:
+    """Predicts the poses of one camera from its latest registered images.
+
+    Attributes:
+        world_T_camera: (4, 4) the latest pose, registered or predicted; None if it is unknown.
+    """
+
+    def __init__(self) -> None:
+        self.world_T_camera: Array | None = None
+        self._velocity = np.zeros(6)
+        self._poses: deque[tuple[int, Array]] = deque(maxlen=3)  # of consecutive registered images
+
+    def add(self, stamp_ns: int, world_T_camera: Array, previous_stamp_ns: int) -> None:
+        """The pose of a registered image, and the stamp of the image before it, registered or not [ns]."""
+        if self._poses and self._poses[-1][0] != previous_stamp_ns:
+            self._poses.clear()
+        self._poses.append((stamp_ns, world_T_camera))
+        self.world_T_camera = world_T_camera
+        self._velocity = _twist(*list(self._poses)[-2:]) if len(self._poses) > 1 else np.zeros(6)
+
+    def add_unregistered(self, world_T_camera: Array | None) -> None:
+        """An image without registration: the pose predicted for it, or None where the camera is lost."""
+        self.world_T_camera = world_T_camera
+
+    def predict(self, passed_ns: int, later_R_camera: Array | None = None) -> Array | None:
+        """The pose (4, 4) some time after the latest, its rotation replaced by a measured one (3, 3) if given."""
+        if self.world_T_camera is None:
+            return None
+        return predict_pose(self.world_T_camera, self._velocity, passed_ns, later_R_camera)
+
+    def in_image(
+        self, stamp_ns: int, previous_stamp_ns: int, later_R_camera: Array | None, readout_time: float
+    ) -> ImageMotion | None:
+        """The motion while the next image is read out; None if it is unknown, or all rows are exposed together.
+
+        From the mean twists of the last two steps, if equally long, the twist at the end of the second is 3/2 of the
+        second less 1/2 of the first; one step alone gives its mean; without any the measured rotation gives the
+        turning.
+        """
+        if readout_time == 0.0:
+            return None
+        dt_s = 1e-9 * (stamp_ns - previous_stamp_ns)
+        poses = list(self._poses) if self._poses and self._poses[-1][0] == previous_stamp_ns else []
+        before = _twist(poses[-2], poses[-1]) if len(poses) > 1 else None
+        turning = np.zeros(3) if before is None else before[:3]
+        if later_R_camera is not None:
+            turning = log_so3(later_R_camera.T) / dt_s
+        if before is not None:
+            bend = dt_s / (dt_s + 1e-9 * (poses[-1][0] - poses[-2][0]))
+            gain, rest = (1.0 + bend) / dt_s, -bend * before
+            return ImageMotion(readout_time, 0.0, poses[-1][1], gain, rest, TWIST_SIGMAS, turning)
+        wide = _UNKNOWN * TWIST_SIGMAS
+        if poses:
+            return ImageMotion(readout_time, 0.0, poses[-1][1], 1.0 / dt_s, np.zeros(6), wide, turning)
+        if later_R_camera is None:
+            return None
+        rest = np.concatenate([turning, np.zeros(3)])
+        return ImageMotion(readout_time, 0.0, np.eye(4), 0.0, rest, wide, turning)
+
+    def in_middle_image(self, readout_time: float, readout_sigma: float) -> ImageMotion | None:
+        """The motion in the image before the latest, from both neighbours; None without three images in a row.
+
+        It is free of the image's own error, which would bias a read-out time towards zero.
+        """
+        if len(self._poses) < 3:
+            return None
+        before, middle, after = self._poses
+        first_s, second_s = 1e-9 * (middle[0] - before[0]), 1e-9 * (after[0] - middle[0])
+        # The parabola through all three; the image's own error cancels where the steps are equally long.
+        first, second = _twist(before, middle), _twist(middle, after)
+        twist = (second_s * first + first_s * second) / (first_s + second_s)
+        sigmas = _BOTH_SIDES * TWIST_SIGMAS + _UNEVEN * np.abs(second - first)
+        return ImageMotion(readout_time, readout_sigma, np.eye(4), 0.0, twist, sigmas, twist[:3])
+
+
+def _twist(earlier: tuple[int, Array], later: tuple[int, Array]) -> Array:
+    """Mean twist (6,) between two stamped poses."""
+    return camera_velocity(earlier[1], later[1], later[0] - earlier[0])
