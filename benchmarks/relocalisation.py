@@ -57,7 +57,7 @@ def registered(
     for number, (image, stamp_ns) in enumerate(images):
         unseen = blind is not None and blind[number]
         matches = registering.register(tracker.track(np.full_like(image, _GREY) if unseen else image, stamp_ns))
-        tracker.hear(matches)
+        tracker.add_registration(matches)
         poses.append(matches.world_T_camera)
     return poses
 

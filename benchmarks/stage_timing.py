@@ -117,7 +117,7 @@ def _time_camera(
             with _add_to(seconds, "register"):
                 matches = camera_registrar.register(tracks)
             with _add_to(seconds, "track"):
-                tracker.hear(matches)
+                tracker.add_registration(matches)
             timing.images += 1
             timing.keyframes += tracks.keyframe
             registered.append(matches)

@@ -12,7 +12,7 @@ from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
+from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -108,10 +108,9 @@ def walk(
 def named(one: BodyKeyframe, grown_map: ReferenceMap) -> BodyKeyframe:
     """The keyframe with the landmarks that its features show, as a registrar names them."""
     pixels, _ = CAMERA.project(one.bearings)
-    matching = MatchingSettings()
     scales = one.sizes * scales_at(CAMERA, one.bearings[:, 2])
     features, landmarks = match_near_prediction(
-        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, scales, matching.radius_px, matching
+        grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, scales, RADIUS_PX
     )
     ids = one.landmark_ids.copy()
     ids[features] = grown_map.landmark_ids[landmarks]

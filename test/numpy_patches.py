@@ -2,13 +2,13 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from numpy_pose_fit import by_pose, seen_later
 from scipy.ndimage import map_coordinates
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.registration.patch_kernels import PATCH
-from bodycam_ros.registration.recent_path import seen_later
 
 Array = NDArray[np.float64]
 Levels = list[NDArray[np.uint8]]
@@ -18,6 +18,7 @@ LEAST_COSINE = 0.2
 MOST_STEPS, STILL_PX, FARTHEST_PX = 8, 0.02, 4.0
 LEAST_SLOPE = 300.0
 MOST_ABOVE = 4
+CELLS, LEAST_SIGMA_PX, LEAST_AXIS_COSINE = 8, 0.8, np.cos(np.radians(84.0))
 
 
 def project_moving_in_numpy(
@@ -57,11 +58,8 @@ def choose_in_numpy(
     sizes: Array,
     trust: Array,
     trust_scale: float,
-    cells: int,
     per_cell: int,
-    least_sigma_px: float,
-    least_cosine: float,
-) -> tuple[NDArray[np.int64], Array]:
+) -> NDArray[np.int64]:
     offsets = points_world - world_T_camera[:3, 3]
     distances = np.linalg.norm(offsets, axis=1)
     sigmas_px = camera.fx * sizes.astype(float) / distances
@@ -69,8 +67,8 @@ def choose_in_numpy(
     u, v = np.nan_to_num(pixels, nan=-1.0).T
     seen = (
         valid
-        & (offsets @ world_T_camera[:3, 2] >= least_cosine * distances)
-        & (sigmas_px >= least_sigma_px)
+        & (offsets @ world_T_camera[:3, 2] >= LEAST_AXIS_COSINE * distances)
+        & (sigmas_px >= LEAST_SIGMA_PX)
         & (-np.einsum("ni,ni->n", normals.astype(float), offsets) >= LEAST_COSINE * distances)
         & (np.minimum(u, v) > BORDER_PX)
         & (u < camera.width - 1 - BORDER_PX)
@@ -78,13 +76,29 @@ def choose_in_numpy(
         & np.isin(np.arange(len(points_world)), candidates)
     )
     merits = trust_scale * trust - 0.05 * np.abs(np.log2(sigmas_px / 2.0))
-    cell = (v * cells / camera.height).astype(int) * cells + (u * cells / camera.width).astype(int)
+    cell = (v * CELLS / camera.height).astype(int) * CELLS + (u * CELLS / camera.width).astype(int)
     rows = [
         row
-        for number in range(cells * cells)
+        for number in range(CELLS * CELLS)
         for row in sorted(np.flatnonzero(seen & (cell == number)), key=lambda row: -merits[row])[:per_cell]
     ]
-    return np.array(rows, np.int64), pixels[rows].reshape(-1, 2)
+    return np.array(rows, np.int64)
+
+
+def most_informative_in_numpy(
+    camera: CameraModel, world_T_camera: Array, points_world: Array, chances: Array, most: int
+) -> list[int]:
+    """Rows of points (N, 3), greedily by the determinant of the pose's information."""
+    points = transform_points(inverse(world_T_camera), points_world)
+    by_point = camera.project_with_jacobian(points)[1]
+    jacobians = chances[:, None, None] * by_pose(by_point, points)
+    information, chosen = np.diag(np.repeat([0.02**-2, 0.05**-2], 3)), []
+    for _ in range(most):
+        gains = [np.linalg.slogdet(information + J.T @ J)[1] for J in jacobians]
+        best = max(set(range(len(points))) - set(chosen), key=lambda row: gains[row])
+        chosen.append(best)
+        information = information + jacobians[best].T @ jacobians[best]
+    return sorted(chosen)
 
 
 def best_views_in_numpy(

@@ -4,32 +4,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import hat
-from bodycam_ros.tracking.rotation import RotationSettings, align_bearings
+from bodycam_ros.tracking.rotation import HYPOTHESES, INLIER_ANGLE_DEG, MIN_INLIERS, align_bearings
 
 
 def estimate_rotation_in_numpy(
     bearings_previous: NDArray[np.float64],
     bearings_current: NDArray[np.float64],
-    settings: RotationSettings,
     seed: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     nobody = np.zeros(len(bearings_previous), bool)
-    if len(bearings_previous) < settings.min_inliers:
+    if len(bearings_previous) < MIN_INLIERS:
         return np.eye(3), nobody
-    max_chord = 2 * np.sin(np.radians(settings.inlier_angle_deg) / 2)
+    max_chord = 2 * np.sin(np.radians(INLIER_ANGLE_DEG) / 2)
 
-    hypotheses = _rotations_of_pairs(bearings_previous, bearings_current, settings.hypotheses, seed)
+    hypotheses = _rotations_of_pairs(bearings_previous, bearings_current, HYPOTHESES, seed)
     chords = np.linalg.norm(bearings_previous @ hypotheses.transpose(0, 2, 1) - bearings_current, axis=2)
     best = int(np.argmin(np.minimum(chords, max_chord).sum(axis=1)))
     current_R_previous = hypotheses[best]
     inliers = chords[best] < max_chord
 
     for _ in range(2):
-        if inliers.sum() < settings.min_inliers:
+        if inliers.sum() < MIN_INLIERS:
             return np.eye(3), nobody
         current_R_previous = align_bearings(bearings_previous[inliers], bearings_current[inliers])
         inliers = np.linalg.norm(bearings_previous @ current_R_previous.T - bearings_current, axis=1) < max_chord
-    if inliers.sum() < settings.min_inliers:
+    if inliers.sum() < MIN_INLIERS:
         return np.eye(3), nobody
     return current_R_previous, inliers
 

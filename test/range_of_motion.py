@@ -159,7 +159,6 @@ def registrations(
     landmarks = _landmarks_around(random)
     in_map = landmarks + map_noise * np.random.default_rng([seed, 7]).normal(size=landmarks.shape)
     cameras = wide_cameras(only or motion.body.mounts)
-    fit = PoseFitSettings(iterations=3)
     for row, stamp_ns in enumerate(motion.stamps_ns):
         generation = int(1e-9 * (stamp_ns - START_NS) / _TRACK_S)
         for name, camera in cameras.items():
@@ -173,7 +172,7 @@ def registrations(
             if pixel_noise:
                 errors = np.random.default_rng([seed, *name.encode(), generation]).normal(size=(len(landmarks), 2))
                 shown = shown + pixel_noise * errors[seen]
-                fitted = fit_pose(camera, in_map[seen], shown, world_T_camera, fit)
+                fitted = fit_pose(camera, in_map[seen], shown, world_T_camera, PoseFitSettings(), iterations=3)
                 pose, covariance = fitted.world_T_camera, np.linalg.inv(fitted.information)
             if random.random() < wrong_share:
                 pose = pose @ rigid(exp_so3(random.normal(size=3)), random.normal(size=3))

@@ -31,7 +31,7 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.registration.readout_time import ReadoutLog, ReadoutSettings
+from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.timing.clock_state import ClockSettings
 
@@ -66,7 +66,6 @@ class BodyCalibrator:
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
         clock: how far the cameras' clocks may be off.
-        readout: which cameras share a read-out time, and when it is known well enough.
         modes: camera -> the video mode that its read-out time is measured in, where that is known.
 
     Raises:
@@ -82,7 +81,6 @@ class BodyCalibrator:
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
         clock: ClockSettings | None = None,
-        readout: ReadoutSettings | None = None,
         modes: Mapping[str, VideoMode] | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
@@ -97,13 +95,12 @@ class BodyCalibrator:
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
         self._clock = clock or ClockSettings()
-        self._readout = readout or ReadoutSettings()
         self.forget()
 
     def forget(self) -> None:
         """Drop what was collected: the range of motion begins anew."""
         self._logs = {camera: CameraLog(camera) for camera in self._rig.cameras}
-        self._readouts = ReadoutLog({camera: self._models[camera] for camera in self._rig.cameras}, self._readout)
+        self._readouts = ReadoutLog({camera: self._models[camera] for camera in self._rig.cameras})
 
     def add(self, matches: LandmarkMatches) -> None:
         """Collect one image's registration; of each camera in order of time, cameras in any order."""

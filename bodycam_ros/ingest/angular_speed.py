@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import log_so3
-from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
-from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
+from bodycam_ros.tracking.optical_flow import follow
+from bodycam_ros.tracking.rotation import estimate_rotation
 
 Array = NDArray[np.float64]
 
@@ -62,8 +62,6 @@ class AngularSpeedMeter:
     def __init__(self, camera: CameraModel) -> None:
         self._camera = camera
         self._scale = min(1.0, _IMAGE_WIDTH / camera.width)
-        self._flow = OpticalFlowSettings()
-        self._rotation = RotationSettings()
         self._image: NDArray[np.uint8] | None = None
         self._media_s = 0.0
         self._pixels = np.zeros((0, 2), np.float32)
@@ -112,13 +110,11 @@ class AngularSpeedMeter:
         predicted, valid = self._camera.project(bearings_previous @ self._turn.T)
         usable = valid & self._camera.in_image(predicted)
         start = np.where(usable[:, None], self._to_small(predicted), self._pixels).astype(np.float32)
-        pixels, alive = follow(previous, current, self._pixels, start, self._flow)
+        pixels, alive = follow(previous, current, self._pixels, start)
         bearings_current, in_view = self._camera.unproject(self._to_full(pixels))
         alive &= in_view
         self._pixels, self._bearings = pixels[alive], bearings_current[alive]
-        current_R_previous, agree = estimate_rotation(
-            bearings_previous[alive], self._bearings, self._rotation, seed=len(self._times)
-        )
+        current_R_previous, agree = estimate_rotation(bearings_previous[alive], self._bearings, seed=len(self._times))
         self._turn = current_R_previous
         if not agree.any():
             return np.full(3, np.nan)

@@ -13,7 +13,7 @@ import numpy as np
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
-from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
+from bodycam_ros.tracking.rotation import estimate_rotation
 
 PointPair = tuple[Array, Array]
 """Pixels (N, 2) of the same points in two pictures of a camera."""
@@ -28,7 +28,7 @@ _LEAST_TURN_DEG = 4.0  # between two pictures; translation alone does not show a
 _MISMATCH = 1.06  # of the focal length, or its inverse: no lens mode differs by less
 _CLEAR_SHARE = 0.75  # of the error with the given lens, which another lens must reach
 _CLEAR_PAIRS = 0.75  # of the pairs that must agree
-_ROTATION = RotationSettings(inlier_angle_deg=2.0, hypotheses=64)
+_INLIER_ANGLE_DEG, _HYPOTHESES = 2.0, 64
 _SPREADS_PX = np.geomspace(10.0, 0.7, 16)
 """Of points about their lines, step by step: what is on the wearer must not decide at first."""
 
@@ -155,7 +155,7 @@ def _turn_deg(camera: CameraModel, pair: PointPair) -> float:
     first, second = _rays(camera, pair)
     if len(first) < _LEAST_POINTS:
         return 0.0
-    turn, agree = estimate_rotation(first, second, _ROTATION, seed=0)
+    turn, agree = estimate_rotation(first, second, 0, _INLIER_ANGLE_DEG, _HYPOTHESES)
     return float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0)))) if agree.any() else 0.0
 
 
@@ -164,7 +164,7 @@ def _epipolar_error(camera: CameraModel, pair: PointPair) -> float:
     first, second = _rays(camera, pair)
     if len(first) < _LEAST_SHARE * len(pair[0]) or len(first) < _LEAST_POINTS:
         return np.inf
-    turn, agree = estimate_rotation(first, second, _ROTATION, seed=0)
+    turn, agree = estimate_rotation(first, second, 0, _INLIER_ANGLE_DEG, _HYPOTHESES)
     if not agree.any():
         return np.inf
     focal = 0.5 * (camera.fx + camera.fy)

@@ -101,7 +101,6 @@ class LiveCalibration:
             settings.evidence,
             self._facing,
             settings.clock,
-            settings.readout,
         )
 
     def add(self, matches: LandmarkMatches) -> None:

@@ -196,7 +196,7 @@ class LiveRegistration:
         self._latest_ns: dict[str, int] = {}
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._missed = MissedFrames()
-        self._health = RegistrationHealth(cameras, settings().readout)
+        self._health = RegistrationHealth(cameras)
         self._frames, self._work_s = 0, 0.0
 
     @property
@@ -229,7 +229,7 @@ class LiveRegistration:
         if timing.readout is not None:
             self._readouts[camera][timing.source] = timing.readout
             if camera in self._registrars:
-                self._registrars[camera].learn(timing.readout)
+                self._registrars[camera].set_readout(timing.readout)
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Register a frame of a camera that is in use."""

@@ -5,11 +5,11 @@ from typing import Final
 
 from bodycam_ros.settings import setting
 
-TRACKER_GROUPS: Final = ("tracker", "keypoints", "flow", "rotation", "direct", "pose_fit", "shutter")
-REGISTRATION_GROUPS: Final = ("registrar", "growth", "matching", "absolute_pose", "pose_fit", "shutter")
+TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit")
+REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
-    *("readout", "clock", "assembler", "smoother", "motion", "contact", "evidence"),
+    *("clock", "assembler", "smoother", "motion", "contact", "evidence"),
     *("coupling", "region", "pose_fit", "motion_log", "joint_limits", "assessment"),
 )
 """The groups of settings that each node uses."""
@@ -296,8 +296,8 @@ ALL = tuple(OF_NODES.values())
 
 GROUPS: Final = frozenset(
     """
-    tracker keypoints flow rotation registrar growth extend direct matching absolute_pose pose_fit shutter
-    readout clock assembler smoother motion contact evidence coupling region
+    keypoints registrar growth extend direct pose_fit
+    clock assembler smoother motion contact evidence coupling region
     motion_log joint_limits assessment
     frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
     sound_peaks claps whole_sound clocks shape stations doctor lens retarget

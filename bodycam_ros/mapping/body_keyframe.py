@@ -11,7 +11,7 @@ from bodycam_ros.kernels import as_bytes, as_rows
 from bodycam_ros.mapping.epipolar_kernels import match_along_epipolars
 from bodycam_ros.mapping.epipolar_matching import axes_along
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.recent_path import steady_pixels
+from bodycam_ros.registration.pose_fit import steady_pixels
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.registration.matching import MatchingSettings
+from bodycam_ros.registration.matching import MAX_VIEW_ANGLE_DEG, MIN_VISIBLE_SCALE_PX
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 Array = NDArray[np.float64]
@@ -161,13 +161,12 @@ def _axes_towards(elevations_deg: Array, azimuths_deg: Array) -> Array:
 
 def _offsets(reference_map: ReferenceMap, place_world: Array) -> Array:
     """(V, 3) from a place to the landmarks that can be matched from there, in any direction."""
-    matching = MatchingSettings()
     offsets = reference_map.points_world - place_world
     distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
-    large = reference_map.landmark_sizes * BODY_CAMERA.fx > matching.min_visible_scale_px * distances
+    large = reference_map.landmark_sizes * BODY_CAMERA.fx > MIN_VISIBLE_SCALE_PX * distances
     landmark = reference_map.descriptor_landmark
     cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view, offsets[landmark]) / distances[landmark]
-    from_there = cosines > np.cos(np.radians(matching.max_view_angle_deg))
+    from_there = cosines > np.cos(np.radians(MAX_VIEW_ANGLE_DEG))
     alike: NDArray[np.bool_] = np.zeros(len(offsets), bool)
     alike[landmark[from_there]] = True
     return np.asarray(offsets[large & alike])

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.registration.map_search import MapSearch
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.visual_index import VisualIndex
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
@@ -86,12 +86,12 @@ class ExtendableMap(ReferenceMap):
         return len(self.descriptor_landmark) - VIEWS * self.capacity
 
     @cached_property
-    def search(self) -> MapSearch:
+    def visual_index(self) -> VisualIndex:
         """The index of all descriptors, for all cameras."""
         first = self._first_slot_descriptor
-        search = self._search(first)
-        search.index.add(first + np.flatnonzero(self.descriptor_size[first:] > 0.0))
-        return search
+        index = self.index_descriptors(first)
+        index.add(first + np.flatnonzero(self.descriptor_size[first:] > 0.0))
+        return index
 
     @cached_property
     def _settled_by_id(self) -> NDArray[np.int64]:
@@ -120,8 +120,8 @@ class ExtendableMap(ReferenceMap):
         self.descriptor_size[described] = sizes
         self.landmark_sizes[rows] = sizes.max(axis=1)
         self.grid.put(rows)
-        if "search" in self.__dict__:  # else no camera has been lost yet, and the index will be made of all landmarks
-            self.search.index.add(described[sizes > 0.0])
+        if "visual_index" in self.__dict__:  # else the index will be made of all landmarks, once a camera is lost
+            self.visual_index.add(described[sizes > 0.0])
 
     def compact(self) -> ReferenceMap:
         """The map as it is now, for a file: without empty slots, ids of added landmarks numbered anew.
@@ -147,6 +147,7 @@ class ExtendableMap(ReferenceMap):
             "descriptor_size": self.descriptor_size[described],
             "photographs": photographs,
             "grown": self.grown + len(filled),
+            "words": None,
         }
         return ReferenceMap(**_fields_of(self) | changed)
 

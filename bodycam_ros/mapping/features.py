@@ -17,7 +17,7 @@ from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
 # The tracker's detector, so that descriptors agree; half of OpenCV's contrast threshold doubles the large features.
-_DETECTOR = KeypointSettings(image_scale=1.0, contrast_threshold=0.02, max_keypoints=20000, cells=1)
+_DETECTOR = KeypointSettings(image_scale=1.0, contrast_threshold=0.02, max_keypoints=20000)
 _WIDTH_PX, _MIN_SCALE = 768, 0.6  # of pictures that are searched: larger ones at 0.6 of their size cost half, and give
 # the same features with a sigma over 1.5 px
 _MAX_VIEW_ANGLE_DEG = 80.0  # from the optical axis; farther out a fisheye's calibration is poor
@@ -72,7 +72,7 @@ def extract_features(
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     tags = [] if family is None else detect_tags(gray, camera, family)
     scale = float(np.clip(_WIDTH_PX / camera.width, _MIN_SCALE, 1.0))
-    found = KeypointDetector(replace(_DETECTOR, image_scale=scale)).detect(gray, _mask(camera))
+    found = KeypointDetector(replace(_DETECTOR, image_scale=scale), cells=1).detect(gray, _mask(camera))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
     kept = np.argsort(-found.scales, kind="stable")[:max_features]
     pixels = found.pixels[kept]

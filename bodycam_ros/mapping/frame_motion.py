@@ -11,7 +11,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.mapping.moving_camera import MovingCamera
-from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
+from bodycam_ros.tracking.rotation import estimate_rotation
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -24,7 +24,6 @@ _SPACING = 0.02  # of the width, between points that are followed
 _RETURN_PX = 1.0
 _CUT_DEG = 12.0  # change of view where all points are lost
 _TREMOR_DEG = 2.0  # of a steady hand: points are followed until they moved by more, so that tremor does not add up
-_ROTATION = RotationSettings()
 _ROWS_AT_ONCE = 200  # bounds the memory that a large picture takes
 _ITERATIONS = 2
 
@@ -145,7 +144,7 @@ class _ViewChange:
 def _rotation(before: Array, now: Array) -> Array:
     """Rotation vector (3,) [rad] of the camera between the bearings (N, 3) of two frames (A eq. 2)."""
     known = np.isfinite(before[:, 0]) & np.isfinite(now[:, 0])
-    return log_so3(estimate_rotation(before[known], now[known], _ROTATION, seed=0)[0].T)
+    return log_so3(estimate_rotation(before[known], now[known], seed=0)[0].T)
 
 
 def _follow(before: Grey, after: Grey, pixels: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

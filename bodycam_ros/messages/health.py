@@ -10,9 +10,8 @@ import numpy as np
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, flat, header_message, numbers
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.landmark_matches import CameraSight, camera_sight
-from bodycam_ros.registration.readout_time import ReadoutSettings, TypicalSpeed, doubt
+from bodycam_ros.registration.landmark_matches import CameraSight, LandmarkMatches, camera_sight
+from bodycam_ros.registration.readout_time import DOUBTFUL_S, TypicalSpeed, doubt
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.verdict import Level, Verdict
 
@@ -102,13 +101,11 @@ class RegistrationHealth:
 
     Args:
         cameras: the cameras that should be heard; a silent one is reported too.
-        readout: when a read-out time is known well enough.
     """
 
-    def __init__(self, cameras: Iterable[str], readout: ReadoutSettings) -> None:
+    def __init__(self, cameras: Iterable[str]) -> None:
         self._tallies = {camera: _Tally() for camera in cameras}
         self._speeds: defaultdict[str, TypicalSpeed] = defaultdict(TypicalSpeed)
-        self._doubtful_s = readout.doubtful
 
     def add(self, matches: LandmarkMatches) -> None:
         """Count one image's registration."""
@@ -138,7 +135,7 @@ class RegistrationHealth:
         if tally.readout is None:
             return health
         values = {**health.values, "read-out time [ms]": tally.readout.milliseconds}
-        if tally.readout.sigma > self._doubtful_s:
+        if tally.readout.sigma > DOUBTFUL_S:
             values["read-out time"] = doubt(tally.readout, self._speeds[camera])
         return replace(health, values=values)
 

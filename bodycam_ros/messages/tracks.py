@@ -124,6 +124,8 @@ def body_covariance(a_T_b: NDArray[np.float64], covariance: NDArray[np.float64])
 
 def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
     """bodycam_msgs/FeatureTracks of a track frame."""
+    located = frame.world_T_camera is not None
+    information = np.zeros((6, 6)) if frame.pose_information is None else frame.pose_information
     return make(
         "bodycam_msgs/msg/FeatureTracks",
         header=header_message(make, frame.stamp_ns, make.frame(optical_frame(frame.camera))),
@@ -137,6 +139,10 @@ def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
         current_r_previous=quaternion_message(make, frame.current_R_previous),
         landmark_ids=make.sequence(flat(np.zeros(0) if frame.landmark_ids is None else frame.landmark_ids, np.uint32)),
         rotation_inliers=int(frame.rotation_inliers),
+        located=located,
+        pose=pose_message(make, np.eye(4) if frame.world_T_camera is None else frame.world_T_camera),
+        pose_information=flat(information, np.float64),
+        shifts=make.sequence(flat(np.zeros(0) if frame.shifts is None else frame.shifts, np.float64)),
     )
 
 
@@ -160,6 +166,9 @@ def track_frame(message: Message, camera: str) -> TrackFrame:
         current_R_previous=rotation_from_message(message.current_r_previous),
         rotation_inliers=int(message.rotation_inliers),
         landmark_ids=numbers(message.landmark_ids, np.uint32, track_count) if len(message.landmark_ids) else None,
+        world_T_camera=transform_from_pose(message.pose) if message.located else None,
+        pose_information=numbers(message.pose_information, np.float64, 6, 6) if message.located else None,
+        shifts=numbers(message.shifts, np.float64, track_count, 2) if message.located else None,
     )
 
 

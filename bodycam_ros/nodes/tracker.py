@@ -161,7 +161,7 @@ class TrackerStage(Stage[TrackerParameters]):
             return
         # What was said of the tracks of a tracker before this one, or of a time before, does not concern these.
         if self._answers.answered(matches.stamp_ns):
-            self._tracker.hear(matches)
+            self._tracker.add_registration(matches)
             if self._lens is not None:
                 self._lens.note_registration(matches.world_T_camera is not None)
         self.soon(self._track_next)

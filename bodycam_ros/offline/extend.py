@@ -27,8 +27,8 @@ from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask,
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.matching import match_near_prediction
-from bodycam_ros.registration.recent_path import steady_pixels
+from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
+from bodycam_ros.registration.pose_fit import steady_pixels
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
@@ -145,7 +145,7 @@ def _keyframes(
 ) -> Iterator[tuple[BodyKeyframe, bytes]]:
     """Chosen images in order of time, with their features, and as JPEG."""
     poses = {(camera, pose.stamp_ns): pose for camera, of_camera in chosen.items() for pose in of_camera}
-    masks = {name: view_mask(camera, settings.tracker.max_view_angle_deg) for name, camera in cameras.items()}
+    masks = {name: view_mask(camera) for name, camera in cameras.items()}
 
     def process(image: CameraImage) -> tuple[BodyKeyframe, bytes] | None:
         try:
@@ -153,7 +153,7 @@ def _keyframes(
         except RecordingError:
             return None
         camera, pose = cameras[image.camera], poses[image.camera, image.stamp_ns]
-        keyframe = _keyframe(reference_map, camera, pose, grey, masks[image.camera], settings)
+        keyframe = _keyframe(reference_map, camera, pose, grey, masks[image.camera])
         done, jpeg = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         return (keyframe, bytes(jpeg.tobytes())) if done else None
 
@@ -170,7 +170,6 @@ def _keyframe(
     pose: RegisteredImagePose,
     grey: NDArray[np.uint8],
     mask: NDArray[np.uint8],
-    settings: PipelineSettings,
 ) -> BodyKeyframe:
     found = KeypointDetector(_KEYPOINTS).detect(grey, mask)
     pixels = steady_pixels(camera, found.pixels, pose.turning, pose.readout_time)
@@ -181,8 +180,7 @@ def _keyframe(
         pixels,
         found.descriptors,
         found.scales,
-        settings.matching.radius_px,
-        settings.matching,
+        RADIUS_PX,
     )
     ids = np.full(len(pixels), NO_LANDMARK, np.uint32)
     ids[features] = reference_map.landmark_ids[landmarks]

@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody, CalibrationSettings
-from bodycam_ros.calibration.camera_motion import TRACK_AGE_S
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
@@ -134,9 +133,6 @@ def _decoded(
         yield share, Instant(images[0].stamp_ns, pictures)
 
 
-_KEYFRAMES_PER_TRACK = 0.8
-"""Of a track's life until the next keyframe, whose keypoints find their landmarks around the pose of older tracks."""
-
 Progress = Callable[[str, float], None]
 """Called with the name of a step and the share of it that is done, 0 to 1."""
 
@@ -188,13 +184,12 @@ def calibrate(
         pipeline.evidence,
         facing_rad,
         pipeline.clock,
-        pipeline.readout,
         modes,
     )
     task = RegistrationTask(
         recording_path,
         map_path,
-        _with_fresh_tracks(pipeline, settings.motion_log.max_rate),
+        pipeline,
         max_rate=settings.motion_log.max_rate,
         with_messages=False,
     )
@@ -215,17 +210,6 @@ def calibrate(
     body = calibrated.body
     mounts = {camera: replace(mount, imu=imus.get(camera)) for camera, mount in body.mounts.items()}
     return replace(calibrated, body=replace(body, mounts=mounts))
-
-
-def _with_fresh_tracks(pipeline: PipelineSettings, max_rate: float) -> PipelineSettings:
-    """The tracker's settings for a calibration: short tracks, and keyframes so often that each track sees another."""
-    interval = max(1, round(_KEYFRAMES_PER_TRACK * TRACK_AGE_S * max_rate))
-    tracker = replace(
-        pipeline.tracker,
-        keyframe_interval=min(interval, pipeline.tracker.keyframe_interval),
-        max_track_age=min(TRACK_AGE_S, pipeline.tracker.max_track_age),
-    )
-    return replace(pipeline, tracker=tracker)
 
 
 _WELL_REGISTERED = 0.6

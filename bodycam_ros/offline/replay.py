@@ -130,9 +130,9 @@ def replay(
         stack.enter_context(threadpool_limits(1, user_api="blas"))
         writer = stack.enter_context(write_recording(output_path, force))
         clocks = skeleton.synchronizer.clocks
-        out = ReplayOutput(writer, body, RegistrationHealth(cameras, settings.readout), summary, log, clocks, coupling)
+        out = ReplayOutput(writer, body, RegistrationHealth(cameras), summary, log, clocks, coupling)
         in_its_mode = [camera for camera, readout in readouts.items() if readout == body.mounts[camera].readout]
-        rows = ReadoutLog(cameras, settings.readout, in_its_mode)
+        rows = ReadoutLog(cameras, in_its_mode)
         task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=readouts, slim=slim)
         spans = CameraSpans([*cameras, *stations])
         unusable = UnusableImages()

@@ -19,12 +19,8 @@ from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_decoder import decode_last
 from bodycam_ros.recording.video_file import frame_times, grey_pixels, keyframe_near
-from bodycam_ros.registration.image_registration import ImageRegistration, ImageRegistrationSettings
-from bodycam_ros.registration.lost_camera import AbsolutePoseSettings
-from bodycam_ros.registration.matching import MatchingSettings
-from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import RegistrarSettings
 from bodycam_ros.tracking.feature_tracker import view_mask
 
 Grey = NDArray[np.uint8]
@@ -333,12 +329,4 @@ def register_samples(
 
 def _registration(camera: SampledCamera, reference_map: ReferenceMap) -> ImageRegistration:
     assert camera.lens is not None
-    return ImageRegistration(
-        camera.lens,
-        reference_map,
-        ImageRegistrationSettings(),
-        RegistrarSettings(),
-        MatchingSettings(),
-        AbsolutePoseSettings(),
-        PoseFitSettings(),
-    )
+    return ImageRegistration(camera.lens, reference_map)

@@ -14,7 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.registration.landmark_choice_kernels import CELLS, LEAST_SIGMA_PX, best_views, choose_landmarks
+from bodycam_ros.registration.landmark_choice_kernels import LEAST_SIGMA_PX, best_views, choose_landmarks
 from bodycam_ros.registration.local_landmarks import LandmarkTrust, LocalLandmarks
 from bodycam_ros.registration.map_photographs import MapPhotographs, pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.patch_kernels import align_patches
@@ -29,7 +29,8 @@ _LIKENESS = 0.7  # least correlation of a patch with the image
 _INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
 _AGREE = 0.6  # least share of the coarse landmarks that fit one pose
 _LEAST_FOUND = 8  # landmarks of a pose
-_CANDIDATES_PER_CHOICE = 2  # landmarks of the cells for each one that is chosen by its information
+_CANDIDATES = 2  # times ``per_cell`` in each cell,
+_CHOSEN = 40  # times ``per_cell`` in all, those of the candidates that determine the pose best
 _MOST_IMAGES = 6  # for which a choice of landmarks lasts,
 _MOST_TURN = 0.12  # or until the camera turned so far [rad],
 _MOST_WAY_M = 0.15  # moved so far,
@@ -47,9 +48,9 @@ class DirectSettings:
         True, reason="whether the photographs of the map are used; without them tracks and descriptors are"
     )
     per_cell: int = setting(
-        1,
+        2,
         limits=(1, 20),
-        reason="landmarks for each of the 64 cells of an image; more are more exact, and cost as much more time",
+        reason="landmarks of an image, in units of 40; more are more exact, and cost as much more time",
     )
 
 
@@ -140,9 +141,7 @@ class DirectRegistration:
         pose = self._correct_prediction(before, predicted, motion)
         return None if pose is None else self.find(pose, motion, stamp_ns, first_level=0)
 
-    def find(
-        self, near: Array, motion: ImageMotion | None, stamp_ns: int, first_level: int = 1
-    ) -> DirectView | None:
+    def find(self, near: Array, motion: ImageMotion | None, stamp_ns: int, first_level: int = 1) -> DirectView | None:
         """The landmarks in the latest image around a pose (4, 4); None if too few are found.
 
         Args:
@@ -200,8 +199,8 @@ class DirectRegistration:
             self._sizes,
             self._trust.scaled,
             self._trust.scale,
-            _CANDIDATES_PER_CHOICE * self._per_cell,
-            CELLS * CELLS * self._per_cell,
+            _CANDIDATES * self._per_cell,
+            _CHOSEN * self._per_cell,
         )
         views = best_views(
             self._scales,
@@ -218,9 +217,7 @@ class DirectRegistration:
         self._choice = _Choice(near, rows, views)
         return self._choice
 
-    def _correct_prediction(
-        self, before: DirectView, predicted: Array, motion: ImageMotion | None
-    ) -> Array | None:
+    def _correct_prediction(self, before: DirectView, predicted: Array, motion: ImageMotion | None) -> Array | None:
         """The pose by some landmarks of the image before, each by its patch in that image (A eq. 2)."""
         few = np.linspace(0, len(before.rows) - 1, min(_COARSE, len(before.rows))).astype(np.int64)
         rows = before.rows[few]

@@ -50,7 +50,7 @@ class LandmarkMatches:
     grown: int = 0
 
     def bare(self) -> "LandmarkMatches":
-        """The same without the landmarks: the pose by them, and whether most of them were added by body cameras (as one, or none)."""
+        """The same without the landmarks; ``grown`` is 1 if most of them were added by body cameras, else 0."""
         nothing = slice(0)
         return replace(
             self,

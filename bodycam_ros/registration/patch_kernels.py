@@ -255,7 +255,8 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: 
         x, y = left - column, top - row
         c00, c01, c10, c11 = (1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y
         a00, a01, a10, a11 = np.float32(c00), np.float32(c01), np.float32(c10), np.float32(c11)
-        total, squares, r0, r1, r2 = np.float32(0), np.float32(0), np.float32(0), np.float32(0), np.float32(0)
+        zero = np.float32(0)
+        total, squares, r0, r1, r2 = zero, zero, zero, zero, zero
         for j in range(PATCH):
             start_of_row, n = start + (row + j) * width + column, PATCH * j
             upper = image[start_of_row : start_of_row + PATCH + 1]
@@ -271,14 +272,14 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: 
         variance = squares - total * total / count
         if variance < 1.0:
             return u, v, math.nan
-        likeness = r0 / math.sqrt(g00 * variance)
+        likeness = float(r0 / math.sqrt(g00 * variance))
         q1, q2 = r1 - g01 * r0 / g00, r2 - g02 * r0 / g00
         by_x, by_y = (s22 * q1 - s12 * q2) / determinant, (s11 * q2 - s12 * q1) / determinant
         gain = (r0 - g01 * by_x - g02 * by_y) / g00
         if not (gain > _LEAST_GAIN and gain < _MOST_GAIN):
             return u, v, math.nan
         # The image is the patch moved by the shift, so the patch is found where that is taken back.
-        step_x, step_y = -by_x / gain, -by_y / gain
+        step_x, step_y = float(-by_x / gain), float(-by_y / gain)
         x_now, y_now = x_now + step_x, y_now + step_y
         if not ((x_now - u) ** 2 + (y_now - v) ** 2 < _FARTHEST**2):
             return u, v, math.nan

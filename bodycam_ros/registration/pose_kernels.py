@@ -110,7 +110,18 @@ def fit_kernel(
         elif iteration > 0:
             scale_px = max(0.5 * scale_px, inlier_px)
         _linearise(
-            lens, points_world, pixels, pose, twist, readout_time, shares, motion, scale_px, errors_px, hessian, gradient
+            lens,
+            points_world,
+            pixels,
+            pose,
+            twist,
+            readout_time,
+            shares,
+            motion,
+            scale_px,
+            errors_px,
+            hessian,
+            gradient,
         )
         pull = gradient[unknowns - 1]
         if len(motion):

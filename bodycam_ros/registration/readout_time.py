@@ -16,10 +16,13 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 EVERY = 3
-"""Images of which one is used, with the weight of all: neighbours are strongly correlated, and each costs a pose fit."""
+"""Images of which one is used, for all: neighbours are strongly correlated, and each costs a pose fit."""
 
 LEAST_TURN = 0.5
 """[rad/s] images of a camera that turns more slowly carry too little information for a fit."""
+
+DOUBTFUL_S = 0.001
+"""Sigma [s] of a read-out time that is reported as doubtful: at 2 rad/s it leaves a tenth of a degree."""
 
 _FIRST_SIGMA_S = 0.015  # before any image, around zero; cameras take 0 (global shutter) to 30 ms
 _IMAGES_ALIKE = 6.0  # images share tracks, and so errors; the information of each is divided by this
@@ -31,7 +34,6 @@ _CONFIRMATION, _CHECKED_S = 2.0, 0.0005  # sigmas and [s] within which the image
 
 _SPREAD_S = 0.0001  # between units of one make: their clocks differ by some ppm, the rest is the lens' share
 _AGREE = 3.0  # [sigma] cameras whose read-out times differ by more are of two makes
-_DOUBTFUL_S = 0.001  # sigma of a camera that is named: at 2 rad/s it leaves a tenth of a degree
 _EXACT_S = 1e-9  # no read-out time is known better
 _TURNS = 5  # the set of agreeing cameras settles within two or three
 
@@ -226,7 +228,7 @@ class ReadoutLog:
         return {
             camera: f"camera {camera}: {doubt(readout, self._speeds[camera])}"
             for camera, readout in sorted(self.readouts().items())
-            if readout.sigma > _DOUBTFUL_S
+            if readout.sigma > DOUBTFUL_S
         }
 
 

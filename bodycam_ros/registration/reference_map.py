@@ -1,7 +1,7 @@
 """The reference map: the landmarks of a place, their descriptors and photographs.
 
-A body needs a map with lengths in metres, and an upright needs z up; the checks are here. A loaded map is never changed;
-landmarks are added to a copy.
+A body needs a map with lengths in metres, and its upright needs z up; the checks are here. A loaded map is never
+changed; landmarks are added to a copy.
 """
 
 import re

@@ -31,7 +31,9 @@ from bodycam_ros.settings import setting
 from bodycam_ros.tracking.camera_motion import CameraMotion, ImageMotion
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-_MAX_SIGMA_M = 0.1  # of a pose's position: a dozen landmarks in a corner of the picture let it drift by metres
+MAX_SIGMA_M = 0.1
+"""Of a pose's position: a dozen landmarks in a corner of the picture let it drift by metres."""
+
 _MAX_STRIKES = 2  # consecutive frames of disagreement after which a track loses its landmark
 _MAX_PREDICTED_FRAMES = 15  # of a lost camera, by its rotation, before the whole map is searched
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
@@ -92,7 +94,9 @@ class Registrar:
         self._image_motion: ImageMotion | None = None
         self._tracks = TrackLandmarks.none()
         self._predicted_frames = 0
-        self._recent: deque[tuple[Array, Array, Array]] = deque(maxlen=2)  # pose, points and pixels of latest images
+        self._recent: deque[tuple[Array, Array, NDArray[np.floating]]] = deque(
+            maxlen=2
+        )  # pose, points and pixels of latest images
         self._until_readout = 0
 
     def set_readout(self, readout: Readout) -> None:
@@ -203,9 +207,7 @@ class Registrar:
             return
         self._until_readout = EVERY
         pose, points_world, pixels = self._recent[0]
-        fit = fit_pose(
-            self.camera, points_world, pixels, pose, self._pose_fit, motion, iterations=_REFIT_ITERATIONS
-        )
+        fit = fit_pose(self.camera, points_world, pixels, pose, self._pose_fit, motion, iterations=_REFIT_ITERATIONS)
         if fit.inliers.sum() >= self.settings.min_inliers:
             self.readout.add(fit.readout_time, EVERY * fit.readout_information)
 
@@ -228,9 +230,7 @@ class Registrar:
         keep = tracks.strikes < _MAX_STRIKES
         return tracks.kept(keep), pose.shifts[keep]
 
-    def _matches(
-        self, frame: TrackFrame, tracks: TrackLandmarks, shifts: Array, pose: _Pose | None
-    ) -> LandmarkMatches:
+    def _matches(self, frame: TrackFrame, tracks: TrackLandmarks, shifts: Array, pose: _Pose | None) -> LandmarkMatches:
         return LandmarkMatches(
             camera=frame.camera,
             stamp_ns=frame.stamp_ns,
@@ -256,4 +256,4 @@ def _covariance(information: Array) -> Array | None:
     if not values[0] * _DEGENERATE > values[-1]:
         return None
     covariance: Array = (vectors / values) @ vectors.T
-    return covariance if np.trace(covariance[3:, 3:]) < _MAX_SIGMA_M**2 else None
+    return covariance if np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2 else None

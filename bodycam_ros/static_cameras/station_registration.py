@@ -15,9 +15,10 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array, inverse, log_se3, robust_average_pose, transform_points
 from bodycam_ros.registration.direct_registration import DirectRegistration
-from bodycam_ros.registration.image_registration import ImageRegistration, ImageRegistrationSettings
+from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.pose_fit import PoseFit, fit_pose
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import MAX_SIGMA_M
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import StationsSettings
 
@@ -222,13 +223,7 @@ class StationRegistration:
         """The images that can be registered, each without regard to the others."""
         settings = self._settings
         registration = ImageRegistration(
-            self._camera,
-            self._map,
-            ImageRegistrationSettings(keypoints=_KEYPOINTS),
-            settings.registrar,
-            settings.matching,
-            settings.absolute_pose,
-            settings.pose_fit,
+            self._camera, self._map, settings.registrar, settings.pose_fit, _KEYPOINTS
         )
         views = {}
         for number, image in enumerate(images):
@@ -251,7 +246,7 @@ class StationRegistration:
         for _ in range(_ROUNDS):
             views = {}
             for number, image in enumerate(images):
-                direct.see(image)
+                direct.add_image(image)
                 if (found := direct.find(fit.world_T_camera, None, 0)) is not None:
                     views[number] = self._view(found.rows, found.pixels, found.world_T_camera)
             if len(views) < LEAST_IMAGES:
@@ -281,7 +276,7 @@ class StationRegistration:
         covariance = np.full((6, 6), np.inf)
         if landmarks >= registrar.min_inliers and np.linalg.cond(fit.information) < _DEGENERATE:
             covariance = np.asarray(np.linalg.inv(fit.information), np.float64)
-        if not np.trace(covariance[3:, 3:]) < registrar.max_sigma**2:
+        if not np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2:
             raise self._error(f"its images have {landmarks} landmarks of the map in common, too few; {_SHOW_MORE}")
         return RegisteredStation(
             Station(self._camera.name, fit.world_T_camera, self._camera),

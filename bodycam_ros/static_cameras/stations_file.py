@@ -26,8 +26,6 @@ from bodycam_ros.errors import LensError, MapError, StationError
 from bodycam_ros.geometry import Array, nearest_rotation, rigid
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.direct_registration import DirectSettings
-from bodycam_ros.registration.lost_camera import AbsolutePoseSettings
-from bodycam_ros.registration.matching import MatchingSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 from bodycam_ros.registration.registrar import RegistrarSettings
@@ -274,7 +272,5 @@ class StationsSettings(SettingsGroups):
     """Settings of every step from the images of a static camera to its pose."""
 
     registrar: RegistrarSettings = RegistrarSettings()
-    matching: MatchingSettings = MatchingSettings()
-    absolute_pose: AbsolutePoseSettings = AbsolutePoseSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     direct: DirectSettings = DirectSettings()

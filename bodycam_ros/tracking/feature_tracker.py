@@ -8,12 +8,11 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
+from bodycam_ros.tracking.camera_motion import LONGEST_NS
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
 from bodycam_ros.tracking.optical_flow import follow
 from bodycam_ros.tracking.rotation import estimate_rotation
-from bodycam_ros.tracking.camera_motion import LONGEST_NS
 from bodycam_ros.tracking.track_frame import TrackFrame
-
 
 _KEYFRAME_INTERVAL = 30  # [frames] SIFT costs as much as ten frames of tracking
 _KEYFRAME_SURVIVAL = 0.55  # share of the last keyframe's tracks below which a keyframe comes early
@@ -188,7 +187,7 @@ class FeatureTracker:
         self._is_lost = False
 
     def mark_lost(self) -> None:
-        """The camera is not registered: the next image is a keyframe, unless there was one lately, with more keypoints."""
+        """The camera is not registered: the next image is a keyframe with more keypoints unless one was made lately."""
         self._is_lost = True
         self._keyframe_wanted |= self._stamp_ns - (self._keyframe_ns or 0) >= _LOST_KEYFRAME_GAP_NS
 

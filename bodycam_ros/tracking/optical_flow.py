@@ -63,7 +63,11 @@ def _follow_evened(
     """Points in the current image and whether each survived, of two images of one brightness."""
 
     def flow(
-        one: NDArray[np.uint8], other: NDArray[np.uint8], points: NDArray[np.float32], start: NDArray[np.float32], top: int
+        one: NDArray[np.uint8],
+        other: NDArray[np.uint8],
+        points: NDArray[np.float32],
+        start: NDArray[np.float32],
+        top: int,
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         found, status, _ = cv2.calcOpticalFlowPyrLK(
             one,

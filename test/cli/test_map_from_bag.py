@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.registration.matching import MatchingSettings, match_near_prediction
+from bodycam_ros.registration.matching import match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
@@ -58,7 +58,7 @@ def test_keyframes_stand_where_the_map_of_photographs_puts_them(built: tuple[Pat
         picture = cv2.imdecode(np.frombuffer(made.photographs.jpegs[row], np.uint8), cv2.IMREAD_GRAYSCALE)
         found = detector.detect(np.asarray(picture, np.uint8), np.full(picture.shape, 255, np.uint8))
         features, landmarks = match_near_prediction(
-            reference, camera, pose, found.pixels, found.descriptors, found.scales, 20.0, MatchingSettings()
+            reference, camera, pose, found.pixels, found.descriptors, found.scales, 20.0
         )
         points, pixels = reference.points_world[landmarks], found.pixels[features].astype(np.float64)
         fit = fit_pose(camera, points, pixels, pose, PoseFitSettings()) if len(points) > 30 else None

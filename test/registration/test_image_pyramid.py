@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bodycam_ros.registration.image_pyramid import LEVELS, pyramid_levels, pyramid_size, write_pyramid
+from bodycam_ros.registration.map_photographs import LEVELS, pyramid_levels, pyramid_size, write_pyramid
 
 
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (427, 641), (17, 33)])

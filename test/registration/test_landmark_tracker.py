@@ -58,7 +58,7 @@ def run(
     for image, stamp_ns in images:
         frame = tracker.track(image, stamp_ns)
         said.append((frame, registering.register(frame)))
-        tracker.hear(said[-1][1])
+        tracker.add_registration(said[-1][1])
     return said
 
 

@@ -10,8 +10,7 @@ import pytest
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.registration.image_pyramid import pyramid_size, write_pyramid
-from bodycam_ros.registration.map_photographs import PHOTOGRAPHS_FILE, MapPhotographs
+from bodycam_ros.registration.map_photographs import PHOTOGRAPHS_FILE, MapPhotographs, pyramid_size, write_pyramid
 
 LANDMARKS = 5
 POSES = exp_se3(np.random.default_rng(0).normal(size=(3, 6)))

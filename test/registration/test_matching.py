@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bodycam_ros.registration.matching import MatchingSettings, match_by_looks
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.relocalisation import match_by_descriptors
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,6 @@ def descriptors(reference_map: ReferenceMap) -> np.ndarray:
 
 def every_pair(reference_map: ReferenceMap, descriptors: np.ndarray, wanted: np.ndarray) -> set[tuple[int, int]]:
     """Feature and landmark of what is near enough and unambiguous, before two features share a landmark."""
-    settings = MatchingSettings()
     rows = np.flatnonzero(wanted[reference_map.descriptor_landmark])
     landmark, looks = reference_map.descriptor_landmark[rows].astype(int), reference_map.descriptors[rows].astype(float)
     pairs = set()
@@ -34,7 +33,7 @@ def every_pair(reference_map: ReferenceMap, descriptors: np.ndarray, wanted: np.
         distances = np.sqrt((looks**2).sum(axis=1) - 2.0 * looks @ descriptor + descriptor @ descriptor)
         best = distances.argmin()
         rivals = distances[landmark != landmark[best]]
-        if distances[best] < settings.max_distance_lost and distances[best] < settings.ratio * rivals.min():
+        if distances[best] < 240.0 and distances[best] < 0.85 * rivals.min():
             pairs.add((feature, int(landmark[best])))
     return pairs
 
@@ -43,7 +42,7 @@ def test_a_search_finds_nearly_all_that_every_pair_tells(reference_map, descript
     share = 0.3
     wanted = np.random.default_rng(1).uniform(size=len(reference_map.landmark_ids)) < share
     expected = every_pair(reference_map, descriptors, wanted)
-    found = match_by_looks(reference_map, descriptors, np.flatnonzero(wanted), MatchingSettings())
+    found = match_by_descriptors(reference_map, descriptors, wanted)
     pairs = set(zip(found[0].tolist(), found[1].tolist(), strict=True))
     assert 60 * share < len(expected) < 240
     # What is in no list that was searched is not found; nor is a rival, so some are believed that would not be.

@@ -12,7 +12,7 @@ from textured_plane import Wall, exposed, texture_of
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.geometry import exp_se3, exp_so3, rigid
-from bodycam_ros.registration.image_pyramid import pyramid_levels, pyramid_size, write_pyramid
+from bodycam_ros.registration.map_photographs import pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.patch_kernels import align_patches
 
 Array = NDArray[np.float64]
@@ -167,8 +167,8 @@ def test_finds_what_numpy_finds(scene: Scene, image: NDArray[np.uint8], levels: 
         pixels, likeness = scene.find(image, near, levels, **options)
         numpy_pixels, numpy_likeness = scene.find_in_numpy(image, near, levels, **options)
         np.testing.assert_array_equal(np.isfinite(likeness), np.isfinite(numpy_likeness))
-        np.testing.assert_allclose(pixels, numpy_pixels, atol=1e-6)
-        np.testing.assert_allclose(likeness, numpy_likeness, atol=1e-9)
+        np.testing.assert_allclose(pixels, numpy_pixels, atol=2e-3)
+        np.testing.assert_allclose(likeness, numpy_likeness, atol=1e-4)
         assert np.isfinite(likeness).sum() >= (20 if "shown" not in options else 0)
 
 

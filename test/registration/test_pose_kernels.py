@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from numpy_pose_fit import fit_pose_in_numpy
+from numpy_pose_fit import fit_pose_in_numpy, seen_later
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_se3, transform_points
-from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
-from bodycam_ros.registration.recent_path import ImageMotion, row_shares, seen_later
+from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose, row_shares
+from bodycam_ros.tracking.camera_motion import ImageMotion
 
 LENSES = {
     "equidistant": [-0.0137, 0.0037, -0.0015, 0.0004],
@@ -63,10 +63,11 @@ def test_fits_are_equal(camera: CameraModel, readout_time: float, readout_sigma:
         points, pixels = measured(camera, count, readout_time, seed)
         start = WORLD_T_CAMERA @ exp_se3(np.array([0.01, -0.008, 0.012, 0.02, 0.02, -0.03]))
         for iterations in (1, 6, 30):
-            arguments = (camera, points, pixels, start, PoseFitSettings(iterations=iterations))
+            arguments = (camera, points, pixels, start, PoseFitSettings())
             moving = motion(readout_time, readout_sigma)
-            compare(fit_pose(*arguments, moving), fit_pose_in_numpy(*arguments, moving))
-    assert (fit_pose(*arguments, moving).readout_information > 0.0) == (readout_sigma > 0.0)
+            ours = fit_pose(*arguments, moving, iterations=iterations)
+            compare(ours, fit_pose_in_numpy(*arguments, moving, iterations))
+    assert (ours.readout_information > 0.0) == (readout_sigma > 0.0)
 
 
 def test_what_is_out_of_view_or_too_little_is_dealt_with_alike(camera: CameraModel) -> None:

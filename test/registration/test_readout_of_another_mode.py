@@ -4,7 +4,7 @@ import pytest
 
 from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
 from bodycam_ros.camera.readout import Readout, VideoMode
-from bodycam_ros.registration.readout_time import ReadoutTime, ShutterSettings
+from bodycam_ros.registration.readout_time import ReadoutTime
 
 GLOBAL, ROLLING = Readout(0.0, 0.00013), Readout(0.0122, 0.00015)
 INFORMATION = 0.002**-2
@@ -22,7 +22,7 @@ cameras:
 
 
 def filtered(start: Readout, seconds: float, images: int) -> ReadoutTime:
-    readout = ReadoutTime(ShutterSettings(), start)
+    readout = ReadoutTime(start)
     for _ in range(images):
         if not readout.is_known:
             readout.add(seconds, INFORMATION)

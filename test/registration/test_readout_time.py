@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.readout_time import ReadoutSettings, ReadoutTime, ShutterSettings, pooled
+from bodycam_ros.registration.readout_time import ReadoutTime, pooled
 
-SETTINGS = ShutterSettings(images_alike=1.0)
+FIRST_SIGMA = 0.015
 SIZE = (640, 480)
 
 
 def pool(**readouts: Readout) -> dict[str, Readout]:
-    return pooled(readouts, dict.fromkeys(readouts, SIZE), ReadoutSettings())
+    return pooled(readouts, dict.fromkeys(readouts, SIZE))
 
 
 def test_the_filter_is_the_weighted_mean_of_what_images_say() -> None:
     random = np.random.default_rng(1)
     sigmas = random.uniform(0.001, 0.004, 50)
     said = 0.012 + sigmas * random.standard_normal(50)
-    filtered = ReadoutTime(SETTINGS)
+    filtered = ReadoutTime(images_alike=1.0)
     for value, sigma in zip(said, sigmas, strict=True):
         filtered.add(value, sigma**-2)
-    weights = np.append(sigmas**-2, SETTINGS.readout_sigma**-2)
+    weights = np.append(sigmas**-2, FIRST_SIGMA**-2)
     assert filtered.seconds == pytest.approx(np.average(np.append(said, 0.0), weights=weights))
     assert filtered.sigma == pytest.approx(weights.sum() ** -0.5)
     assert abs(filtered.seconds - 0.012) < 3.0 * filtered.sigma
@@ -51,6 +51,6 @@ def test_sigmas_of_the_pool_are_honest() -> None:
         readouts = {
             str(k): Readout(float(truth[k] + sigmas[k] * random.standard_normal()), float(sigmas[k])) for k in range(6)
         }
-        found = pooled(readouts, dict.fromkeys(readouts, SIZE), ReadoutSettings())
+        found = pooled(readouts, dict.fromkeys(readouts, SIZE))
         square += [((found[str(k)].seconds - truth[k]) / found[str(k)].sigma) ** 2 for k in range(6)]
     assert np.mean(square) == pytest.approx(1.0, abs=0.25)

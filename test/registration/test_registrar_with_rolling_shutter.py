@@ -7,7 +7,7 @@ from rolling_camera import START_NS, landmarks_ahead, map_of, swinging, track_fr
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.readout_time import ShutterSettings
+from bodycam_ros.registration.readout_time import ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 
@@ -22,10 +22,11 @@ def around() -> ReferenceMap:
 
 
 def registered(
-    around: ReferenceMap, true_s: float, known: Readout | None = None, shutter: ShutterSettings | None = None
+    around: ReferenceMap, true_s: float, known: Readout | None = None
 ) -> tuple[Registrar, list[LandmarkMatches]]:
     # Every image has errors of its own here, so that each counts in full.
-    registrar = Registrar(CAMERA, around, shutter=shutter or ShutterSettings(images_alike=1.0), readout=known)
+    registrar = Registrar(CAMERA, around, readout=known)
+    registrar.readout = ReadoutTime(known, images_alike=1.0)
     frames = track_frames(CAMERA, around, np.random.default_rng(4), true_s, IMAGES)
     return registrar, [registrar.register(frame) for frame in frames]
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.tracking.optical_flow import OpticalFlowSettings, follow
+from bodycam_ros.tracking.optical_flow import follow
 
 SHIFT = np.array([2.3, -1.4], np.float32)
 
@@ -35,7 +35,7 @@ def moved(image: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
 def test_light_that_changes_is_not_taken_for_motion(
     image: NDArray[np.uint8], points: NDArray[np.float32], gain: float
 ) -> None:
-    found, alive = follow(image, moved(image, gain), points, points, OpticalFlowSettings())
+    found, alive = follow(image, moved(image, gain), points, points)
     assert alive.mean() > 0.9
     errors = np.linalg.norm(found - points - SHIFT, axis=1)[alive]
     assert np.median(errors) < 0.12

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.geometry import exp_se3
-from bodycam_ros.tracking.track_frame import LONGEST_NS, camera_velocity, predict_pose
+from bodycam_ros.tracking.camera_motion import LONGEST_NS, camera_velocity, predict_pose
 
 FRAME_NS = 33_333_333
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy_rotation import estimate_rotation_in_numpy
 
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.tracking.rotation import RotationSettings, estimate_rotation
+from bodycam_ros.tracking.rotation import estimate_rotation
 
 
 def random_bearings(count: int, seed: int) -> np.ndarray:
@@ -25,8 +25,8 @@ def test_it_is_that_of_numpy_whatever_the_share_of_outliers() -> None:
         current[wrong] = random_bearings(count, seed + 1000)[wrong]
         current += 2e-3 * rng.standard_normal(current.shape)
         current /= np.linalg.norm(current, axis=1, keepdims=True)
-        estimated, inliers = estimate_rotation(previous, current, RotationSettings(), seed)
-        expected, agreeing = estimate_rotation_in_numpy(previous, current, RotationSettings(), seed)
+        estimated, inliers = estimate_rotation(previous, current, seed)
+        expected, agreeing = estimate_rotation_in_numpy(previous, current, seed)
         np.testing.assert_allclose(estimated, expected, atol=1e-13)
         np.testing.assert_array_equal(inliers, agreeing)
         found += inliers.any()

@@ -30,8 +30,7 @@ def seen_through(true: CameraModel, believed: CameraModel) -> LensDeviation:
         points = points_camera @ pose[:3, :3].T + pose[:3, 3]
         pixels, valid = true.project(points_camera)
         pixels = pixels[valid] + random.normal(size=(int(valid.sum()), 2)) * PIXEL_SIGMA
-        settings = PoseFitSettings(inlier_px=20.0, start_px=40.0)
-        fit = fit_pose(believed, points[valid], pixels, pose, settings)
+        fit = fit_pose(believed, points[valid], pixels, pose, PoseFitSettings(), inlier_px=20.0, start_px=40.0)
         evidence.add(_matches(points[valid], pixels, fit.world_T_camera))
     assert evidence.images == IMAGES
     return evidence.error()
