@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from numpy_pose_fit import by_pose, seen_later
+from numpy_pose_fit import seen_later
 from scipy.ndimage import map_coordinates
 
 from bodycam_ros.camera import CameraModel
@@ -83,22 +83,6 @@ def choose_in_numpy(
         for row in sorted(np.flatnonzero(seen & (cell == number)), key=lambda row: -merits[row])[:per_cell]
     ]
     return np.array(rows, np.int64)
-
-
-def most_informative_in_numpy(
-    camera: CameraModel, world_T_camera: Array, points_world: Array, chances: Array, most: int
-) -> list[int]:
-    """Rows of points (N, 3), greedily by the determinant of the pose's information."""
-    points = transform_points(inverse(world_T_camera), points_world)
-    by_point = camera.project_with_jacobian(points)[1]
-    jacobians = chances[:, None, None] * by_pose(by_point, points)
-    information, chosen = np.diag(np.repeat([0.02**-2, 0.05**-2], 3)), []
-    for _ in range(most):
-        gains = [np.linalg.slogdet(information + J.T @ J)[1] for J in jacobians]
-        best = max(set(range(len(points))) - set(chosen), key=lambda row: gains[row])
-        chosen.append(best)
-        information = information + jacobians[best].T @ jacobians[best]
-    return sorted(chosen)
 
 
 def best_views_in_numpy(

@@ -19,7 +19,7 @@ from bodycam_ros.plots.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.registration.map_photographs import CameraSight
+from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MOST_COLUMNS = 900

@@ -29,9 +29,7 @@ _LIKENESS = 0.7  # least correlation of a patch with the image
 _INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
 _AGREE = 0.6  # least share of the coarse landmarks that fit one pose
 _LEAST_FOUND = 8  # landmarks of a pose
-_CANDIDATES = 2  # times ``per_cell`` in each cell,
-_CHOSEN = 40  # times ``per_cell`` in all, those of the candidates that determine the pose best
-_MOST_IMAGES = 6  # for which a choice of landmarks lasts,
+_MOST_IMAGES = 3  # for which a choice of landmarks lasts,
 _MOST_TURN = 0.12  # or until the camera turned so far [rad],
 _MOST_WAY_M = 0.15  # moved so far,
 _LEAST_SHARE = 0.7  # or fewer of them are found
@@ -50,7 +48,7 @@ class DirectSettings:
     per_cell: int = setting(
         2,
         limits=(1, 20),
-        reason="landmarks of an image, in units of 40; more are more exact, and cost as much more time",
+        reason="landmarks in each of the 64 cells of an image; more are more exact, and cost as much more time",
     )
 
 
@@ -139,7 +137,7 @@ class DirectRegistration:
             stamp_ns: of the latest image [ns].
         """
         pose = self._correct_prediction(before, predicted, motion)
-        return None if pose is None else self.find(pose, motion, stamp_ns, first_level=0)
+        return None if pose is None else self.find(pose, motion, stamp_ns)
 
     def find(self, near: Array, motion: ImageMotion | None, stamp_ns: int, first_level: int = 1) -> DirectView | None:
         """The landmarks in the latest image around a pose (4, 4); None if too few are found.
@@ -199,8 +197,7 @@ class DirectRegistration:
             self._sizes,
             self._trust.scaled,
             self._trust.scale,
-            _CANDIDATES * self._per_cell,
-            _CHOSEN * self._per_cell,
+            self._per_cell,
         )
         views = best_views(
             self._scales,

@@ -1,7 +1,7 @@
-"""Landmarks to look for in an image: in view, spread over it, and those that determine the pose best.
+"""Landmarks to look for in an image: in view, spread over it, the most trusted of every cell.
 
-Of the landmarks of every cell of the image the most trusted are candidates. Among these, each next one is that which
-adds most to the determinant of the pose's information (D-optimality, Fedorov 1972), as far as it is likely to be found.
+A choice by the determinant of the pose's information (D-optimality) was measured and is worse: it prefers landmarks
+that are near or at the rim, whose patches fit less well (docs/benchmarks.md).
 """
 
 import math
@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.lens_kernels import project_point, project_point_with_jacobian
+from bodycam_ros.camera.lens_kernels import project_point
 from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
@@ -25,12 +25,10 @@ _BORDER = 6.0  # [px] of an image that patches keep out of
 _LEAST_COSINE = 0.2  # between a surface's normal and the view
 _LEAST_AXIS_COSINE = math.cos(math.radians(84.0))  # of the view to the optical axis: the rim of a fisheye is left out
 _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale below the image's
-_LEAST_CHANCE = 0.1  # of a landmark that was never found to be found
-_PRIOR_RAD, _PRIOR_M = 0.02, 0.05  # sigmas of the predicted pose, in units of which one pixel of noise counts
 
 
 @kernel(
-    "(f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], f8, i8, i8)",
+    "(f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], f8, i8)",
 )
 def choose_landmarks(
     lens: Array,
@@ -44,9 +42,8 @@ def choose_landmarks(
     trust: NDArray[np.float32],
     trust_scale: float,
     per_cell: int,
-    most: int,
 ) -> Whole:
-    """Rows (N,) of landmarks in view that determine the pose best, ascending by cell.
+    """Rows (N,) of the landmarks in view, cell by cell.
 
     Args:
         lens: of the camera.
@@ -57,8 +54,7 @@ def choose_landmarks(
         normals: (L, 3) of their surfaces.
         sizes: (L,) of their features [m].
         trust, trust_scale: (L,) and a factor of all of them, see ``LandmarkTrust``.
-        per_cell: candidates of each cell, the most trusted.
-        most: landmarks in all.
+        per_cell: landmarks of each cell, the most trusted.
     """
     width, height = lens[1], lens[2]
     best = np.full((CELLS * CELLS, per_cell), -1, np.int64)
@@ -95,86 +91,7 @@ def choose_landmarks(
             if best[cell, k] >= 0:
                 rows[count] = best[cell, k]
                 count += 1
-    rows = rows[:count]
-    if count <= most:
-        return rows.copy()
-    return rows[_most_informative(lens, T, rows, points_world, trust, trust_scale, most)]
-
-
-@kernel()
-def _most_informative(
-    lens: Array,
-    world_T_camera: Array,
-    rows: Whole,
-    points_world: Array,
-    trust: NDArray[np.float32],
-    trust_scale: float,
-    most: int,
-) -> Whole:
-    """Which of the landmarks (rows, (N,)) determine the pose best, ascending: greedily, by lazy evaluation.
-
-    The gain of a landmark only falls while others are added (Minoux 1978), so the first whose gain is still the largest
-    after it was computed anew is the best.
-    """
-    count = len(rows)
-    jacobian, gain = np.empty((count, 2, 6)), np.empty(count)
-    covariance = np.zeros((6, 6))
-    for k in range(3):
-        covariance[k, k], covariance[3 + k, 3 + k] = _PRIOR_RAD**2, _PRIOR_M**2
-    for n in range(count):
-        p = points_world[rows[n]]
-        x, y, z, _, _, _ = in_camera(world_T_camera, p[0], p[1], p[2])
-        _, _, _, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
-        chance = min(max(0.5 + trust_scale * trust[rows[n]], _LEAST_CHANCE), 1.0)
-        J = jacobian[n]
-        J[0, 0], J[0, 1], J[0, 2] = u_y * z - u_z * y, u_z * x - u_x * z, u_x * y - u_y * x
-        J[1, 0], J[1, 1], J[1, 2] = v_y * z - v_z * y, v_z * x - v_x * z, v_x * y - v_y * x
-        J[0, 3], J[0, 4], J[0, 5] = -u_x, -u_y, -u_z
-        J[1, 3], J[1, 4], J[1, 5] = -v_x, -v_y, -v_z
-        for row in range(2):
-            for k in range(6):
-                J[row, k] *= chance
-        gain[n] = math.inf
-    moved, chosen = np.empty((2, 6)), np.zeros(count, np.bool_)
-    for _ in range(most):
-        best = 0
-        while True:
-            best = -1
-            for n in range(count):
-                if not chosen[n] and (best < 0 or gain[n] > gain[best]):
-                    best = n
-            s00, s01, s11 = _innovation(jacobian[best], covariance, moved)
-            now = s00 * s11 - s01 * s01
-            is_best = True
-            for n in range(count):
-                if not chosen[n] and n != best and gain[n] > now:
-                    is_best = False
-                    break
-            gain[best] = now
-            if is_best:
-                break
-        chosen[best] = True
-        for i in range(6):
-            a, b = moved[0, i], moved[1, i]
-            for k in range(6):
-                covariance[i, k] -= (
-                    a * (s11 * moved[0, k] - s01 * moved[1, k]) + b * (s00 * moved[1, k] - s01 * moved[0, k])
-                ) / now
-    return np.flatnonzero(chosen)
-
-
-@kernel()
-def _innovation(J: Array, covariance: Array, moved: Array) -> tuple[float, float, float]:
-    """Entries 00, 01, 11 of I + J covariance J.T, and J covariance (2, 6) in ``moved``."""
-    s00, s01, s11 = 1.0, 0.0, 1.0
-    for k in range(6):
-        a, b = 0.0, 0.0
-        for i in range(6):
-            a += J[0, i] * covariance[i, k]
-            b += J[1, i] * covariance[i, k]
-        moved[0, k], moved[1, k] = a, b
-        s00, s01, s11 = s00 + a * J[0, k], s01 + a * J[1, k], s11 + b * J[1, k]
-    return s00, s01, s11
+    return rows[:count].copy()
 
 
 @kernel(
