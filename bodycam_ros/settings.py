@@ -1,7 +1,7 @@
 """Settings of a stage: frozen dataclasses whose fields carry unit, range and reason. msgspec checks their values.
 
 One name serves YAML file, ROS parameter and command-line flag alike: the group and the field
-joined by a dot, such as ``tracker.max_track_age``.
+joined by a dot, such as ``registrar.min_inliers``.
 """
 
 from collections.abc import Iterator, Mapping
@@ -117,7 +117,7 @@ def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], sou
 class SettingsGroups:
     """The settings of several steps: each field of a derived dataclass is a group, and its default that group's.
 
-    The field's name is the group's in YAML, ROS parameters and flags (``tracker.max_track_age``).
+    The field's name is the group's in YAML, ROS parameters and flags (``registrar.min_inliers``).
     """
 
     @classmethod

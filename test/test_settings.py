@@ -151,11 +151,11 @@ def test_bad_value_says_where_it_stands(config: Path) -> None:
 
 
 def test_a_file_may_hold_groups_of_other_commands_but_none_that_is_misspelt(config: Path) -> None:
-    others = config.read_text() + "    tracker: {max_track_age: 2.0}\n    kept: {}\n"
+    others = config.read_text() + "    registrar: {min_inliers: 20}\n    kept: {}\n"
     config.write_text(others)
     assert settings_of(config=config).heat == 100.0
-    config.write_text(others.replace("tracker", "traker"))
-    with pytest.raises(SettingsError, match=r"oven\.yaml.*'traker'.*'tracker'"):
+    config.write_text(others.replace("registrar", "registrer"))
+    with pytest.raises(SettingsError, match=r"oven\.yaml.*'registrer'.*'registrar'"):
         settings_of(config=config)
 
 
