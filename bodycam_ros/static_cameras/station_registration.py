@@ -222,9 +222,7 @@ class StationRegistration:
     def _each_alone(self, images: Sequence[NDArray[np.uint8]]) -> Views:
         """The images that can be registered, each without regard to the others."""
         settings = self._settings
-        registration = ImageRegistration(
-            self._camera, self._map, settings.registrar, settings.pose_fit, _KEYPOINTS
-        )
+        registration = ImageRegistration(self._camera, self._map, settings.registrar, settings.pose_fit, _KEYPOINTS)
         views = {}
         for number, image in enumerate(images):
             matches = registration.register(image)
