@@ -171,7 +171,7 @@ def solved(
     if coupling:
         said = (
             coupling.fit.lengths.names,
-            coupling.fit.lengths.said + coupling.attachments.shifts,
+            coupling.fit.lengths.given + coupling.attachments.shifts,
             coupling.attachments.sigmas,
         )
         lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}

@@ -1,4 +1,4 @@
-"""The XML of a URDF, from any source. A launch file reads it too: nothing but the standard library is imported."""
+"""XML from any source. A launch file reads it too: nothing but the standard library is imported."""
 
 import xml.etree.ElementTree as ET
 
@@ -15,9 +15,9 @@ def xml_elements(text: str) -> ET.Element:
         BodyError: it is not XML, too long, or has a document type, whose entities could stand for any file or length.
     """
     if len(text) > MAX_LETTERS:
-        raise BodyError(f"a URDF of {len(text)} letters is not read; a body's has fewer than {MAX_LETTERS}")
+        raise BodyError(f"XML of {len(text)} letters is not read; the URDF of a body has fewer than {MAX_LETTERS}")
     if "<!DOCTYPE" in text:
-        raise BodyError("a URDF has no <!DOCTYPE>, and so no entities; remove it")
+        raise BodyError("it has a <!DOCTYPE>, and so may have entities; remove that")
     try:
         return ET.fromstring(text)
     except (ET.ParseError, ValueError) as error:

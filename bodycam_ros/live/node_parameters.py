@@ -297,10 +297,8 @@ ALL = tuple(OF_NODES.values())
 GROUPS: Final = frozenset(
     """
     keypoints registrar growth extend direct pose_fit
-    clock assembler smoother motion contact evidence coupling region
-    motion_log joint_limits assessment
-    frames features pairs epipolar landmarks descriptors kept tags alignment coverage worn known_distance floor
-    sound_peaks claps whole_sound clocks shape stations doctor lens retarget
+    clock assembler smoother motion contact evidence coupling inertial region
+    motion_log joint_limits assessment frames features kept clocks shape retarget
     """.split()
 )
 """Groups of settings of all nodes and commands: one file serves all of them."""

@@ -20,8 +20,9 @@ from xml.etree import ElementTree
 import cv2
 import numpy as np
 
+from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.errors import LensError, StationError
+from bodycam_ros.errors import BodyError, LensError, StationError
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, nearest_rotation, rigid
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.station import Station
@@ -160,13 +161,11 @@ def _toml_camera(path: Path, key: str, table: Mapping[str, Any]) -> Station:
 
 
 def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
-    """Cameras of Qualisys; an entity or a document type has no place in a calibration."""
-    if b"<!" in content.replace(b"<!--", b""):
-        raise StationError(f"{path}: declares a document type; expected the calibration as Qualisys writes it")
+    """Cameras of Qualisys."""
     try:
-        root = ElementTree.fromstring(content)
-    except ElementTree.ParseError as error:
-        raise StationError(f"{path}: cannot be read as XML: {error}") from error
+        root = xml_elements(content.decode("utf-8-sig"))
+    except (BodyError, UnicodeDecodeError) as error:
+        raise StationError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
     for element in root.iter("camera"):
         name = element.get("serial", "")
         where = f"{path}: camera {name}"

@@ -31,7 +31,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
 ) -> None:
     """From a body that wears cameras: these, its limits and its name stay; it gets hands."""
     out = tmp_path / "jo.yaml"
-    flags = ["--initial-body", sample / "body.yaml", "--shape.rounds", 1, "--shape.interval", 0.03]
+    flags = ["--initial-body", sample / "body.yaml"]
     assert run(painted, out, *stationed(painted), *flags) == 0
     printed = " ".join(capfd.readouterr().out.split())
     before, body = read_body(sample / "body.yaml"), read_body(out)
@@ -39,7 +39,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
     assert body.segments == (*before.segments, "hand_left", "hand_right")
     assert set(body.girths) == set(body.segments)
     report = yaml.safe_load(out.read_text())["report"]
-    assert report["source"] == "static cameras" and report["instants"] == FRAMES and report["rounds"] == 1
+    assert report["source"] == "static cameras" and 0 < report["instants"] <= FRAMES and report["rounds"] >= 1
     for joint in before.joints:
         if joint.name in ("knee_left", "elbow_right"):
             after = next(other for other in body.joints if other.name == joint.name)

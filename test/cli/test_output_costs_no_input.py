@@ -44,7 +44,7 @@ EXPORT = "export body.yaml --to urdf --force -o"
         (REPLAY, "map", "is what this command reads (map)"),
         (REPLAY, ".", "contains what this command reads"),
         (REPLAY, "body.yaml", "is what this command reads (body.yaml)"),
-        (REPLAY, "album", "holds dear.jpg, which is no part of a solved bag"),
+        (REPLAY, "album", "holds dear.jpg, which is no part of a bag that 'bodycam replay' wrote"),
         (REPLAY, "thesis.yaml", "is no folder"),
         (REPLAY, "/dev/null", "is no folder"),
         (BODY, "rig.yaml", "is what this command reads (rig.yaml)"),

@@ -102,7 +102,7 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
         ("recovery", "soon", "type"),
         ("image_queue", 10, "image_queue"),
         ("moments", "times.csv", "moments"),
-        ("tracker.keyframe_interval", 5, "tracker.keyframe_interval"),
+        ("keypoints.max_keypoints", 300, "keypoints.max_keypoints"),
         ("use_sim_time", True, ""),
     ]
     fresh = [Parameter(name, value=value).to_parameter_msg() for name, value, _ in cases]

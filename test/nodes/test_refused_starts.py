@@ -33,7 +33,7 @@ def test_a_wrong_start_ends_with_one_line_and_code_2(graph: Any, tmp_path: Path)
 def test_unknown_parameters_are_warned_about(graph: Any) -> None:
     """A file may be meant for another version, or for other nodes too."""
     odd = {"camra": 1, "tracker.keyframes": 3, "traker.keyframe_interval": 3}
-    others = {"body": "body.yaml", "smoother.output_delay": 3, "doctor.images": 3}
+    others = {"body": "body.yaml", "smoother.output_delay": 3, "shape.length_sigma": 0.1}
     (started,) = graph.start(GraphNode("tracker", "tracker", {"camera": "left", **odd, **others}))
     info = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
     graph.until(info.get_subscription_count, _START_S, "the tracker is up")
@@ -59,7 +59,7 @@ def test_a_wrong_start_is_an_error_that_names_what_is_wrong(graph: Any, tmp_path
     cases: list[tuple[str, dict[str, object], str]] = [
         ("tracker", {}, "'camera'"),
         ("tracker", {**left, "transport": "pigeon"}, "pigeon"),
-        ("tracker", {**left, "tracker.keyframe_interval": 3000}, "keyframe_interval = 3000"),
+        ("tracker", {**left, "keypoints.max_keypoints": 30}, "max_keypoints"),
         ("tracker", {**left, "image_queue": "many"}, "image_queue"),
         ("registration", {"body": body}, "'map'"),
         ("registration", {"body": body, "map": str(tmp_path / "nowhere")}, "nowhere"),

@@ -164,7 +164,7 @@ def test_an_output_that_is_there_is_not_overwritten(
 def test_settings_are_checked(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
     out = tmp_path / "out"
-    assert_refused(capfd, run(sample, bag, out, "--flow.window_px", "1000"), out, "window_px", "5 to 41")
+    assert_refused(capfd, run(sample, bag, out, "--keypoints.max_keypoints", "10"), out, "max_keypoints", "50 to 20000")
     (tmp_path / "config.yaml").write_text("/**: {ros__parameters: {smother: {window: 0.5}}}")
     assert_refused(capfd, run(sample, bag, out, "--config", str(tmp_path / "config.yaml")), out, "smother", "smoother")
 

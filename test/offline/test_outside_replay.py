@@ -68,7 +68,7 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
         (("--stations", "cameras.yaml", "--start", "nobody.yaml"), ["nobody.yaml: places no segment of body"]),
         (("--stations", "cameras.yaml", "--surface", "meshes"), ["meshes"]),
         (("--stations", "cameras.yaml"), ["start"]),
-        (("--stations", "cameras.yaml", "--passes", "2"), ["--passes lets a reference map grow", "--map"]),
+        (("--stations", "cameras.yaml", "--passes", "2"), ["--passes extends a reference map", "--map"]),
     ],
     ids=["nothing", "surface alone", "start alone", "others", "missing", "nobody", "no meshes", "no start", "passes"],
 )
