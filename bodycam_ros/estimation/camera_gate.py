@@ -1,7 +1,8 @@
 """The chi-square gate of each camera against all others and the prediction.
 
 The residual of a left-out camera, in units of its predicted covariance, follows in closed form from the fit with
-all of them. While the largest exceeds the gate, that camera is rejected, and the rest is fitted anew.
+all of them. While the largest exceeds the gate, that camera is first down-weighted, then rejected, and the rest is
+fitted anew. Down-weighted, a camera whose position is wrong still measures its rotation.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from bodycam_ros.kinematics.tangent import TreeTangent
 GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
 _UNOBSERVED = 1.0  # [rad], [m] sigma of a predicted limb without measurements: no reason to reject its camera
+_DOWN_WEIGHT = 0.006  # of a camera that errs by more than ten times its sigmas
 _ITERATIONS, _LINEAR = 8, 0.1  # at most; [rad], [m] of a step after which the fit is linear enough
 
 
@@ -25,21 +27,21 @@ class GatedCameras:
     """Outcome of the gate for N cameras.
 
     Attributes:
-        accepted: (N,) which pass.
+        weights: (N,) of the information of each: 1, the down-weight, or 0 if it is rejected.
         at: coordinates that fit the accepted ones.
     """
 
-    accepted: NDArray[np.bool_]
+    weights: Array
     at: Coordinates
 
 
 def gate_cameras(
     predicted: Estimate, cameras: SegmentPoses, tangent: TreeTangent, unobserved: NDArray[np.bool_]
 ) -> GatedCameras:
-    """Gate cameras, where some coordinates (K,) of the prediction had no measurement."""
-    K, at, accepted = tangent.count, predicted.at, np.ones(len(cameras), bool)
+    """Weigh cameras, where some coordinates (K,) of the prediction had no measurement."""
+    K, at, weights = tangent.count, predicted.at, np.ones(len(cameras))
     if not len(cameras):
-        return GatedCameras(accepted, at)
+        return GatedCameras(weights, at)
     spread = cameras.covariances + np.diag(_GROSS**2)
     covariance = predicted.covariance[:K, :K].copy()
     covariance[unobserved, unobserved] += _UNOBSERVED**2
@@ -57,7 +59,7 @@ def gate_cameras(
     while True:
         C = np.linalg.inv(information)
         step = C @ b
-        kept = np.flatnonzero(accepted)
+        kept = np.flatnonzero(weights)
         if not len(kept):
             break
         off, known = r[kept] - J[kept] @ step, J[kept] @ C @ np.swapaxes(J[kept], 1, 2)
@@ -65,9 +67,13 @@ def gate_cameras(
         if squared.max() < GATE:
             break
         worst = kept[int(np.argmax(squared))]
-        accepted[worst] = False
+        weights[worst] = _DOWN_WEIGHT if weights[worst] == 1.0 else 0.0
         information, b = information - A_each[worst], b - b_each[worst]
-    return GatedCameras(accepted, at.moved(tangent, step))
+        if weights[worst]:
+            spread[worst] = cameras.covariances[worst] / _DOWN_WEIGHT + np.diag(_GROSS**2)
+            A_each[worst], b_each[worst] = _normal_equations(J[worst], r[worst], spread[worst])
+            information, b = information + A_each[worst], b + b_each[worst]
+    return GatedCameras(weights, at.moved(tangent, step))
 
 
 def _normal_equations(J: Array, r: Array, covariances: Array) -> tuple[Array, Array]:

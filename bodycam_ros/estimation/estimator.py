@@ -9,7 +9,6 @@ or the whole recording differ in how far back that goes.
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +63,7 @@ class BodyEstimator:
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
-        refused: camera -> states in which its registration was rejected.
+        refused: camera -> states in which its registration was down-weighted or rejected.
         bridged: states without any image that were filled in.
         lately: the body in the latest two states, oldest first, before later ones improved it.
 
@@ -242,8 +241,13 @@ class BodyEstimator:
         unobserved = self._unobserved_columns()
         poses = SegmentPoses.from_evidence(self.body, registered.values())
         gated = gate_cameras(step.after, poses, self._tangent, unobserved)
-        accepted = dict(compress(registered.items(), gated.accepted))
-        self.refused.update(registered.keys() - accepted.keys())
+        weights = dict(zip(registered, gated.weights.tolist(), strict=True))
+        self.refused.update(name for name, weight in weights.items() if weight < 1.0)
+        accepted = {
+            name: replace(pose, covariance=pose.covariance / weights[name])
+            for name, pose in registered.items()
+            if weights[name] > 0.0
+        }
         apart = step.after.at.step_to(self._tangent, gated.at)
         restarted, motion = np.zeros(self._tangent.count, bool), step.after.at.motion.copy()
         both_ends = self.body.named(pose.segment for pose in accepted.values())[self.body.joint_ends].all(axis=1)
