@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
 from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -17,11 +18,15 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 
 def landmark_tracker(
-    camera: CameraModel, reference_map: ReferenceMap | None, settings: PipelineSettings, readout: Readout | None = None
+    camera: CameraModel,
+    reference_map: ReferenceMap | None,
+    settings: PipelineSettings,
+    readout: Readout | None = None,
+    turn: CameraTurn | None = None,
 ) -> LandmarkTracker:
     """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
     features = FeatureTracker(camera, settings.keypoints)
-    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, readout)
+    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, readout, turn)
 
 
 def registrar(
@@ -40,6 +45,7 @@ class CameraPipeline:
         settings: of all stages.
         readout: as of ``registrar``.
         extendable_map: what it is registered in, if not that map; the same with room for more landmarks.
+        turn: as of ``LandmarkTracker``.
     """
 
     def __init__(
@@ -49,8 +55,9 @@ class CameraPipeline:
         settings: PipelineSettings,
         readout: Readout | None = None,
         extendable_map: ExtendableMap | None = None,
+        turn: CameraTurn | None = None,
     ) -> None:
-        self._tracker = landmark_tracker(camera, reference_map, settings, readout)
+        self._tracker = landmark_tracker(camera, reference_map, settings, readout, turn)
         self._registrar = registrar(camera, extendable_map or reference_map, settings, readout)
         self._keyframes = None if extendable_map is None else KeyframeSelection(camera)
 

@@ -20,6 +20,7 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodyError
+from bodycam_ros.inertial.camera_turn import camera_turns
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import known_readouts
@@ -110,6 +111,7 @@ def _solved(
     prepare_kernels()
     settings = settings or PipelineSettings()
     skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
+    turns = camera_turns(body, imus) if settings.inertial.enabled else {}
     source = replica = None
     if settings.growth.enabled:
         sent: deque[MapUpdate] = deque()
@@ -117,7 +119,12 @@ def _solved(
         replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
     pipelines = {
         camera: CameraPipeline(
-            model, reference_map, settings, readouts.get(camera), None if replica is None else replica.map
+            model,
+            reference_map,
+            settings,
+            readouts.get(camera),
+            None if replica is None else replica.map,
+            turns.get(camera),
         )
         for camera, model in cameras.items()
         if camera in body.mounts

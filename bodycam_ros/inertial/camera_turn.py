@@ -1,0 +1,57 @@
+"""How far a camera turned between two of its images, by its gyroscope."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array
+from bodycam_ros.inertial.bias_filter import BiasFilter, turned
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
+from bodycam_ros.inertial.imu_samples import ImuSamples
+from bodycam_ros.inertial.preintegration import MotionSums
+
+_BLOCK_NS = 10_000_000_000  # samples are integrated in blocks: of long recordings the sums would be large
+
+
+class CameraTurn:
+    """Rotation of one camera between stamps of its own clock; its registered images keep the gyroscope's bias.
+
+    Args:
+        calibration: of the camera's sensor.
+        samples: of the sensor, by its own clock and along its own axes.
+    """
+
+    def __init__(self, calibration: ImuCalibration, samples: ImuSamples) -> None:
+        self._samples = calibration.correct(samples)
+        self._sums, self._until_ns = MotionSums(), -1
+        self._bias = BiasFilter(calibration.gyro_bias_sigma)
+
+    def between(self, start_ns: int, end_ns: int) -> Array | None:
+        """(3, 3) rotation later_R_camera from one stamp to a later one [ns].
+
+        None where samples do not cover all of it, or the sensor contradicts the registered images.
+        """
+        self._integrate(end_ns)
+        moved = None if self._bias.is_wrong else self._sums.between(start_ns, end_ns)
+        return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
+
+    def observe(self, stamp_ns: int, world_T_camera: Array) -> None:
+        """Follow the bias by the pose (4, 4) of a registered image, later than the one before."""
+        self._integrate(stamp_ns)
+        self._bias.observe(stamp_ns, world_T_camera[:3, :3], self._sums)
+
+    def _integrate(self, stamp_ns: int) -> None:
+        if stamp_ns + _BLOCK_NS // 2 > self._until_ns:
+            start_ns, self._until_ns = self._until_ns + 1, stamp_ns + _BLOCK_NS
+            self._sums.add(self._samples.between(start_ns, self._until_ns))
+
+
+def camera_turns(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, CameraTurn]:
+    """Camera -> its turns, of cameras whose sensor is calibrated and has samples."""
+    calibrations = {camera: mount.imu for camera, mount in body.mounts.items()}
+    return {
+        camera: CameraTurn(calibration, samples)
+        for camera, samples in imus.items()
+        if (calibration := calibrations.get(camera)) is not None and len(samples)
+    }
