@@ -1,11 +1,15 @@
 """One camera from images to registrations, offline; the live graph runs the two halves of it in different nodes."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.inertial.camera_turn import CameraTurn
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
 from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -34,6 +38,16 @@ def registrar(
 ) -> Registrar:
     """The registrar of one camera, with its read-out time as far as it is known beforehand."""
     return Registrar(camera, reference_map, settings.registrar, settings.pose_fit, readout)
+
+
+def camera_turns(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, CameraTurn]:
+    """Camera -> its turns, of cameras whose sensor is calibrated and has samples."""
+    calibrations = {camera: mount.imu for camera, mount in body.mounts.items()}
+    return {
+        camera: CameraTurn(calibration, samples)
+        for camera, samples in imus.items()
+        if (calibration := calibrations.get(camera)) is not None and len(samples)
+    }
 
 
 class CameraPipeline:

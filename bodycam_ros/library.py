@@ -18,9 +18,8 @@ from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
-from bodycam_ros.camera_pipeline import CameraPipeline
+from bodycam_ros.camera_pipeline import CameraPipeline, camera_turns
 from bodycam_ros.errors import BodyError
-from bodycam_ros.inertial.camera_turn import camera_turns
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import known_readouts

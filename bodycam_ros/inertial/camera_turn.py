@@ -1,10 +1,7 @@
 """How far a camera turned between two of its images, by its gyroscope."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.bias_filter import BiasFilter, turned
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
@@ -30,10 +27,11 @@ class CameraTurn:
     def between(self, start_ns: int, end_ns: int) -> Array | None:
         """(3, 3) rotation later_R_camera from one stamp to a later one [ns].
 
-        None where samples do not cover all of it, or the sensor contradicts the registered images.
+        None where samples do not cover all of it, or registered images have not confirmed the sensor.
         """
         self._integrate(end_ns)
-        moved = None if self._bias.is_wrong else self._sums.between(start_ns, end_ns)
+        is_confirmed = self._bias.agreeing > self._bias.contradicting
+        moved = self._sums.between(start_ns, end_ns) if is_confirmed else None
         return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
 
     def observe(self, stamp_ns: int, world_T_camera: Array) -> None:
@@ -45,13 +43,3 @@ class CameraTurn:
         if stamp_ns + _BLOCK_NS // 2 > self._until_ns:
             start_ns, self._until_ns = self._until_ns + 1, stamp_ns + _BLOCK_NS
             self._sums.add(self._samples.between(start_ns, self._until_ns))
-
-
-def camera_turns(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, CameraTurn]:
-    """Camera -> its turns, of cameras whose sensor is calibrated and has samples."""
-    calibrations = {camera: mount.imu for camera, mount in body.mounts.items()}
-    return {
-        camera: CameraTurn(calibration, samples)
-        for camera, samples in imus.items()
-        if (calibration := calibrations.get(camera)) is not None and len(samples)
-    }

@@ -18,9 +18,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.looking_on import SeenBody
-from bodycam_ros.inertial.camera_turn import camera_turns
 from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.offline.camera_worker import (
