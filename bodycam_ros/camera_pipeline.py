@@ -1,10 +1,15 @@
 """One camera from images to registrations, offline; the live graph runs the two halves of it in different nodes."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.inertial.camera_turn import CameraTurn
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
 from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -17,11 +22,15 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 
 def landmark_tracker(
-    camera: CameraModel, reference_map: ReferenceMap | None, settings: PipelineSettings, readout: Readout | None = None
+    camera: CameraModel,
+    reference_map: ReferenceMap | None,
+    settings: PipelineSettings,
+    readout: Readout | None = None,
+    turn: CameraTurn | None = None,
 ) -> LandmarkTracker:
     """The tracker of one camera; without a map, or with one without photographs, it tracks features alone."""
     features = FeatureTracker(camera, settings.keypoints)
-    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, readout)
+    return LandmarkTracker(features, reference_map, settings.direct, settings.pose_fit, readout, turn)
 
 
 def registrar(
@@ -29,6 +38,16 @@ def registrar(
 ) -> Registrar:
     """The registrar of one camera, with its read-out time as far as it is known beforehand."""
     return Registrar(camera, reference_map, settings.registrar, settings.pose_fit, readout)
+
+
+def camera_turns(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, CameraTurn]:
+    """Camera -> its turns, of cameras whose sensor is calibrated and has samples."""
+    calibrations = {camera: mount.imu for camera, mount in body.mounts.items()}
+    return {
+        camera: CameraTurn(calibration, samples)
+        for camera, samples in imus.items()
+        if (calibration := calibrations.get(camera)) is not None and len(samples)
+    }
 
 
 class CameraPipeline:
@@ -40,6 +59,7 @@ class CameraPipeline:
         settings: of all stages.
         readout: as of ``registrar``.
         extendable_map: what it is registered in, if not that map; the same with room for more landmarks.
+        turn: as of ``LandmarkTracker``.
     """
 
     def __init__(
@@ -49,8 +69,9 @@ class CameraPipeline:
         settings: PipelineSettings,
         readout: Readout | None = None,
         extendable_map: ExtendableMap | None = None,
+        turn: CameraTurn | None = None,
     ) -> None:
-        self._tracker = landmark_tracker(camera, reference_map, settings, readout)
+        self._tracker = landmark_tracker(camera, reference_map, settings, readout, turn)
         self._registrar = registrar(camera, extendable_map or reference_map, settings, readout)
         self._keyframes = None if extendable_map is None else KeyframeSelection(camera)
 

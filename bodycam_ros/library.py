@@ -18,7 +18,7 @@ from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
-from bodycam_ros.camera_pipeline import CameraPipeline
+from bodycam_ros.camera_pipeline import CameraPipeline, camera_turns
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
@@ -110,6 +110,7 @@ def _solved(
     prepare_kernels()
     settings = settings or PipelineSettings()
     skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
+    turns = camera_turns(body, imus) if settings.inertial.enabled else {}
     source = replica = None
     if settings.growth.enabled:
         sent: deque[MapUpdate] = deque()
@@ -117,7 +118,12 @@ def _solved(
         replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
     pipelines = {
         camera: CameraPipeline(
-            model, reference_map, settings, readouts.get(camera), None if replica is None else replica.map
+            model,
+            reference_map,
+            settings,
+            readouts.get(camera),
+            None if replica is None else replica.map,
+            turns.get(camera),
         )
         for camera, model in cameras.items()
         if camera in body.mounts

@@ -23,6 +23,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
@@ -177,6 +178,7 @@ class RegistrationTask:
         with_messages: serialise the messages that a bag keeps of each image.
         slim: of these no tracks, and of the landmarks the pose alone.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
+        turns: camera -> rotations by its gyroscope.
     """
 
     recording_path: Path
@@ -186,6 +188,7 @@ class RegistrationTask:
     with_messages: bool = True
     slim: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
+    turns: Mapping[str, CameraTurn] = field(default_factory=dict)
 
 
 def run_camera_worker(
@@ -252,6 +255,7 @@ def register_images(
                 task.settings,
                 best_known(recording.readout(camera), task.readouts.get(camera)),
                 None if replica is None else replica.map,
+                task.turns.get(camera),
             )
             for camera in cameras
         }

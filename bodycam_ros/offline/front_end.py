@@ -7,7 +7,7 @@ import signal
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from multiprocessing.queues import Queue
@@ -102,9 +102,10 @@ def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Itera
     try:
         with _one_thread_each(), _signals_for_us_alone():
             for cameras in shares:
+                own = replace(task, turns={camera: task.turns[camera] for camera in cameras if camera in task.turns})
                 outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
                 inbox: Queue[MapUpdate] = context.Queue()
-                process = context.Process(target=run_camera_worker, args=(task, cameras, outbox, inbox), daemon=True)
+                process = context.Process(target=run_camera_worker, args=(own, cameras, outbox, inbox), daemon=True)
                 process.start()
                 workers.append(_Worker(process, outbox, inbox))
         yield workers

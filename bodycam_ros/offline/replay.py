@@ -18,6 +18,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.looking_on import SeenBody
 from bodycam_ros.mapping.growth_settings import ExtensionRound
@@ -115,6 +116,7 @@ def replay(
             onlookers = station_watch(outside, stations, body, body_path, settings, lambda *each: seen.append(each))
             if not cameras and outside.start is None:
                 raise _nothing_solved(recording_path, map_path, outside)
+        imus = read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {}
         skeleton = SkeletonPipeline(
             person,
             cameras,
@@ -124,7 +126,7 @@ def replay(
             on_together=partial(on_step, _BATCH),
             onlookers=onlookers,
             stations=stations,
-            imus=read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {},
+            imus=imus,
         )
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
         stack.enter_context(threadpool_limits(1, user_api="blas"))
@@ -133,7 +135,9 @@ def replay(
         out = ReplayOutput(writer, body, RegistrationHealth(cameras), summary, log, clocks, coupling)
         in_its_mode = [camera for camera, readout in readouts.items() if readout == body.mounts[camera].readout]
         rows = ReadoutLog(cameras, in_its_mode)
-        task = RegistrationTask(recording_path, map_path or Path(), settings, readouts=readouts, slim=slim)
+        task = RegistrationTask(
+            recording_path, map_path or Path(), settings, readouts=readouts, slim=slim, turns=camera_turns(body, imus)
+        )
         spans = CameraSpans([*cameras, *stations])
         unusable = UnusableImages()
         start_ns = None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout, readout_of
 from bodycam_ros.geometry import Array
+from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings, DirectView
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
@@ -33,6 +34,7 @@ class LandmarkTracker:
         reference_map: the map; None, or one without photographs: features alone are tracked.
         settings, pose_fit: of the direct registration and its fits.
         readout: read-out time of the rows, as far as it is known before the first image.
+        turn: the rotations between images by the camera's gyroscope; None without one.
     """
 
     def __init__(
@@ -42,8 +44,10 @@ class LandmarkTracker:
         settings: DirectSettings,
         pose_fit: PoseFitSettings,
         readout: Readout | None = None,
+        turn: CameraTurn | None = None,
     ) -> None:
         self._features, self._map, self._pose_fit = features, reference_map, pose_fit
+        self._turn = turn
         self._direct: DirectRegistration | None = None
         if settings.enabled and reference_map is not None and reference_map.photographs is not None:
             self._direct = DirectRegistration(
@@ -67,17 +71,19 @@ class LandmarkTracker:
             RecordingError: as ``FeatureTracker.track``.
         """
         if self._direct is None:
-            return self._features.track(image, stamp_ns)
+            frame = self._latest = self._track_features(image, stamp_ns, self._measured_turn(stamp_ns))
+            return frame
         self._features.check(image, stamp_ns)
         self._direct.add_image(image)
-        view = self._find_landmarks(self._direct, stamp_ns)
+        current_R_previous = self._measured_turn(stamp_ns)
+        view = self._find_landmarks(self._direct, stamp_ns, current_R_previous)
         if view is not None and len(view.rows) >= _ENOUGH and not self._features.keyframe_wanted:
             frame = self._frame_of_landmarks(view)
             self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous, afresh=True)
             self._motion.add(stamp_ns, view.world_T_camera, frame.previous_stamp_ns)
             self._before = view
         else:
-            frame = self._features.track(image, stamp_ns)
+            frame = self._track_features(image, stamp_ns, current_R_previous)
             if view is not None:
                 frame = self._merge(frame, view)
                 self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous)
@@ -87,6 +93,8 @@ class LandmarkTracker:
 
     def add_registration(self, matches: LandmarkMatches) -> None:
         """The registration of the latest frame or, live, of one before it."""
+        if self._turn is not None and matches.world_T_camera is not None:
+            self._turn.observe(matches.stamp_ns, matches.world_T_camera)
         is_registered = matches.world_T_camera is not None
         if not is_registered:
             self._features.mark_lost()
@@ -110,14 +118,35 @@ class LandmarkTracker:
         """Make the next image a keyframe, for a registrar that starts anew."""
         self._features.want_keyframe()
 
-    def _find_landmarks(self, direct: DirectRegistration, stamp_ns: int) -> DirectView | None:
-        """Landmarks in the latest image, around its predicted pose."""
+    def _measured_turn(self, stamp_ns: int) -> Array | None:
+        """(3, 3) rotation current_R_previous since the latest image, by the gyroscope."""
+        if self._turn is None or self._latest is None:
+            return None
+        return self._turn.between(self._latest.stamp_ns, stamp_ns)
+
+    def _track_features(self, image: NDArray[np.uint8], stamp_ns: int, current_R_previous: Array | None) -> TrackFrame:
+        """Tracks of features alone; the gyroscope's rotation takes the place of that of the tracks."""
+        frame = self._features.track(image, stamp_ns, current_R_previous)
+        if current_R_previous is None:
+            return frame
+        return replace(frame, current_R_previous=current_R_previous, rotation_inliers=max(1, frame.rotation_inliers))
+
+    def _find_landmarks(
+        self, direct: DirectRegistration, stamp_ns: int, current_R_previous: Array | None
+    ) -> DirectView | None:
+        """Landmarks in the latest image, around its pose predicted with the gyroscope's turn, else without it."""
         before = self._before
-        predicted = self._motion.predict(stamp_ns - before.stamp_ns) if before is not None else None
-        if before is None or predicted is None:
+        if before is None:
             return None
         motion = self._motion.in_image(stamp_ns, before.stamp_ns, None, self._readout.in_use)
-        return direct.register(before, predicted, motion, stamp_ns)
+        for turn in (None,) if current_R_previous is None else (current_R_previous, None):
+            predicted = self._motion.predict(stamp_ns - before.stamp_ns, turn)
+            if predicted is None:
+                return None
+            view = direct.register(before, predicted, motion, stamp_ns)
+            if view is not None:
+                return view
+        return None
 
     def _frame_of_landmarks(self, view: DirectView) -> TrackFrame:
         """Tracks of a view alone; a landmark that was tracked in the image before keeps its track."""

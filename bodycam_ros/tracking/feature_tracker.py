@@ -85,18 +85,19 @@ class FeatureTracker:
         self._turned = 0.0
         self._turning = np.zeros(3)  # [rad/ns]
 
-    def track(self, image: NDArray[np.uint8], stamp_ns: int) -> TrackFrame:
+    def track(self, image: NDArray[np.uint8], stamp_ns: int, turn: NDArray[np.float64] | None = None) -> TrackFrame:
         """Follow all tracks into the next image.
 
         Args:
             image: (H, W) grey image of the camera's size.
             stamp_ns: mid-exposure of its middle row [ns], later than that of the image before.
+            turn: (3, 3) rotation current_R_previous, where it is known beforehand.
 
         Raises:
             RecordingError: the image has another size than the camera model, or its stamp does not advance.
         """
         self.check(image, stamp_ns)
-        current_R_previous, rotation_inliers = self._follow_tracks(image, stamp_ns)
+        current_R_previous, rotation_inliers = self._follow_tracks(image, stamp_ns, turn)
         previous_stamp_ns, self._image, self._stamp_ns = self._stamp_ns, image, stamp_ns
         described = np.zeros(0, np.uint32)
         descriptors = np.zeros((0, DESCRIPTOR_LENGTH), np.uint8)
@@ -206,12 +207,16 @@ class FeatureTracker:
                 "images must come in order of time"
             )
 
-    def _follow_tracks(self, image: NDArray[np.uint8], stamp_ns: int) -> tuple[NDArray[np.float64], int]:
+    def _follow_tracks(
+        self, image: NDArray[np.uint8], stamp_ns: int, turn: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], int]:
         """Move the tracks on and drop the lost ones; the rotation between the frames and its inliers."""
         if self._image is None or len(self._pixels) == 0:
             return np.eye(3), 0
         bearings_previous = self.camera.unproject(self._pixels)[0]
-        predicted = self._predict(bearings_previous, stamp_ns - self._stamp_ns)
+        if turn is None:
+            turn = exp_so3(min(stamp_ns - self._stamp_ns, LONGEST_NS) * self._turning)
+        predicted = self._predict(bearings_previous, turn)
         pixels, alive = follow(self._image, image, self._pixels, predicted)
         bearings_current, in_view = self.camera.unproject(pixels)
         alive &= in_view & self._in_mask(pixels)
@@ -224,11 +229,9 @@ class FeatureTracker:
         self._turned += float(np.linalg.norm(log_so3(current_R_previous)))
         return current_R_previous, int(agree.sum())
 
-    def _predict(self, bearings_previous: NDArray[np.float64], passed_ns: int) -> NDArray[np.float32]:
-        """Where the tracks would be if the camera kept turning as it did."""
-        predicted, valid = self.camera.project(
-            bearings_previous @ exp_so3(min(passed_ns, LONGEST_NS) * self._turning).T
-        )
+    def _predict(self, bearings_previous: NDArray[np.float64], turn: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Where the tracks would be after a rotation current_R_previous (3, 3) alone."""
+        predicted, valid = self.camera.project(bearings_previous @ turn.T)
         usable = valid & self.camera.in_image(predicted)
         return np.where(usable[:, None], predicted, self._pixels).astype(np.float32)
 

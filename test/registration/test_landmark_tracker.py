@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera_pipeline import landmark_tracker, registrar
-from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.geometry import inverse, log_se3, log_so3
+from bodycam_ros.inertial.camera_turn import CameraTurn
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.direct_registration import DirectSettings
@@ -51,9 +54,11 @@ def run(
     camera: CameraModel,
     images: Iterable[tuple[NDArray[np.uint8], int]],
     settings: PipelineSettings | None = None,
+    turn: CameraTurn | None = None,
 ) -> Said:
     settings = settings or PipelineSettings()
-    tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
+    tracker = landmark_tracker(camera, reference_map, settings, turn=turn)
+    registering = registrar(camera, reference_map, settings)
     said: Said = []
     for image, stamp_ns in images:
         frame = tracker.track(image, stamp_ns)
@@ -137,3 +142,29 @@ def test_a_camera_stays_registered_where_a_part_of_the_world_changed(reference_m
     for (_, matches), (_, other) in zip(said, of_changed, strict=True):
         degrees, metres = apart(matches.world_T_camera, other.world_T_camera)
         assert degrees < 0.4 and metres < 0.025
+
+
+def gyroscope(said: Said, flow_of_time: float = 1.0) -> CameraTurn:
+    """A sensor that turns as the registered images do, 200 times a second; backwards in time if -1."""
+    stamps_ns = np.array([frame.stamp_ns for frame, _ in said])
+    R = np.array([matches.world_T_camera[:3, :3] for _, matches in said])
+    rates = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:]) / (1e-9 * np.diff(stamps_ns))[:, None]
+    at = np.arange(stamps_ns[0], stamps_ns[-1] + 1, 5_000_000)
+    of_step = np.minimum(np.searchsorted(stamps_ns, at, side="right") - 1, len(rates) - 1)
+    return CameraTurn(ImuCalibration(), ImuSamples(at, flow_of_time * rates[of_step], np.zeros((len(at), 3))))
+
+
+def test_few_images_a_second_are_found_with_a_gyroscope_and_one_that_lies_does_no_harm(
+    reference_map, seen, said
+) -> None:
+    camera, images = seen
+    few = images[::6]
+    alone, turned, lied_to = (
+        run(reference_map, camera, few, turn=turn) for turn in (None, gyroscope(said), gyroscope(said, -1.0))
+    )
+    # The first images confirm the sensor.
+    assert all(is_direct(frame) for frame, _ in turned[-2:]) and not any(is_direct(frame) for frame, _ in alone)
+    for each, most_deg, most_m in ((turned[-2:], 0.05, 0.005), (lied_to, 0.2, 0.025)):
+        for (_, matches), (_, truth) in zip(each, said[::6][-len(each) :], strict=True):
+            degrees, metres = apart(matches.world_T_camera, truth.world_T_camera)
+            assert degrees < most_deg and metres < most_m

@@ -1,0 +1,45 @@
+"""How far a camera turned between two of its images, by its gyroscope."""
+
+import numpy as np
+
+from bodycam_ros.geometry import Array
+from bodycam_ros.inertial.bias_filter import BiasFilter, turned
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
+from bodycam_ros.inertial.imu_samples import ImuSamples
+from bodycam_ros.inertial.preintegration import MotionSums
+
+_BLOCK_NS = 10_000_000_000  # samples are integrated in blocks: of long recordings the sums would be large
+
+
+class CameraTurn:
+    """Rotation of one camera between stamps of its own clock; its registered images keep the gyroscope's bias.
+
+    Args:
+        calibration: of the camera's sensor.
+        samples: of the sensor, by its own clock and along its own axes.
+    """
+
+    def __init__(self, calibration: ImuCalibration, samples: ImuSamples) -> None:
+        self._samples = calibration.correct(samples)
+        self._sums, self._until_ns = MotionSums(), -1
+        self._bias = BiasFilter(calibration.gyro_bias_sigma)
+
+    def between(self, start_ns: int, end_ns: int) -> Array | None:
+        """(3, 3) rotation later_R_camera from one stamp to a later one [ns].
+
+        None where samples do not cover all of it, or registered images have not confirmed the sensor.
+        """
+        self._integrate(end_ns)
+        is_confirmed = self._bias.agreeing > self._bias.contradicting
+        moved = self._sums.between(start_ns, end_ns) if is_confirmed else None
+        return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
+
+    def observe(self, stamp_ns: int, world_T_camera: Array) -> None:
+        """Follow the bias by the pose (4, 4) of a registered image, later than the one before."""
+        self._integrate(stamp_ns)
+        self._bias.observe(stamp_ns, world_T_camera[:3, :3], self._sums)
+
+    def _integrate(self, stamp_ns: int) -> None:
+        if stamp_ns + _BLOCK_NS // 2 > self._until_ns:
+            start_ns, self._until_ns = self._until_ns + 1, stamp_ns + _BLOCK_NS
+            self._sums.add(self._samples.between(start_ns, self._until_ns))
