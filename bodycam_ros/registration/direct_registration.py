@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
-from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.landmark_choice_kernels import LEAST_SIGMA_PX, best_views, choose_landmarks
 from bodycam_ros.registration.local_landmarks import LandmarkTrust, LocalLandmarks
@@ -29,10 +29,6 @@ _LIKENESS = 0.7  # least correlation of a patch with the image
 _INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
 _AGREE = 0.6  # least share of the coarse landmarks that fit one pose
 _LEAST_FOUND = 8  # landmarks of a pose
-_MOST_IMAGES = 3  # for which a choice of landmarks lasts,
-_MOST_TURN = 0.12  # or until the camera turned so far [rad],
-_MOST_WAY_M = 0.15  # moved so far,
-_LEAST_SHARE = 0.7  # or fewer of them are found
 _PROJECTIONS = np.zeros((0, 2))
 _ONE_CAMERA = np.zeros(1, np.uint16)
 _STILL = np.zeros(6)
@@ -73,24 +69,6 @@ class DirectView:
     shifts: Array | None = None
 
 
-@dataclass
-class _Choice:
-    """Landmarks and their photographs, chosen for a pose."""
-
-    world_T_camera: Array
-    rows: NDArray[np.int64]
-    views: NDArray[np.int64]
-    images: int = 0
-    found_share: float = 1.0
-
-    def is_valid(self, world_T_camera: Array) -> bool:
-        """Whether it still serves a camera at another pose."""
-        moved = inverse(self.world_T_camera) @ world_T_camera
-        turn_cosine = 0.5 * (moved[0, 0] + moved[1, 1] + moved[2, 2] - 1.0)
-        is_near = turn_cosine > np.cos(_MOST_TURN) and moved[:3, 3] @ moved[:3, 3] < _MOST_WAY_M**2
-        return bool(is_near and self.images < _MOST_IMAGES and self.found_share >= _LEAST_SHARE)
-
-
 class DirectRegistration:
     """Finds a camera's landmarks in its images, one after the other.
 
@@ -118,7 +96,6 @@ class DirectRegistration:
         self._local = LocalLandmarks(reference_map.grid, camera.fx, LEAST_SIGMA_PX)
         self._points = as_rows(reference_map.points_world)
         self._sizes = reference_map.landmark_sizes
-        self._choice: _Choice | None = None
 
     def add_image(self, image: NDArray[np.uint8]) -> None:
         """The next image (H, W)."""
@@ -148,8 +125,8 @@ class DirectRegistration:
             stamp_ns: of the latest image [ns].
             first_level: of the pyramid on which patches are aligned first.
         """
-        choice = self._choose(near, motion)
-        photographs, rows = self._photographs, choice.rows
+        rows, views = self._choose(near, motion)
+        photographs = self._photographs
         pixels, likeness = align_patches(
             self._lens,
             as_rows(near),
@@ -161,7 +138,7 @@ class DirectRegistration:
             as_rows(photographs.world_T_camera),
             photographs.pyramids,
             photographs.levels,
-            choice.views,
+            views,
             _PROJECTIONS,
             self._points[rows],
             as_rows(photographs.normals[rows]),
@@ -172,7 +149,6 @@ class DirectRegistration:
         found = np.flatnonzero(np.isfinite(likeness))
         fit = self._fit(rows[found], pixels[found], near, motion)
         inliers = np.zeros(0, np.int64) if fit is None else np.flatnonzero(fit.errors_px < _INLIER_PX)
-        choice.images, choice.found_share = choice.images + 1, len(inliers) / max(len(rows), 1)
         if fit is None or len(inliers) < _LEAST_FOUND:
             return None
         agree = np.zeros(len(rows), bool)
@@ -182,10 +158,8 @@ class DirectRegistration:
             stamp_ns, fit.world_T_camera, rows[agree], pixels[agree], fit.information, fit.shifts[inliers]
         )
 
-    def _choose(self, near: Array, motion: ImageMotion | None) -> _Choice:
+    def _choose(self, near: Array, motion: ImageMotion | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The landmarks to look for around a pose, and the photograph for each."""
-        if self._choice is not None and self._choice.is_valid(near):
-            return self._choice
         photographs = self._photographs
         rows = choose_landmarks(
             self._lens,
@@ -211,8 +185,7 @@ class DirectRegistration:
             photographs.observation_view,
         )
         photographs.develop(views[views >= 0])
-        self._choice = _Choice(near, rows, views)
-        return self._choice
+        return rows, views
 
     def _correct_prediction(self, before: DirectView, predicted: Array, motion: ImageMotion | None) -> Array | None:
         """The pose by some landmarks of the image before, each by its patch in that image (A eq. 2)."""
