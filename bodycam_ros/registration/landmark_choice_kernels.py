@@ -1,7 +1,7 @@
 """Landmarks to look for in an image: in view, spread over it, the most trusted of every cell.
 
-A choice by the determinant of the pose's information (D-optimality) was measured and is worse: it prefers landmarks
-that are near or at the rim, whose patches fit less well (docs/benchmarks.md).
+A choice by the determinant of the pose's information (D-optimality) was measured and is worse at the same cost
+(docs/benchmarks.md).
 """
 
 import math
