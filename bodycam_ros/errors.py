@@ -37,10 +37,6 @@ class StationError(BodycamError):
     """Where static cameras stand is malformed, or cannot be found out."""
 
 
-class AccessError(BodycamError):
-    """Keys or permissions of the live graph cannot be made."""
-
-
 class StudyError(BodycamError):
     """A study file is malformed, or its workflow cannot be run."""
 

@@ -13,9 +13,6 @@ from bodycam_ros.settings import setting
 from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.stamps import find_shared_stamps
 
-TRACK_AGE_S = 0.5
-"""Longest track of a calibration: a track keeps the half pixel of its first match, and only many tracks average it."""
-
 _SHORTEST_INTERVAL_NS = 1_000_000_000 // 480  # shorter than the time between two images
 _MAX_IMAGES = 2400  # per camera, about 3 kB each: three minutes at 12 Hz; of a longer recording fewer a second
 _MAX_GAP_S = 0.15  # between two registrations that are interpolated; beyond, a limb's path bends by centimetres

@@ -14,8 +14,7 @@ from bodycam_ros.calibration.anthropometry import JOINT_ABOVE, SegmentName
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
 PLANES = ("sagittal", "frontal", "transverse")
-MEANING = ("flexion", "abduction", "inward rotation")
-TRUNK_MEANING = ("forward bend", "bend to the left", "turn to the left")
+"""Positive are flexion, abduction and inward rotation; of the trunk a bend forward, to the left, a turn to the left."""
 
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
@@ -31,11 +30,6 @@ def joint_name(segment: str) -> str:
     """``thigh_left`` -> hip left; of a segment that nobody knows its own name."""
     kind, side = kind_and_side(segment)
     return f"{JOINT_ABOVE.get(kind, kind.replace('_', ' '))} {side}".strip()
-
-
-def meaning(segment: str) -> tuple[str, ...]:
-    """What positive angles mean, in the order of ``PLANES``."""
-    return TRUNK_MEANING if segment in _TRUNK else MEANING
 
 
 def planes_of(segment: str, parent_R_child: Array) -> Array:
