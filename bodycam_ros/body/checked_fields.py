@@ -1,9 +1,8 @@
-"""Values of a body or equipment file, checked one by one; ``where`` begins the message: "joint spine: axis"."""
+"""Values of a body or equipment file, checked by msgspec; ``where`` begins the message: "joint spine: axis"."""
 
-import math
-from contextlib import suppress
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
 from bodycam_ros.errors import BodyError
@@ -11,8 +10,53 @@ from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 from bodycam_ros.shown import shown
 
 _QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of the pen, not rounding
-_LONGEST_NAME = 100
-_MOST_SHOWN = 5  # of unknown keys
+_LONGEST_MESSAGE = 200
+_DECIMALS = 9  # of written numbers: 1 nm, 1 nrad
+
+_UNPRINTABLE = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069"
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=100, pattern=rf"^[^{_UNPRINTABLE}]*$")]
+Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]  # neither infinite nor NaN
+Point = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]
+ORIGIN: Point = (0.0, 0.0, 0.0)
+UNTURNED: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+class Entry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """A table of a file; fields without a default are needed."""
+
+
+def read_entry(kind: Any, value: Any, where: str) -> Any:
+    """The value as a type that msgspec knows.
+
+    Raises:
+        BodyError: it is none.
+    """
+    try:
+        # PyYAML reads 1e-4 as text.
+        return msgspec.convert(value, kind, strict=False)
+    except (msgspec.ValidationError, OverflowError) as error:
+        problem, _, place = str(error)[:_LONGEST_MESSAGE].replace("`", "").partition(" - at $")
+        field = f"{where}: {place.lstrip('.')}" if place else where
+        raise BodyError(f"{field}: {problem.replace('Object', 'table')}, in {shown(value)}") from error
+
+
+def pose_of(origin: Point, quaternion: Quaternion, where: str) -> Array:
+    """The pose (4, 4) of an origin [m] and a quaternion x y z w.
+
+    Raises:
+        BodyError: not a unit quaternion.
+    """
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > _QUATERNION_TOLERANCE:
+        raise BodyError(f"{where} must be a unit quaternion x y z w, but its length is {length:.4g}")
+    return rigid(rotation_from_xyzw(np.array(quaternion)), np.array(origin))
+
+
+def rounded(values: Array) -> Any:
+    """Numbers as a file has them, a tuple."""
+    # Adding zero turns -0.0 into 0.0.
+    return tuple(round(float(value), _DECIMALS) + 0.0 for value in values)
 
 
 def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> None:
@@ -27,7 +71,7 @@ def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> 
         raise BodyError(f"{where}: lacks {', '.join(sorted(missing))}")
     if unknown := [key for key in entry if key not in needed | optional]:
         known = ", ".join(sorted(needed | optional))
-        raise BodyError(f"{where}: has unknown {', '.join(map(shown, unknown[:_MOST_SHOWN]))}; known are {known}")
+        raise BodyError(f"{where}: has unknown {', '.join(map(shown, unknown[:5]))}; known are {known}")
 
 
 def name_of(value: Any, where: str) -> str:
@@ -36,11 +80,8 @@ def name_of(value: Any, where: str) -> str:
     Raises:
         BodyError: it is not text, too long, or holds characters that cannot be printed.
     """
-    if not isinstance(value, str) or not value:
-        raise BodyError(f"{where} must be a name, not {shown(value)}; put a number that is meant as a name in quotes")
-    if len(value) > _LONGEST_NAME or not value.isprintable():
-        raise BodyError(f"{where} must be a name of at most {_LONGEST_NAME} printable characters, not {shown(value)}")
-    return value
+    name: str = read_entry(Name, value, f"{where} must be a name; put a number that is meant as a name in quotes")
+    return name
 
 
 def number_of(value: Any, where: str, least: float, most: float) -> float:
@@ -49,37 +90,18 @@ def number_of(value: Any, where: str, least: float, most: float) -> float:
     Raises:
         BodyError: it is none.
     """
-    number = math.nan
-    if isinstance(value, int | float | str) and not isinstance(value, bool):
-        with suppress(ValueError, OverflowError):
-            number = float(value)  # PyYAML reads 1e-4 as text
-    if not least <= number <= most:
-        raise BodyError(f"{where} must be a number from {least:g} to {most:g}, not {shown(value)}")
+    number: float = read_entry(Annotated[float, msgspec.Meta(ge=least, le=most)], value, where)
     return number
 
 
-def truth_of(value: Any, where: str) -> bool:
-    """Return true or false.
-
-    Raises:
-        BodyError: it is neither.
-    """
-    if not isinstance(value, bool):
-        raise BodyError(f"{where} must be true or false, not {shown(value)}")
-    return value
-
-
-def table_of(value: Any, where: str, most: int) -> dict[Any, Any]:
+def table_of(value: Any, where: str, most: int) -> dict[str, Any]:
     """Return a table of at most so many names.
 
     Raises:
         BodyError: it is no table, or a larger one.
     """
-    if not isinstance(value, dict):
-        raise BodyError(f"{where} must be a table of names, not {shown(value)}")
-    if len(value) > most:
-        raise BodyError(f"{where}: {len(value)} are more than there can be; at most {most}")
-    return value
+    table: dict[str, Any] = read_entry(Annotated[dict[Name, Any], msgspec.Meta(max_length=most)], value, where)
+    return table
 
 
 def numbers_of(value: Any, count: int, where: str) -> Array:
@@ -88,25 +110,5 @@ def numbers_of(value: Any, count: int, where: str) -> Array:
     Raises:
         BodyError: not that many finite numbers.
     """
-    try:
-        # PyYAML reads 1e-4 as text.
-        numbers = np.array([float(v) for v in value if not isinstance(v, bool)])
-    except (TypeError, ValueError, OverflowError):
-        numbers = np.empty(0)
-    if len(numbers) != count or isinstance(value, str) or not np.isfinite(numbers).all():
-        raise BodyError(f"{where} must be a list of {count} finite numbers, not {shown(value)}")
-    return numbers
-
-
-def pose_of(entry: dict[str, Any], origin_key: str, quaternion_key: str, where: str) -> Array:
-    """Return the pose (4, 4) of an origin [m] and a quaternion x y z w; absent ones are zero and the identity.
-
-    Raises:
-        BodyError: not finite numbers, or not a unit quaternion.
-    """
-    origin = numbers_of(entry.get(origin_key, [0.0, 0.0, 0.0]), 3, f"{where}: {origin_key}")
-    quaternion = numbers_of(entry.get(quaternion_key, [0.0, 0.0, 0.0, 1.0]), 4, f"{where}: {quaternion_key}")
-    length = float(np.linalg.norm(quaternion))
-    if abs(length - 1.0) > _QUATERNION_TOLERANCE:
-        raise BodyError(f"{where}: {quaternion_key} must be a unit quaternion x y z w, but its length is {length:.4g}")
-    return rigid(rotation_from_xyzw(quaternion), origin)
+    kind = Annotated[list[Number], msgspec.Meta(min_length=count, max_length=count)]
+    return np.array(read_entry(kind, value, f"{where} must be {count} finite numbers"), np.float64)

@@ -116,7 +116,7 @@ def test_loops_of_an_earlier_urdf_do_not_stay_beside_one_without(
     ("source", "complaint"),
     [
         ("nobody.yaml", "nobody.yaml: cannot read this body file"),
-        ("map.yaml", "map.yaml: a body file: lacks"),
+        ("map.yaml", "map.yaml: a body file: table "),
         ("tiny", "tiny: nothing on /robot_description (std_msgs/msg/String); expected a bag that 'bodycam replay'"),
         ("folder", "folder: "),
     ],

@@ -97,7 +97,7 @@ def test_without_equipment_there_is_no_such_topic(sample: Path, bag: Path, tmp_p
     [
         ("unicycle", None, "equipment unicycle: none of that name is supplied; there are barbell, bicycle,"),
         ("mine.yaml", None, "mine.yaml: cannot read this equipment file: No such file"),
-        ("mine.yaml", "name: mine", "mine.yaml: an equipment file: lacks attachments, root, segments"),
+        ("mine.yaml", "name: mine", "mine.yaml: an equipment file: table missing required field root"),
         (
             "mine.yaml",
             "{name: m, root: r, segments: {r: {}}, attachments: {a: {body: tail, equipment: r, weight: 9, points: "
