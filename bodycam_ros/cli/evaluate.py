@@ -126,11 +126,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def compare_lenses(verdict: "Verdict", recording: Path) -> None:
     """Print which of the cameras with findings were recorded with another lens; takes some seconds each."""
-    from bodycam_ros.lens.recorded_lens import other_lenses
+    from bodycam_ros.lens.lens_check import find_mismatches
 
     accused = {finding.subject for finding in verdict.findings if finding.part == "camera"}
     with waiting("comparing lenses"):
-        remarks = [match.text for match in other_lenses(recording, sorted(accused))]
+        remarks = [match.text for match in find_mismatches(recording, sorted(accused))]
     for remark in remarks:
         Terminal().print(remark, style="red", soft_wrap=True)
 

@@ -171,7 +171,7 @@ def opened_photographs(
         BodycamError: the source cannot be read, or has no usable images.
     """
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.lens.recorded_lens import compare_lens
+    from bodycam_ros.lens.lens_check import warn_of_mismatch
     from bodycam_ros.mapping.frame_choice import keep_sharp_frames
     from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera, open_body_cameras
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
@@ -193,7 +193,7 @@ def opened_photographs(
         camera = (
             BagCamera(source, arguments.topic, arguments.camera) if is_bag else VideoCamera(source, arguments.camera)
         )
-        compare_lens(camera)
+        warn_of_mismatch(camera)
         cameras, name = {camera.name: camera}, camera.name
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         yield keep_sharp_frames(

@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.body.equipment_yaml import equipment_path
     from bodycam_ros.cli.progress import ProgressBars
     from bodycam_ros.cli.tables import exit_code
-    from bodycam_ros.lens.recorded_lens import other_lenses
+    from bodycam_ros.lens.lens_check import find_mismatches
     from bodycam_ros.offline.measure_body import doubted_cameras
     from bodycam_ros.offline.replay import replay
     from bodycam_ros.recording.bag_reader import open_recording
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
             slim=arguments.slim,
             imu_paths=arguments.imu,
         )
-    lenses = other_lenses(arguments.recording, doubted_cameras(summary))
+    lenses = find_mismatches(arguments.recording, doubted_cameras(summary))
     _print(summary, (*summary.remarks, *(match.text for match in lenses)), arguments.output)
     return exit_code(summary.verdict)
 

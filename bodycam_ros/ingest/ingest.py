@@ -16,8 +16,7 @@ from bodycam_ros.ingest.find_videos import find_videos
 from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.inertial_stream import imu_messages, read_inertial_samples
 from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
-from bodycam_ros.lens.lens_match import LensMatch, lens_match
-from bodycam_ros.lens.lens_watch import match_images
+from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.telemetry import InertialSamples
@@ -256,4 +255,4 @@ def _match(camera: IngestCamera, ended: Event) -> LensMatch:
     try:
         return match_images(camera.lens, images(), _MOST_LENS_FRAMES)
     except RecordingError:  # named when it is written
-        return lens_match(camera.lens, [])
+        return match_images(camera.lens, [])

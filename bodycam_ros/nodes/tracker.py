@@ -7,7 +7,7 @@ from pathlib import Path
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera_pipeline import landmark_tracker
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.lens.lens_watch import LensWatch
+from bodycam_ros.lens.lens_check import LensMonitor
 from bodycam_ros.live.flow_of_frames import AnsweredFrames
 from bodycam_ros.live.image_queue import ImageHealth, ImageQueue
 from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
@@ -41,7 +41,7 @@ class TrackerStage(Stage[TrackerParameters]):
         self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
-        self._lens: LensWatch | None = None
+        self._lens: LensMonitor | None = None
         self._answers = AnsweredFrames(self.parameters.most_ahead)
         self._thinning = EverySecondImage(self.parameters.longest_wait, self.parameters.recovery)
         self._readers = 0
@@ -82,7 +82,7 @@ class TrackerStage(Stage[TrackerParameters]):
         return True, f"camera {self.camera} begins anew: the next image is a keyframe without a predecessor"
 
     def _on_camera(self, camera: str) -> None:
-        self._lens = LensWatch(self._models.models[camera])
+        self._lens = LensMonitor(self._models.models[camera])
         self._begin()
         self.soon(self._track_next)
 
@@ -163,7 +163,7 @@ class TrackerStage(Stage[TrackerParameters]):
         if self._answers.answered(matches.stamp_ns):
             self._tracker.add_registration(matches)
             if self._lens is not None:
-                self._lens.note_registration(matches.world_T_camera is not None)
+                self._lens.add_registration(matches.world_T_camera is not None)
         self.soon(self._track_next)
 
     def _on_request(self, message: Message) -> None:

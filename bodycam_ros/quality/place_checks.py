@@ -9,7 +9,7 @@ from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.calibration.rest_pose import MAX_SHIFT_M, MAX_TURN_RAD
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
-from bodycam_ros.lens.recorded_lens import other_lenses
+from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.mapping.apriltag import FAMILIES, find_tags
 from bodycam_ros.mapping.board import Board
 from bodycam_ros.mapping.progress import Progress
@@ -85,7 +85,7 @@ def check_field_of_view(recording: Path, registered: RegisteredSamples, progress
         return
     with progress.step("lenses", len(doubted)) as advance:
         for camera in doubted:
-            for match in other_lenses(recording, [camera]):
+            for match in find_mismatches(recording, [camera]):
                 what = match.text.removeprefix(f"camera {camera}: ")
                 yield Finding(camera, Level.WRONG, what, check="lens")
             advance()

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.lens.lens_check import LensMonitor
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
-from bodycam_ros.lens.lens_watch import LensWatch
 from bodycam_ros.recording.bag_reader import open_recording
 
 
@@ -16,12 +16,12 @@ def test_a_wrong_lens_is_found_once(sample: Path) -> None:
         images = [decode_grey(image) for image in recording.images(["shin_left"])]
     lens = lens_numbers(model)
     lens[:2] *= 0.75
-    watch = LensWatch(with_lens(model, lens))
+    monitor = LensMonitor(with_lens(model, lens))
     for _ in range(60):
-        watch.note_registration(False)
-    assert watch.is_doubted
+        monitor.add_registration(False)
+    assert monitor.is_needed
     # There and back again until the lens is judged.
-    assert any(watch.add_image(image) for _ in range(6) for image in [*images, *images[::-1]])
-    assert watch.match is not None and watch.match.is_known
-    assert watch.match.scale == pytest.approx(1.0 / 0.75, rel=0.06)
-    assert not watch.add_image(images[0])
+    assert any(monitor.add_image(image) for _ in range(6) for image in [*images, *images[::-1]])
+    assert monitor.match is not None and monitor.match.is_known
+    assert monitor.match.scale == pytest.approx(1.0 / 0.75, rel=0.06)
+    assert not monitor.add_image(images[0])

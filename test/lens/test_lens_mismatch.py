@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.cli.evaluate import compare_lenses
-from bodycam_ros.lens.recorded_lens import other_lenses
+from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.verdict import Finding, Level, Verdict
@@ -25,7 +25,7 @@ def test_a_camera_with_the_lens_of_another_mode_is_named(sample, tmp_path, capsy
             if topic == "/shin_left/camera_info":
                 message.k = np.array(message.k) * np.array([0.75, 1, 1, 1, 0.75, 1, 1, 1, 1])
             writer.write(topic, stamp_ns, message)
-    (match,) = other_lenses(tmp_path / "bag", ["shin_left", "thigh_left"])
+    (match,) = find_mismatches(tmp_path / "bag", ["shin_left", "thigh_left"])
     line = match.text
     assert "camera shin_left: images do not fit its calibration (camera_info)" in line
     assert "1.33 times as long" in line

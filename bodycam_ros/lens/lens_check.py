@@ -1,0 +1,327 @@
+"""Test of a camera's calibration against its own images: the epipolar error of tracked points.
+
+Two images of a camera that turned and moved are related by a rotation and a direction of translation if the rays of
+their points are right. With the calibration of another lens mode (linear instead of wide, a crop by stabilisation) the
+epipolar error is larger than with rays that lie closer together or farther apart.
+"""
+
+import logging
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
+from bodycam_ros.mapping.moving_camera import MovingCamera
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.tracking.rotation import estimate_rotation
+
+logger = logging.getLogger(__name__)
+
+Grey = NDArray[np.uint8]
+
+PointPair = tuple[Array, Array]
+"""Pixels (N, 2) of the same points in two images of a camera."""
+
+_SCALES = np.geomspace(0.5, 2.0, 25)  # of the focal lengths; the thirteenth is 1
+_GIVEN = len(_SCALES) // 2
+
+_WIDTH = 640  # [px] images are reduced to it for tracking
+_POINTS, _MIN_POINTS = 300, 60  # detected at first; tracked to the end of a pair
+_MIN_SHIFT = 0.12  # median motion of the points from image to image of a pair, of the width
+_MAX_IMAGES = 30  # from the first image of a pair to the second
+_RETURN_PX = 0.5  # largest forward-backward error of a track
+_PAIRS = 8  # compared per camera; 70 ms each
+
+_MIN_PAIRS = 4
+_MIN_RAYS, _MIN_SHARE = 30, 0.8  # points of a pair with a ray, and their share
+_MIN_TURN_DEG = 4.0  # between two images; translation alone does not constrain the focal length
+_MISMATCH = 1.06  # scale of the focal length, or its inverse; lens modes differ by more
+_CLEAR_SHARE = 0.75  # largest error with the best scale, as a share of the error with the given lens
+_CLEAR_PAIRS = 0.75  # smallest share of the pairs whose error decreases
+_INLIER_ANGLE_DEG, _HYPOTHESES = 2.0, 64
+_SPREADS_PX = np.geomspace(10.0, 0.7, 16)  # Geman-McClure scale per iteration; points on the wearer are outliers
+_DIRECTION_STEPS = 6  # iterations that take the direction from an eigenvector; later ones refine it with the rotation
+_TINY = 1e-12
+
+_BAG_IMAGES, _VIDEO_FRAMES = 300, 900  # examined per camera
+
+_RECENT = 60  # images whose registration decides whether a running camera is checked
+_REGISTERED = 0.5  # share of them; a camera registered more often has the right calibration
+
+_MODES = (
+    (0.65, "so it shows much more, as in the mode 'wide' where the lens was measured in 'narrow' or with zoom"),
+    (0.82, "so it shows more, as in the mode 'wide' where the lens was measured in 'linear'"),
+    (1.0, "so it shows more, as with stabilisation off where the lens was measured with it on"),
+    (1.22, "so it shows less, as with stabilisation on (a crop by a tenth)"),
+    (1.55, "so it shows less, as in the mode 'linear' in place of 'wide', or with strong stabilisation"),
+    (np.inf, "so it shows much less, as in the mode 'narrow' or with digital zoom"),
+)
+"""Likely lens mode of scales up to a limit."""
+
+
+@dataclass(frozen=True)
+class LensMatch:
+    """Result of the comparison of a calibration with images.
+
+    Attributes:
+        camera: its name.
+        scale: factor by which the focal lengths should be larger; 1 where nothing contradicts the calibration.
+        error_px: median epipolar error with the calibration as given [px].
+        best_px: the same at ``scale`` [px].
+        pairs: image pairs that were compared; fewer than four give no result.
+    """
+
+    camera: str
+    scale: float
+    error_px: float
+    best_px: float
+    pairs: int
+
+    @property
+    def matches(self) -> bool:
+        """Whether nothing contradicts the calibration."""
+        return self.scale == 1.0
+
+    @property
+    def is_known(self) -> bool:
+        """Whether there were enough pairs."""
+        return self.pairs >= _MIN_PAIRS
+
+    @property
+    def text(self) -> str:
+        """The result in a sentence."""
+        if self.matches:
+            return f"camera {self.camera}: images fit its calibration (epipolar error {self.error_px:.1f} px)"
+        mode = next(mode for limit, mode in _MODES if self.scale <= limit)
+        return (
+            f"camera {self.camera}: images do not fit its calibration (camera_info): points are "
+            f"{self.error_px:.1f} px off their epipolar lines, {self.best_px:.1f} px if focal lengths were "
+            f"{self.scale:.2f} times as long, {mode}. Measure the lens in the mode that was recorded in "
+            "(bodycam lens), or record in the lens' mode"
+        )
+
+
+def match_lens(camera: CameraModel, pairs: Iterable[PointPair]) -> LensMatch:
+    """Compare a calibration with points of image pairs that were taken some tenths of a second apart."""
+    return _match_errors(camera, [errors for pair in pairs if (errors := _errors_px(camera, pair)) is not None])
+
+
+def match_images(camera: CameraModel, images: Iterable[Grey], most_images: int = _BAG_IMAGES) -> LensMatch:
+    """Compare a calibration with successive images, grey (H, W), until there are enough pairs."""
+    points = _PairTracker()
+    pairs = (pair for image in islice(images, most_images) if (pair := points.add(image)) is not None)
+    return match_lens(camera, islice(pairs, _PAIRS))
+
+
+def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]:
+    """Check some cameras of a bag, some seconds each, and yield those whose images do not fit their calibration.
+
+    Raises:
+        RecordingError: not a bag.
+    """
+    with open_recording(path) as recording:
+        for camera in cameras:
+            if camera in recording.cameras:
+                match = match_images(recording.camera_model(camera), _camera_images(recording, camera))
+                if not match.matches:
+                    yield match
+
+
+def warn_of_mismatch(source: MovingCamera) -> None:
+    """Log a warning if the frames of a video do not fit its calibration: mapping would fail."""
+
+    def images() -> Iterator[Grey]:
+        for frame in frames:
+            with suppress(RecordingError):
+                yield frame.grey()
+
+    with source.frames() as frames:
+        match = match_images(source.camera, images(), _VIDEO_FRAMES)
+    if not match.matches:
+        logger.warning("%s: %s", source.name, match.text)
+
+
+class LensMonitor:
+    """Compares the calibration of a running camera with its images, once, when the camera is rarely registered.
+
+    Args:
+        camera: from its camera_info.
+
+    Attributes:
+        match: the result; None until enough images have been compared.
+    """
+
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
+        self._registered: deque[bool] = deque(maxlen=_RECENT)
+        self._points = _PairTracker()
+        self._errors: list[Array] = []
+        self.match: LensMatch | None = None
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether the camera was rarely registered of late."""
+        return len(self._registered) == _RECENT and sum(self._registered) < _REGISTERED * _RECENT
+
+    @property
+    def remark(self) -> str:
+        """Description of a mismatch; empty if there is none."""
+        return "" if self.match is None or self.match.matches else self.match.text
+
+    @property
+    def state(self) -> str:
+        """Progress or result of the comparison, in a word or two."""
+        if self.match is None:
+            return "being compared" if self.is_needed else "not compared"
+        return "mismatch" if self.remark else "fits"
+
+    def add_registration(self, is_registered: bool) -> None:
+        """Count an image that was registered, or not."""
+        self._registered.append(is_registered)
+
+    def add_image(self, image: Grey) -> bool:
+        """Track points into the next image, grey (H, W); True if this image completed the comparison.
+
+        An image that completes a pair takes 70 ms; while the camera is registered, nothing is computed.
+        """
+        if self.match is not None or not self.is_needed:
+            return False
+        pair = self._points.add(image)
+        errors = None if pair is None else _errors_px(self._camera, pair)
+        if errors is not None:
+            self._errors.append(errors)
+        if len(self._errors) < _PAIRS:
+            return False
+        self.match = _match_errors(self._camera, self._errors)
+        return True
+
+
+class _PairTracker:
+    """Tracks points from image to image until they have moved far enough for a pair."""
+
+    def __init__(self) -> None:
+        self._previous: Grey | None = None
+        self._first = self._points = np.zeros((0, 2), np.float32)
+        self._age = 0
+
+    def add(self, image: Grey) -> PointPair | None:
+        """The pair of images with common points that this image (H, W) completes, if any."""
+        scale = min(1.0, _WIDTH / image.shape[1])
+        small = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+        pair: PointPair | None = None
+        if self._previous is not None and len(self._points):
+            points, kept = _track(self._previous, small, self._points)
+            self._first, self._points = self._first[kept], points[kept]
+            self._age += 1
+            shifts = np.linalg.norm(self._points - self._first, axis=1)
+            if len(shifts) >= _MIN_POINTS and np.median(shifts) >= _MIN_SHIFT * small.shape[1]:
+                pair = _full_size(self._first, scale), _full_size(self._points, scale)
+                self._points = self._points[:0]
+        if len(self._points) < _MIN_POINTS or self._age >= _MAX_IMAGES:
+            corners = cv2.goodFeaturesToTrack(small, _POINTS, 0.01, 7.0)
+            self._points = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
+            self._first, self._age = self._points, 0
+        self._previous = small
+        return pair
+
+
+def _track(previous: Grey, image: Grey, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    window = {"winSize": (15, 15), "maxLevel": 4}
+    ahead, found, _ = cv2.calcOpticalFlowPyrLK(previous, image, points[:, None], None, **window)
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(image, previous, ahead, None, **window)
+    returned = np.linalg.norm(back[:, 0] - points, axis=1) < _RETURN_PX
+    return ahead[:, 0], returned & (found.ravel() > 0) & (found_back.ravel() > 0)
+
+
+def _full_size(pixels: NDArray[np.float32], scale: float) -> Array:
+    """Pixels of the image before its reduction; centres are integers in both."""
+    full: Array = (pixels.astype(np.float64) + 0.5) / scale - 0.5
+    return full
+
+
+def _camera_images(recording: Recording, camera: str) -> Iterator[Grey]:
+    """Images of the calibration's size; the tracker reports others."""
+    model = recording.camera_model(camera)
+    for image in recording.images([camera]):
+        with suppress(RecordingError):
+            grey = decode_grey(image)
+            if grey.shape == (model.height, model.width):
+                yield grey
+
+
+def _match_errors(camera: CameraModel, errors_pairs: Sequence[Array]) -> LensMatch:
+    """The scale of the focal lengths that errors (pairs, scales) [px] support."""
+    median = np.median(errors_pairs, axis=0) if len(errors_pairs) >= _MIN_PAIRS else np.full(len(_SCALES), np.inf)
+    if not np.isfinite(median[_GIVEN]):
+        return LensMatch(camera.name, 1.0, 0.0, 0.0, 0)
+    errors, best = np.array(errors_pairs), int(np.argmin(median))
+    decreased = np.mean(errors[:, best] < errors[:, _GIVEN])
+    is_clear = median[best] < _CLEAR_SHARE * median[_GIVEN] and decreased >= _CLEAR_PAIRS
+    if not is_clear or 1.0 / _MISMATCH < _SCALES[best] < _MISMATCH:
+        best = _GIVEN
+    scale = 1.0 if best == _GIVEN else float(_SCALES[best])
+    return LensMatch(camera.name, scale, float(median[_GIVEN]), float(median[best]), len(errors))
+
+
+def _errors_px(camera: CameraModel, pair: PointPair) -> Array | None:
+    """(scales,) median epipolar errors [px] of a pair; None if the camera turned too little for them to differ."""
+    fitted = _rotation(*_rays(camera, pair))
+    if fitted is None or np.degrees(np.arccos(np.clip(0.5 * (np.trace(fitted) - 1.0), -1.0, 1.0))) < _MIN_TURN_DEG:
+        return None
+    lens = lens_numbers(camera)
+    return np.array([_epipolar_error(with_lens(camera, np.r_[s * lens[:2], lens[2:]]), pair) for s in _SCALES])
+
+
+def _rays(camera: CameraModel, pair: PointPair) -> tuple[Array, Array]:
+    (first, first_valid), (second, second_valid) = (camera.unproject(pixels) for pixels in pair)
+    both = first_valid & second_valid
+    return first[both], second[both]
+
+
+def _rotation(first: Array, second: Array) -> Array | None:
+    """second_R_first (3, 3) that most rays agree on, or None."""
+    if len(first) < _MIN_RAYS:
+        return None
+    R, agree = estimate_rotation(first, second, 0, _INLIER_ANGLE_DEG, _HYPOTHESES)
+    return R if agree.any() else None
+
+
+def _epipolar_error(camera: CameraModel, pair: PointPair) -> float:
+    """Median distance of points from their epipolar lines [px] at the best rotation and direction; infinite if none."""
+    first, second = _rays(camera, pair)
+    R = _rotation(first, second)
+    if R is None or len(first) < _MIN_SHARE * len(pair[0]):
+        return np.inf
+    focal = 0.5 * (camera.fx + camera.fy)
+    weights = np.ones(len(first))
+    direction = np.zeros(3)
+    for step, spread in enumerate(_SPREADS_PX):
+        turned = first @ R.T
+        normals = np.cross(turned, second)
+        if step < _DIRECTION_STEPS:
+            direction = np.linalg.eigh((normals * weights[:, None]).T @ normals)[1][:, 0]
+        along = turned @ direction
+        reach = np.sqrt(np.maximum(1.0 - along**2, _TINY))
+        errors = normals @ direction / reach * focal
+        weights = 1.0 / (1.0 + (errors / spread) ** 2) ** 2
+        across = np.linalg.svd(direction[None])[2][1:]
+        by_rotation = along[:, None] * second - np.sum(turned * second, axis=1, keepdims=True) * direction
+        J = np.concatenate([by_rotation, normals @ across.T], axis=1) / reach[:, None] * focal
+        H = (J * weights[:, None]).T @ J
+        H += 1e-6 * np.trace(H) * np.eye(5)
+        change = -np.linalg.solve(H, (J * weights[:, None]).T @ errors)
+        R = exp_so3(np.asarray(change[:3], np.float64)) @ R
+        direction = direction + change[3:] @ across
+        direction /= np.linalg.norm(direction)
+    return float(np.median(np.abs(errors)))
