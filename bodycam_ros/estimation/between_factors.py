@@ -46,34 +46,23 @@ class SegmentTurn:
 
 @dataclass(frozen=True, eq=False)
 class RestingPoint:
-    """A point of a sole that is where it was in the state before, or where it came to rest.
+    """A point of a sole that is where it was in the state before.
 
     Attributes:
         row: of the foot.
         place: (3,) of the point in the foot [m].
-        whitening: (3, 3) of its displacement in the world [1/m].
-        anchor: (3,) where it rests in the world [m]; None: where it was.
+        sigma: of its displacement in the world [m].
     """
 
     row: int
     place: Array
-    whitening: Array
-    anchor: Array | None
+    sigma: float
 
     def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
         """See ``Between``."""
-        was = self._point(before) if self.anchor is None else self.anchor
-        by_before = -self._moves(before) if self.anchor is None else np.zeros((3, 6))
-        left, by_after = was - self._point(after), self._moves(after)
-        return self.whitening @ left, self.whitening @ by_after, self.whitening @ by_before
-
-    def _point(self, pose: Array) -> Array:
-        point: Array = pose[:3, :3] @ self.place + pose[:3, 3]
-        return point
-
-    def _moves(self, pose: Array) -> Array:
-        moves: Array = pose[:3, :3] @ np.concatenate([-hat(self.place), np.eye(3)], axis=1)
-        return moves
+        left = (before[:3, :3] - after[:3, :3]) @ self.place + before[:3, 3] - after[:3, 3]
+        moves = np.concatenate([-hat(self.place), np.eye(3)], axis=1)
+        return left / self.sigma, after[:3, :3] @ moves / self.sigma, -before[:3, :3] @ moves / self.sigma
 
 
 @dataclass(frozen=True, eq=False)

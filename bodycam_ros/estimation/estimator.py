@@ -200,16 +200,16 @@ class BodyEstimator:
         # The measurements of this state.
         cameras = SegmentPoses.from_evidence(self.body, [*accepted.values(), *placed, *self._looking_on.evidence])
         by_static = self._looking_on.told(on_body)
-        expected = self._prior.expect(
-            self.body.joint_rotations(poses), joints_observed, joints_turning, step.dt_s or _FIRST_S
+        expected = self._prior.predict(
+            self.body.joint_rotations(poses), joints_observed, step.dt_s or _FIRST_S
         ).replaced(by_static.which, by_static.rotations, by_static.sigma)
         measured = Measurements(cameras, expected)
         if self._coupling:
             measured, step, start = self._couple(frame.stamp_ns, accepted, measured, step, start, poses)
         # The state that fits them best (A eq. 8, B eq. 15).
         estimate = self._fit.fit(step.after, measured, start)
-        self._prior.remember(self.body.joint_rotations(estimate.at.poses(self._tangent)), joints_observed, step.dt_s)
-        step, estimate = self._hold_soles(frame.stamp_ns, step, estimate, observed, turning)
+        self._prior.add(self.body.joint_rotations(estimate.at.poses(self._tangent)), joints_observed, step.dt_s)
+        step, estimate = self._add_contacts(frame.stamp_ns, step, estimate, turning)
         state = ChainState(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
@@ -307,7 +307,6 @@ class BodyEstimator:
         coupling = self._coupling
         assert coupling is not None  # by the caller
         coupling.update(stamp_ns, step.dt_s, poses, self._looking_on.with_worn(accepted))
-        self._prior.machine_is_known = coupling.placed
         columns = coupling.restarted_columns(self._tangent, self._chain[-1].active if self._chain else None)
         start = coupling.with_equipment(start, poses, self._tangent)
         step = self._restart_columns(step, coupling.with_equipment(step.after.at, poses, self._tangent), columns)
@@ -330,11 +329,9 @@ class BodyEstimator:
         cross[np.concatenate([columns, columns])] = 0.0
         return step.linked(Transition(step.link.before, after, cross))
 
-    def _hold_soles(
-        self, stamp_ns: int, step: Step, estimate: Estimate, observed: Mask, turning: Mask
-    ) -> tuple[Step, Estimate]:
+    def _add_contacts(self, stamp_ns: int, step: Step, estimate: Estimate, turning: Mask) -> tuple[Step, Estimate]:
         """Both states of a step, given the points of the soles that rest between them."""
-        resting = self._contacts.resting_points(stamp_ns, estimate.at.poses(self._tangent), observed, turning)
+        resting = self._contacts.resting_points(stamp_ns, estimate.at.poses(self._tangent), turning)
         if resting and step.link is not None:
             link = condition(step.link.fitted(self._tangent, estimate), resting, self._tangent)
             step, estimate = replace(step, link=link, between=[*step.between, *resting]), link.after

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import SettingsError
@@ -15,7 +16,7 @@ from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajector
 from bodycam_ros.estimation.estimate import Estimate
 from bodycam_ros.estimation.measurements import JointRotations, StateFit
 from bodycam_ros.estimation.motion_model import MotionModel
-from bodycam_ros.estimation.pose_prior import PosePrior, RecordedPoses
+from bodycam_ros.estimation.pose_prior import FORGET_S, PosePrior, RecordedPoses
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.settings import setting
@@ -48,14 +49,13 @@ class WholeRecording:
     def reset(self) -> None:
         """After a pause nothing goes on from what was before."""
         self._before: ChainState | None = None
-        self._recorded = RecordedPoses(self._prior)
+        self._earlier: list[NDArray[Any]] = []
 
     def solve(self, instants: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Estimate]:
         """What is known of the first ``count`` instants by all of them."""
         estimates = smooth(instants, self._tangent)
         coasted = self._coast(instants, estimates, coupling) if coupling else {}
-        expected = self._expected(instants, estimates)
-        self._recorded.keep(count)
+        expected = self._predicted(instants, estimates, count)
         again: list[ChainState] = []
         for number, (instant, estimate, better) in enumerate(zip(instants, estimates, expected, strict=True)):
             self._on_progress(number / len(instants))
@@ -98,22 +98,30 @@ class WholeRecording:
         turns = [each for each in step.between if isinstance(each, SegmentTurn)]
         return step.linked(condition(loosen_joints(link, turns, self._tangent), step.between, self._tangent))
 
-    def _expected(self, instants: Sequence[ChainState], estimates: Sequence[Estimate]) -> list[JointRotations]:
-        """Where unseen joints are expected, by all that is known of the recording by now."""
+    def _predicted(
+        self, states: Sequence[ChainState], estimates: Sequence[Estimate], count: int
+    ) -> list[JointRotations]:
+        """Unobserved joints by these states and those of the blocks before."""
         rotations = np.array([self._body.joint_rotations(estimate.at.poses(self._tangent)) for estimate in estimates])
-        stamps_ns = np.array([instant.stamp_ns for instant in instants])
+        stamps_ns = np.array([state.stamp_ns for state in states])
+        observed = np.array([state.joints_observed for state in states])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)
         by_prior = [
-            self._prior.expect(R, instant.joints_observed, instant.turning, float(dt_s))
-            if instant.is_observed
+            self._prior.predict(R, state.joints_observed, float(dt_s))
+            if state.is_observed
             else JointRotations.nothing()
-            for R, instant, dt_s in zip(rotations, instants, lasting_s, strict=True)
+            for R, state, dt_s in zip(rotations, states, lasting_s, strict=True)
         ]
-        seen = np.array([instant.joints_observed for instant in instants])
-        better = self._recorded.expect(stamps_ns, rotations, seen, by_prior)
+        known = [stamps_ns, rotations, observed]
+        if self._earlier:
+            known = [np.concatenate(pair) for pair in zip(self._earlier, known, strict=True)]
+        over = len(known[0]) - len(states) + count
+        recent = slice(int(np.searchsorted(known[0], known[0][over - 1] - 1e9 * FORGET_S)), over)
+        self._earlier = [each[recent] for each in known]
+        improved = RecordedPoses(self._prior, *known).improve(by_prior)
         return [
-            each.replaced(instant.told.which, instant.told.rotations, instant.told.sigma)
-            for each, instant in zip(better, instants, strict=True)
+            each.replaced(state.told.which, state.told.rotations, state.told.sigma)
+            for each, state in zip(improved, states, strict=True)
         ]
 
 

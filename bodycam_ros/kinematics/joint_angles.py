@@ -5,8 +5,6 @@ order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld 
 ``<joint>_at_x``, ``_at_y``, ``_at_z`` [m], and then the angles of a ball; both are meant where this says "angles".
 """
 
-from copy import copy
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -225,14 +223,6 @@ class JointLimits:
         if not self.excess(angles).any():
             return rotations
         return self.angles.rotations(np.clip(angles, self.low, self.high))
-
-    def widened(self, rotations: Array, seen: NDArray[np.bool_]) -> "JointLimits":
-        """Limits that hold the angles of some joints (J,) of rotations (J, 3, 3) as well."""
-        angles, widened = self.nearest_angles(rotations), copy(self)
-        chosen = seen[self.angles.joint_rows]
-        widened.low = np.where(chosen, np.minimum(self.low, angles), self.low)
-        widened.high = np.where(chosen, np.maximum(self.high, angles), self.high)
-        return widened
 
     def nearest_angles(self, rotations: Array) -> Array:
         """Angles (A) [rad] of joint motions (J, 3, 3) or (J, 4, 4), of all triples and turns those nearest to zero."""
