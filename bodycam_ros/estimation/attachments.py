@@ -9,18 +9,16 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment, UnknownLengths, attachment_joint
-from bodycam_ros.estimation.equipment_fit import HeldPoints
+from bodycam_ros.estimation.equipment_fit import AttachedPoints
 from bodycam_ros.estimation.measurements import ClosedJoint
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.settings import setting
 
 CONFIRM_FRAMES = 3  # in a row release an attachment, or engage it; a wrong registration is shorter
 ENGAGE_SHARE = 0.6  # of the release distance, within which a released attachment is engaged again: hysteresis
-_NEAR_M = 0.005  # a prediction this near to the measured points is as good a start as a fit
 _PLAY_SIGMAS, _LENGTH_SIGMAS = 2.0, 3.0  # of the points' own play and of unknown lengths, added to a distance
 _KERNEL = 4.0  # sigmas from which on an attachment counts less: one that was let go must not bend a limb
 
@@ -79,7 +77,6 @@ class Attachments:
         self._equipment_rows = [body.segment_index[each.equipment_segment] for each in self._given]
         self._detected = np.array([each.detected for each in self._given], bool)
         self._play = np.array([np.sqrt(np.mean(each.sigmas**2)) for each in self._given])
-        self._near = np.array([max(_NEAR_M, float(each.sigmas.mean())) for each in self._given])
         self._scheduled, self._observed, self._released = (np.zeros(len(self._given), bool) for _ in range(3))
         self._against = np.zeros(len(self._given), int)
         self.update_lengths(np.zeros(len(lengths)), lengths.priors.copy())
@@ -91,8 +88,8 @@ class Attachments:
         self._joints = [attachment_joint(each) for each in self._shifted]
         self._unknown = np.array([self._lengths.along_axes(name, sigmas) for name in self.names]).reshape(-1, 3)
 
-    def observe(self, seconds: float, poses: Array, observed: Collection[int]) -> HeldPoints:
-        """Points of the body at one time, and which attachments are scheduled and observed.
+    def observe(self, seconds: float, poses: Array, observed: Collection[int]) -> AttachedPoints:
+        """Points of the body at one time, of attachments that are scheduled and observed.
 
         Args:
             seconds: since the first image.
@@ -101,18 +98,16 @@ class Attachments:
         """
         self._scheduled = np.array([each.holds_at(seconds) for each in self._given], bool)
         self._observed = np.isin(self._body_rows, list(observed))
-        points = {
-            each.name: transform_points(poses[row], each.on_body)[None]
-            for each, row in zip(self._given, self._body_rows, strict=True)
+        given = zip(self._given, self._body_rows, self.measured, strict=True)
+        return {
+            each.name: np.where(is_measured, transform_points(poses[row], each.on_body)[None], np.nan)
+            for each, row, is_measured in given
         }
-        return HeldPoints(points, self._flags(self._scheduled & self._observed))
 
-    def engaged(self, measured: HeldPoints) -> HeldPoints:
-        """The measured points of attachments that are not released."""
-        return HeldPoints(measured.points, self._flags(self._scheduled & self._observed & ~self._released))
-
-    def _flags(self, holds: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
-        return {name: np.array([flag]) for name, flag in zip(self.names, holds, strict=True)}
+    def engaged(self, measured: AttachedPoints) -> AttachedPoints:
+        """The measured points, NaN of attachments that are released."""
+        released = dict(zip(self.names, self._released, strict=True))
+        return {name: np.where(released[name], np.nan, points) for name, points in measured.items()}
 
     @property
     def measured(self) -> tuple[bool, ...]:
@@ -125,18 +120,11 @@ class Attachments:
         active = dict(zip(self.names, (self._scheduled & ~self._released).tolist(), strict=True))
         return ActiveAttachments(active, frozenset(np.array(self.names)[self._observed].tolist()))
 
-    def distances(self, measured: HeldPoints, poses: Array) -> Array:
+    def distances(self, measured: AttachedPoints, poses: Array) -> Array:
         """(A) mean distances [m] of measured points from the equipment at poses (E, 4, 4); NaN where not measured."""
-        distances = np.full(len(self._given), np.nan)
-        for number in np.flatnonzero(self._scheduled & self._observed).tolist():
-            on_equipment = transform_points(poses[self._rows[number]], self._shifted[number].on_equipment)
-            apart = on_equipment - measured.points[self.names[number]][0]
-            distances[number] = np.linalg.norm(apart, axis=1).mean()
-        return distances
-
-    def need_fit(self, distances: Array) -> bool:
-        """Whether any distance (A) is larger than its points' own play, so that a fit would improve the prediction."""
-        return bool((distances > self._limits(self._near)).any())
+        ends = zip(self._shifted, self._rows, strict=True)
+        places = {each.name: transform_points(poses[row], each.on_equipment) for each, row in ends}
+        return np.array([np.linalg.norm(places[name] - measured[name][0], axis=1).mean() for name in self.names])
 
     def are_contradicted(self, distances: Array) -> bool:
         """Whether most of the attachments that should be active are farther apart than the release distance."""

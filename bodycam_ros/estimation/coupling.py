@@ -1,11 +1,11 @@
 """A body's equipment while it is used: its pose, its active attachments, its lengths as they are estimated (B 3.2).
 
-Before a state is solved the equipment is fitted to the body as cameras measured it. That places it at first, gives its
-initial estimate ever after, and shows which attachments are contradicted before they bend a limb. The pose of equipment
-that stands, and its unknown lengths, are fitted to all measurements from time to time.
+Before a state is solved the equipment's prediction is compared with the body as cameras measured it: that shows which
+attachments are contradicted before they bend a limb. Equipment that is not placed, or contradicted by most attachments,
+is searched. The pose of equipment that stands, and its unknown lengths, are fitted to all measurements now and then.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +16,9 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
-from bodycam_ros.estimation.equipment_fit import EquipmentFit, HeldHistory, HeldPoints, Prior
+from bodycam_ros.estimation.equipment_fit import AttachedHistory, AttachedPoints, EquipmentFit
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion
-from bodycam_ros.estimation.equipment_place import EquipmentPlace
+from bodycam_ros.estimation.equipment_search import EquipmentSearch
 from bodycam_ros.estimation.estimate import Coordinates
 from bodycam_ros.estimation.measurements import ClosedJoint, SegmentPoses, measured_poses
 from bodycam_ros.estimation.motion_model import MotionSettings
@@ -26,7 +26,6 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _STANDS = np.repeat([1e-4, 1e-4], 3)  # [rad], [m] least sigmas of a root that stands
-_PREDICTED = np.repeat([0.1, 0.01], 3)  # [rad], [m] errors of the state that a prediction starts from
 _SEARCH_NS, _LONGEST_NS = 200_000_000, 2_000_000_000  # between two searches in vain, at first and at most
 
 
@@ -58,10 +57,10 @@ class Coupling:
         self.motion = EquipmentMotion(body, equipment, motion)
         self.attachments = Attachments(body, equipment, self.fit.lengths, settings)
         self.joint_names = frozenset({*(j.name for j in self._tree), *self.attachments.names, equipment.name})
-        self._place, self._history = EquipmentPlace(equipment, self.fit), HeldHistory()
+        self._search, self._history = EquipmentSearch(equipment, self.fit), AttachedHistory()
         self._rows = np.array([body.segment_index[name] for name in equipment.segments])
-        self._joint_rows = [row for row, joint in enumerate(body.tree_joints) if joint.child in self.fit.row]
-        self._root, self._stands = self.fit.row[equipment.root], equipment.segments[equipment.root].stands
+        self._joint_rows = [row for row, joint in enumerate(body.tree_joints) if joint.child in self.fit.chain.row]
+        self._root, self._stands = self.fit.chain.row[equipment.root], equipment.segments[equipment.root].stands
         self._world_T_root, self._root_sigmas = np.eye(4), _STANDS
         self._start_ns: int | None = None
         self.placed = self._was_placed = False
@@ -98,18 +97,21 @@ class Coupling:
         if self.attachments.measured != self._searched_with:
             self._search_due_ns, self._search_wait_ns = stamp_ns, _SEARCH_NS
             self._searched_with = self.attachments.measured
-        may_search = stamp_ns >= self._search_due_ns
-        self._was_placed = self.placed
+        self._was_placed, attachments = self.placed, self.attachments
+        distances = attachments.distances(points, poses[self._rows])
         if self.placed:
-            found, poses[self._rows] = self._follow(points, self._prior(poses[self._rows], dt_s, evidence), may_search)
+            attachments.update(distances)
         else:
-            found, poses[self._rows] = self._find(points, poses, evidence, may_search)
-        if not found and may_search:
-            self._search_due_ns = stamp_ns + self._search_wait_ns
-            self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
-        if self.placed and self._history.add(stamp_ns, self.attachments.engaged(points), poses[self._rows]):
-            fitted = self._history.fit(self.fit, self.attachments.shifts)
-            self.attachments.update_lengths(fitted.lengths, fitted.length_sigmas)
+            poses[self._rows] = self._search.nominal(poses[self._body.segment_index[self._body.root]])
+        own = [pose for pose in evidence.values() if pose.segment == self.equipment.root]
+        if not self.placed or attachments.are_contradicted(distances):
+            if own or stamp_ns >= self._search_due_ns:
+                self._search_due_ns = stamp_ns + self._search_wait_ns
+                self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
+                self._find(points, poses, own)
+        if self.placed and self._history.add(stamp_ns, attachments.engaged(points), poses[self._rows]):
+            fitted = self._history.fit(self.fit, attachments.shifts)
+            attachments.update_lengths(fitted.lengths, fitted.length_sigmas)
             if self._stands:
                 self._set_root(fitted.poses[-1, self._root], fitted.root_sigmas)
                 poses[self._rows[self._root]] = self._world_T_root
@@ -117,48 +119,18 @@ class Coupling:
     def _set_root(self, world_T_root: Array, sigmas: Array) -> None:
         self._world_T_root, self._root_sigmas = world_T_root, np.maximum(sigmas, _STANDS)
 
-    def _find(
-        self, points: HeldPoints, poses: Array, evidence: Mapping[str, SegmentPose], may_search: bool
-    ) -> tuple[bool, Array]:
-        """Whether equipment that was not placed is found, and its poses (E, 4, 4)."""
-        shifts = self.attachments.shifts
-        own = [pose for pose in evidence.values() if pose.segment == self.equipment.root]
-        found = self._place.find_by_cameras(points, shifts, own) if own else None
-        if found is None and may_search:
-            found = self._place.find(points, shifts)
+    def _find(self, points: AttachedPoints, poses: Array, own: Sequence[SegmentPose]) -> None:
+        """Search equipment that is not placed, or nearer to its attachments than it is, and replace its poses."""
+        surest = min(own, key=lambda pose: float(np.trace(pose.covariance)), default=None)
+        root = None if surest is None else (surest.world_T_segment, np.sqrt(np.diag(surest.covariance)))
+        found = self._search.find(points, self.attachments.shifts, root)
         if found is None:
-            return False, self._place.nominal(poses[self._body.segment_index[self._body.root]])
-        self.placed = True
-        self._set_root(found[0][self._root], found[1])
-        self.attachments.place(self.attachments.distances(points, found[0]))
-        return True, found[0]
-
-    def _follow(self, points: HeldPoints, prior: Prior, may_search: bool) -> tuple[bool, Array]:
-        """Whether its attachments confirm the equipment near the prediction, and its poses (E, 4, 4)."""
-        attachments, poses = self.attachments, prior.poses
-        distances = attachments.distances(points, poses)
-        if attachments.need_fit(distances):
-            poses = self._place.refine(attachments.engaged(points), attachments.shifts, prior)
-            distances = attachments.distances(points, poses)
-        if may_search and attachments.are_contradicted(distances):
-            elsewhere = self._place.search(points, attachments.shifts, prior)
-            anew = attachments.distances(points, elsewhere)
-            if np.nansum(anew) < np.nansum(distances):
-                poses, distances = elsewhere, anew
-        found = not attachments.are_contradicted(distances)
-        attachments.update(distances)
-        return found, poses
-
-    def _prior(self, predicted: Array, dt_s: float, evidence: Mapping[str, SegmentPose]) -> Prior:
-        """Poses (E, 4, 4) as predicted, or as its own cameras measured them."""
-        poses, sigmas = predicted.copy(), np.hypot(self.motion.accelerations * dt_s**2, _PREDICTED)
-        if self._stands:
-            sigmas[self._root] = self._root_sigmas
-        for pose in evidence.values():
-            if pose.segment in self.fit.row:
-                row = self.fit.row[pose.segment]
-                poses[row], sigmas[row] = pose.world_T_segment, np.sqrt(np.diag(pose.covariance))
-        return Prior(poses, sigmas)
+            return
+        before, after = (self.attachments.distances(points, each) for each in (poses[self._rows], found[0]))
+        if not self.placed or np.nansum(after) < np.nansum(before):
+            self.placed, self._was_placed, poses[self._rows] = True, False, found[0]
+            self._set_root(found[0][self._root], found[1])
+            self.attachments.place(after)
 
     def restarted_columns(self, tangent: TreeTangent, before: ActiveAttachments | None) -> NDArray[np.bool_]:
         """(K,) coordinates without a past: of equipment that was just placed, and of hinges that are driven again."""

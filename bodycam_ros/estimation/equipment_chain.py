@@ -6,7 +6,7 @@ import numpy as np
 
 from bodycam_ros.body.equipment import Equipment, UnknownLengths
 from bodycam_ros.estimation.measurements import SLIDES_M
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.kinematics.tree import KinematicTree
@@ -70,14 +70,6 @@ class EquipmentChain:
                 segment_R_world = np.swapaxes(poses[:, below, :3, :3], -1, -2)
                 J[:, below, 3:, column] = segment_R_world @ along[:, None, :, None]
         return poses, J
-
-    def with_hinge(self, world_T_root: Array, motions: Array, hinge: str | None, angle: float) -> Array:
-        """Poses (E, 4, 4) of the root's (4, 4) and joint motions (J, 4, 4), with one hinge at an angle [rad]."""
-        if hinge is not None:
-            row = self.tree.joint_row[hinge]
-            motions = motions.copy()
-            motions[row] = rigid(self.tree.tree_joints[row].hinge_rotation(np.array(angle)), np.zeros(3))
-        return self.tree.forward_kinematics(world_T_root, motions)
 
     def _shifts(self, lengths: Array) -> Array:
         """(J, 3) shifts of the joints on their parents, in the joints' axes [m]."""

@@ -7,7 +7,7 @@ import pytest
 from athletes import CRANK_M, bicycle, cyclist
 
 from bodycam_ros.body.equipment import Equipment, SegmentMotion
-from bodycam_ros.estimation.equipment_fit import EquipmentFit, FittedEquipment, HeldPoints
+from bodycam_ros.estimation.equipment_fit import AttachedPoints, EquipmentFit, FittedEquipment
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 
 BODY_M = 0.003
@@ -34,7 +34,7 @@ def ridden(equipment: Equipment, off: Array, instants: int) -> Array:
     return poses
 
 
-def held(equipment: Equipment, poses: Array, noise: np.random.Generator | None = None) -> HeldPoints:
+def held(equipment: Equipment, poses: Array, noise: np.random.Generator | None = None) -> AttachedPoints:
     """Where a body holds poses (T, E, 4, 4): exactly, or as far off as its play and its cameras have it."""
     row = {name: row for row, name in enumerate(equipment.segments)}
     points = {}
@@ -44,7 +44,7 @@ def held(equipment: Equipment, poses: Array, noise: np.random.Generator | None =
         if noise is not None:
             sigmas = np.hypot(a.sigmas, BODY_M)[:, None]
             points[a.name] = points[a.name] + sigmas * noise.standard_normal(points[a.name].shape)
-    return HeldPoints(points, {name: np.ones(len(poses), bool) for name in points})
+    return points
 
 
 def elsewhere(poses: Array, random: np.random.Generator) -> Array:
