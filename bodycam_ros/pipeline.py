@@ -19,8 +19,8 @@ from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
-from bodycam_ros.estimation.looking_on import Onlookers
 from bodycam_ros.estimation.measurements import evidence_floor
+from bodycam_ros.estimation.static_evidence import StaticCameras
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -41,7 +41,7 @@ class SkeletonPipeline:
         on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
         equipment: what the body rides, holds or stands on.
         on_together: told the share that is done while all instants are solved together.
-        onlookers: static cameras around the body.
+        static_cameras: static cameras around the body.
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_inertial``.
         placed: whether somebody has placed the body for them; else, live, nobody waits for them before it is solved.
@@ -65,7 +65,7 @@ class SkeletonPipeline:
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
         equipment: Equipment | None = None,
         on_together: Callable[[float], None] = lambda share: None,
-        onlookers: Onlookers | None = None,
+        static_cameras: StaticCameras | None = None,
         stations: Collection[str] = (),
         placed: bool = False,
         imus: Mapping[str, ImuSamples] | None = None,
@@ -77,7 +77,7 @@ class SkeletonPipeline:
         self._cameras = dict(cameras)
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
-        self._onlookers, self._waits_for_worn = onlookers, bool(on_body)
+        self._static_cameras, self._waits_for_worn = static_cameras, bool(on_body)
         self._from_stations: deque[CameraImage | SaidSegments] = deque()
         self._untold = [*stations] if live and on_body and not placed else []
         awaited = on_body if self._untold else [*on_body, *stations]
@@ -105,7 +105,7 @@ class SkeletonPipeline:
             offline=not self._live,
             coupling=coupling,
             contacts=FootContacts(self.body, of.contact),
-            onlookers=self._onlookers,
+            static_cameras=self._static_cameras,
             inertial=self.inertial,
             on_progress=self._on_together,
         )

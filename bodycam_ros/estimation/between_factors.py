@@ -1,12 +1,13 @@
-"""Measurements between two states: rotations of segments, soles that rest, accelerations; and both states given these.
+"""Measurements between two states: rotations of segments, resting soles, accelerations; and both states given these.
 
 A measurement conditions the prediction of the later state, and the earlier one with it.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
@@ -22,7 +23,7 @@ _ITERATIONS, _NEAR = 2, 0.01  # at most; [rad], [m] of a step after which it is 
 
 @dataclass(frozen=True, eq=False)
 class SegmentTurn:
-    """The rotation of a segment since the instant before (A eq. 2 and the second term of eq. 8).
+    """The rotation of a segment since the state before (A eq. 2 and the second term of eq. 8).
 
     Attributes:
         row: of the segment.
@@ -121,18 +122,15 @@ tangents of the later pose, and of the earlier one, lessen it; or rows (M, 12), 
 
 
 def measured_turns(
-    body: BodyModel,
-    matches: Iterable[LandmarkMatches],
-    before_ns: Mapping[str, int],
-    needs_turn: Callable[[str, int], bool],
+    body: BodyModel, matches: Iterable[LandmarkMatches], before_ns: Mapping[str, int], needed: NDArray[np.bool_]
 ) -> list[SegmentTurn]:
-    """The rotations that cameras measured since the instant before.
+    """The rotations that cameras measured since the state before.
 
     Args:
         body: that carries them.
         matches: of their images.
-        before_ns: camera -> stamp of its image at the instant before; by their own stamps, for each may run freely.
-        needs_turn: whether the rotation of a camera's segment, in a row, is used.
+        before_ns: camera -> stamp of its image at the state before; by their own stamps, for each may run freely.
+        needed: (S,) segments whose rotation is used.
     """
     turns = []
     for each in matches:
@@ -140,24 +138,24 @@ def measured_turns(
         if mount is None or each.rotation_inliers == 0 or before_ns.get(each.camera) != each.previous_stamp_ns:
             continue
         row = body.segment_index[mount.segment]
-        if needs_turn(each.camera, row):
+        if needed[row]:
             segment_R_camera = mount.segment_T_camera[:3, :3]
             turns.append(SegmentTurn(row, segment_R_camera @ each.current_R_previous.T @ segment_R_camera.T, _TURN_RAD))
     return turns
 
 
-def loosen_joints(link: Transition, turns: Sequence[SegmentTurn], tangent: TreeTangent) -> Transition:
-    """The same, but how the joints beside segments whose turns are measured move is told by these alone.
+def _loosen_joints(link: Transition, measured: Sequence[Between], tangent: TreeTangent) -> Transition:
+    """The same, but joints beside segments whose rotations are measured move by these alone.
 
-    Smooth motion of joints, and turns of both of their segments, would tell the angle between them (as of a hand and
-    an eye). Limbs do not swing by chance, so it would be wrong, and surely so.
+    Smooth motion of joints, and rotations of both of their segments, would determine the angle between them (as of a
+    hand and an eye). Limbs do not swing by chance, so it would be wrong, and surely so.
     """
-    if not turns:
+    rows = {each.row for each in measured if isinstance(each, SegmentTurn)}
+    if not rows:
         return link
-    rows = {turn.row for turn in turns}
     covariance = link.after.covariance.copy()
-    for row, joint in enumerate(tangent.tree.tree_joints):
-        if tangent.tree.segment_index[joint.child] in rows or tangent.tree.segment_index[joint.parent] in rows:
+    for row, ends in enumerate(tangent.tree.joint_ends.tolist()):
+        if rows & set(ends):
             columns = np.arange(*tangent.columns[row].indices(tangent.count))
             covariance[columns, columns] += _FREE_RAD**2 * tangent.twists[row][:3].any(axis=0)
     return Transition(link.before, Estimate(link.after.at, covariance), link.cross)
@@ -171,7 +169,7 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
     """
     if not measured:
         return link
-    K = tangent.count
+    link, K = _loosen_joints(link, measured, tangent), tangent.count
     before, after = link.before.at, link.after.at
     for _ in range(_ITERATIONS):
         r, H, H_before = _linearise(before, after, measured, tangent)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyUncertainty, SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments
-from bodycam_ros.estimation.between_factors import Between
+from bodycam_ros.estimation.between_factors import Between, condition
 from bodycam_ros.estimation.estimate import Estimate, Transition
-from bodycam_ros.estimation.looking_on import ToldJoints
-from bodycam_ros.estimation.measurements import Measurements
+from bodycam_ros.estimation.measurements import JointRotations, Measurements
+from bodycam_ros.estimation.motion_model import MotionModel, MotionPrior
 from bodycam_ros.geometry import Array, inverse, nearest_rotation
 from bodycam_ros.kinematics.tangent import TreeTangent
 
@@ -27,20 +27,27 @@ class Step:
         dt_s: between the two [s]; 0 at the first.
         after: the predicted state.
         link: both states; None at the first.
-        density, fade_s: of the motion between them, as ``MotionModel.predict`` takes them.
+        prior: of the motion between them, where it is not people's.
         between: measurements of both.
     """
 
     dt_s: float
     after: Estimate
     link: Transition | None = None
-    density: Array | None = None
-    fade_s: Array | None = None
+    prior: MotionPrior | None = None
     between: Sequence[Between] = ()
 
     def linked(self, link: Transition) -> "Step":
         """The same with another transition."""
         return replace(self, link=link, after=link.after)
+
+
+def predict_step(
+    motion: MotionModel, before: Estimate, dt_s: float, prior: MotionPrior | None, between: Sequence[Between]
+) -> Step:
+    """The state ``dt_s`` [s] after another, by the motion prior (A eq. 10-11) and measurements of both (A eq. 2)."""
+    link = condition(motion.predict(before, dt_s, prior), between, motion.tangent)
+    return Step(dt_s, link.after, link, prior, between)
 
 
 @dataclass(eq=False)
@@ -55,7 +62,7 @@ class ChainState:
         measured: measurements of this state.
         joints_observed: (J,) whether body cameras observe both segments.
         turning: (J,) whether the rotations of both are measured at least.
-        told: joints that static cameras observe.
+        by_static: joints that static cameras observe.
         observed: (S,) whether a body camera on the segment, or a static camera, observes it.
         cameras_used: accepted cameras.
         uncertainty: of the estimate.
@@ -72,7 +79,7 @@ class ChainState:
     measured: Measurements
     joints_observed: Mask
     turning: Mask
-    told: ToldJoints
+    by_static: JointRotations
     observed: Mask
     cameras_used: int
     uncertainty: BodyUncertainty
@@ -112,8 +119,8 @@ def smooth(states: Sequence[ChainState], tangent: TreeTangent) -> list[Estimate]
 def first_poses(body: BodyModel, evidence: Collection[SegmentPose]) -> Array:
     """Poses (S, 4, 4) of a body of which some segments are measured; joints between these need not be closed."""
     poses: dict[str, Array] = {}
-    for seen in evidence:
-        poses.setdefault(seen.segment, seen.world_T_segment)
+    for measured in evidence:
+        poses.setdefault(measured.segment, measured.world_T_segment)
     joints = body.tree_joints
     while len(poses) < len(body.segments):
         for joint in (*joints, *reversed(joints)):

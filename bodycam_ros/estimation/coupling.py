@@ -5,7 +5,7 @@ attachments are contradicted before they bend a limb. Equipment that is not plac
 is searched. The pose of equipment that stands, and its unknown lengths, are fitted to all measurements now and then.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -82,18 +82,17 @@ class Coupling:
         """Attachments of the present state; None while the equipment's pose is unknown."""
         return self.attachments.active if self.placed else None
 
-    def update(self, stamp_ns: int, dt_s: float, poses: Array, evidence: Mapping[str, SegmentPose]) -> None:
+    def update(self, stamp_ns: int, poses: Array, evidence: Sequence[SegmentPose]) -> None:
         """Fit the equipment to the measured body; its rows of the poses (S, 4, 4) are replaced in place.
 
         Args:
             stamp_ns: of the state [ns].
-            dt_s: since the one before [s].
             poses: initial estimate of the state.
-            evidence: camera -> measured pose of its segment.
+            evidence: measured poses of segments.
         """
-        observed = {self._body.segment_index[pose.segment] for pose in evidence.values()}
+        observed = {self._body.segment_index[pose.segment] for pose in evidence}
         seconds = 1e-9 * (stamp_ns - (stamp_ns if self._start_ns is None else self._start_ns))
-        points = self.attachments.observe(seconds, measured_poses(self._body, poses, evidence.values()), observed)
+        points = self.attachments.observe(seconds, measured_poses(self._body, poses, evidence), observed)
         if self.attachments.measured != self._searched_with:
             self._search_due_ns, self._search_wait_ns = stamp_ns, _SEARCH_NS
             self._searched_with = self.attachments.measured
@@ -103,7 +102,7 @@ class Coupling:
             attachments.update(distances)
         else:
             poses[self._rows] = self._search.nominal(poses[self._body.segment_index[self._body.root]])
-        own = [pose for pose in evidence.values() if pose.segment == self.equipment.root]
+        own = [pose for pose in evidence if pose.segment == self.equipment.root]
         if not self.placed or attachments.are_contradicted(distances):
             if own or stamp_ns >= self._search_due_ns:
                 self._search_due_ns = stamp_ns + self._search_wait_ns

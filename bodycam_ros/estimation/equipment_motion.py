@@ -15,7 +15,7 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
 from bodycam_ros.estimation.estimate import Coordinates
 from bodycam_ros.estimation.measurements import JointRotations
-from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
+from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionPrior, MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -70,8 +70,9 @@ class EquipmentMotion:
         """Whether an observed limb drives the child of a joint of the tree."""
         return active is not None and active.drive(self._held_below(self._body.tree_joints[row]))
 
-    def prior(self, model: MotionModel, tangent: TreeTangent, active: ActiveAttachments) -> tuple[Array, Array]:
-        """Densities (K) of accelerations, NaN for the body's own, and times (K) [s] in which velocities fade."""
+    def prior(self, model: MotionModel, active: ActiveAttachments) -> MotionPrior:
+        """How the equipment's coordinates move, and those of limbs that it leads."""
+        tangent = model.tangent
         density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
         for row, joint in enumerate(tangent.tree.tree_joints):
             if joint.child in self._row:
@@ -81,7 +82,7 @@ class EquipmentMotion:
         for row in self.coasting_rows:
             fade_s[tangent.columns[row]] = _KEPT_S
             density[self._led_columns(row, tangent, active)] = _LED**2 * LASTS_S
-        return density, fade_s
+        return MotionPrior(density, fade_s)
 
     def _led_columns(self, row: int, tangent: TreeTangent, active: ActiveAttachments) -> NDArray[np.bool_]:
         """(K,) coordinates of the limbs that hold a hinge's child, while none of them drives it."""

@@ -17,15 +17,14 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyNow, BodyState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, loosen_joints, measured_turns
+from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, measured_turns
 from bodycam_ros.estimation.camera_gate import GATE, gate_cameras
-from bodycam_ros.estimation.chain import ChainState, Step, first_poses, smooth
+from bodycam_ros.estimation.chain import ChainState, Step, first_poses, predict_step, smooth
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition, body_uncertainty
 from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
-from bodycam_ros.estimation.looking_on import LookingOn, Onlookers
 from bodycam_ros.estimation.measurements import (
     SLIDES_M,
     EvidenceSettings,
@@ -36,6 +35,7 @@ from bodycam_ros.estimation.measurements import (
 )
 from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
 from bodycam_ros.estimation.pose_prior import PosePrior
+from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -58,7 +58,7 @@ class BodyEstimator:
         offline: states may wait until an unobserved limb is observed again.
         coupling: of the body to equipment; ``body`` then includes the equipment.
         contacts: of the soles with the floor.
-        onlookers: static cameras around the body.
+        static_cameras: around the body.
         inertial: sensors in the cameras.
         on_progress: called with the finished share while a recording is solved as a whole.
 
@@ -81,15 +81,15 @@ class BodyEstimator:
         offline: bool = False,
         coupling: Coupling | None = None,
         contacts: FootContacts | None = None,
-        onlookers: Onlookers | None = None,
+        static_cameras: StaticCameras | None = None,
         inertial: InertialSensors | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        self.body, self._offline, self._coupling, self._onlookers = body, offline, coupling, onlookers
+        self.body, self._offline, self._coupling, self._static_cameras = body, offline, coupling, static_cameras
         self._inertial = inertial
         self.settings = settings or SmootherSettings()
         self._cameras = {name for name in cameras if name in body.mounts}
-        if not self._cameras and onlookers is None:
+        if not self._cameras and static_cameras is None:
             there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
             raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
         self._contacts = contacts or FootContacts(body, ContactSettings())
@@ -100,7 +100,7 @@ class BodyEstimator:
         self._prior = PosePrior(body, coupled)
         self._fit = StateFit(self._tangent, coupled)
         self._gaps = FrameGaps()
-        self._whole = WholeRecording(body, self._tangent, self._motion, self._fit, self._prior, on_progress)
+        self._whole = WholeRecording(body, self._motion, self._fit, self._prior, on_progress)
         self._root = body.segment_index[body.root]
         self.refused: Counter[str] = Counter()
         self.bridged = 0
@@ -109,7 +109,7 @@ class BodyEstimator:
     def _restart(self) -> None:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
         self._chain: list[ChainState] = []
-        self._looking_on = LookingOn(self.body, self._onlookers)
+        self._static = StaticEvidence(self.body, self._static_cameras)
         self._contacts.reset()
         self._whole.reset()
         self.lately: list[BodyNow] = []
@@ -136,7 +136,7 @@ class BodyEstimator:
             self._restart()
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
         if not self._chain:
-            placed = self._looking_on.begin(frame, registered.values())
+            placed = self._static.place(frame, registered.values())
             if registered or placed:
                 self._chain.append(self._first(frame, registered, placed))
         else:
@@ -161,54 +161,41 @@ class BodyEstimator:
 
     def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> ChainState:
         """A state after another: the motion prior (A eq. 10-11), and the rotations measured since (A eq. 2)."""
-        before = self._chain[-1]
+        before, coupling = self._chain[-1], self._coupling
         dt_s = 1e-9 * (frame.stamp_ns - before.stamp_ns)
-        density, fade_s = None, None
-        if self._coupling:
-            density, fade_s = self._coupling.motion.prior(
-                self._motion, self._tangent, self._coupling.attachments.active
-            )
-        transition = self._motion.predict(before.estimate, dt_s, density, fade_s)
         needs_turn = ~(before.observed & self.body.named(pose.segment for pose in registered.values()))
         between: list[Between] = []
         if self._inertial is not None:
             self._inertial.observe(frame)
             between += self._inertial.factors(before.stamp_ns, frame.stamp_ns, needs_turn)
-        by_gyroscope = {factor.row for factor in between}
-        between += measured_turns(
-            self.body,
-            frame.matches.values(),
-            before.stamps_ns,
-            lambda camera, row: needs_turn[row] and row not in by_gyroscope,
-        )
-        turns = [factor for factor in between if isinstance(factor, SegmentTurn)]
-        transition = condition(loosen_joints(transition, turns, self._tangent), between, self._tangent)
-        return self._solve(frame, registered, Step(dt_s, transition.after, transition, density, fade_s, between))
+        needs_turn[[factor.row for factor in between]] = False
+        between += measured_turns(self.body, frame.matches.values(), before.stamps_ns, needs_turn)
+        prior = coupling.motion.prior(self._motion, coupling.attachments.active) if coupling else None
+        return self._solve(frame, registered, predict_step(self._motion, before.estimate, dt_s, prior, between))
 
     def _solve(
         self, frame: BodyFrame, registered: Mapping[str, SegmentPose], step: Step, placed: Sequence[SegmentPose] = ()
     ) -> ChainState:
-        """One state: gate the cameras, collect the other measurements, fit, then hold the soles that rest."""
+        """One state: gate the cameras, collect the other measurements, fit, then add contacts."""
+        static, tangent, ends = self._static, self._tangent, self.body.joint_ends
         accepted, step, start = self._gate(registered, step)
+        known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
-        step, poses, start = self._add_static_cameras(frame, step, start, [*accepted.values(), *placed], on_body)
-        observed = (on_body | self._looking_on.rows) & ~(self._looking_on.unsupported & ~on_body)
-        turning = observed.copy()
+        step, poses, start = self._add_static_cameras(frame, step, start, known, on_body)
+        observed, turning = static.observed, static.observed
         turning[[factor.row for factor in step.between if isinstance(factor, SegmentTurn)]] = True
-        ends = self.body.joint_ends
         joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.link is None)
         # The measurements of this state.
-        cameras = SegmentPoses.from_evidence(self.body, [*accepted.values(), *placed, *self._looking_on.evidence])
-        by_static = self._looking_on.told(on_body)
-        expected = self._prior.predict(
-            self.body.joint_rotations(poses), joints_observed, step.dt_s or _FIRST_S
-        ).replaced(by_static.which, by_static.rotations, by_static.sigma)
-        measured = Measurements(cameras, expected)
+        cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
+        rotations = self.body.joint_rotations(poses)
+        predicted = self._prior.predict(rotations, joints_observed, step.dt_s or _FIRST_S)
+        measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
-            measured, step, start = self._couple(frame.stamp_ns, accepted, measured, step, start, poses)
+            evidence = [*accepted.values(), *static.together]
+            measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start, poses)
         # The state that fits them best (A eq. 8, B eq. 15).
         estimate = self._fit.fit(step.after, measured, start)
-        self._prior.add(self.body.joint_rotations(estimate.at.poses(self._tangent)), joints_observed, step.dt_s)
+        self._prior.add(self.body.joint_rotations(estimate.at.poses(tangent)), joints_observed, step.dt_s)
         step, estimate = self._add_contacts(frame.stamp_ns, step, estimate, turning)
         state = ChainState(
             stamp_ns=frame.stamp_ns,
@@ -218,15 +205,13 @@ class BodyEstimator:
             measured=measured,
             joints_observed=joints_observed,
             turning=joints_turning,
-            told=by_static,
+            by_static=by_static,
             observed=observed,
-            cameras_used=len(accepted) + self._looking_on.speaking,
-            uncertainty=self._looking_on.widen(
-                body_uncertainty(estimate, self._tangent, step.dt_s, bool(observed[self._root])), on_body
-            ),
+            cameras_used=len(accepted) + static.camera_count,
+            uncertainty=static.widen(body_uncertainty(estimate, tangent, step.dt_s, bool(observed[self._root]))),
             active=self._coupling.active if self._coupling else None,
         )
-        now = BodyNow(state.stamp_ns, estimate.at.poses(self._tangent), state.uncertainty.segments, observed)
+        now = BodyNow(state.stamp_ns, estimate.at.poses(tangent), state.uncertainty.segments, observed)
         self.lately = [*self.lately[-1:], now]
         return state
 
@@ -262,10 +247,8 @@ class BodyEstimator:
         if not self._chain:
             return np.ones(self._tangent.count, bool)
         before = self._chain[-1]
-        unobserved = np.zeros(self._tangent.count, bool)
+        unobserved = self._tangent.columns_of(~before.joints_observed)
         unobserved[:6] = not before.observed.any()
-        for row in np.flatnonzero(~before.joints_observed):
-            unobserved[self._tangent.columns[row]] = True
         return unobserved
 
     def _add_static_cameras(
@@ -276,42 +259,37 @@ class BodyEstimator:
         A limb that was searched and found elsewhere did not move there: its motion restarts.
         """
         poses = start.poses(self._tangent)
-        self._looking_on.look(frame, poses, step.dt_s, known)
-        if not self._looking_on.rows.any():
+        self._static.measure(frame, poses, step.dt_s, known, on_body)
+        if not self._static.rows.any():
             return step, poses, start
-        poses = self._looking_on.path(poses, on_body)
+        poses = self._static.poses(poses)
         root, motion = poses[self._root], self.body.joint_poses(poses, self._tangent.slides)
         start = replace(start, root=root, motion=motion)
-        jumped = np.zeros(len(poses), bool)
-        jumped[list(self._looking_on.seen.jumped)] = True
-        jumped &= ~on_body
+        jumped = self._static.jumped
         joints = jumped[self.body.joint_ends].any(axis=1)
         at = replace(step.after.at, motion=np.where(joints[:, None, None], motion, step.after.at.motion))
-        columns = np.zeros(self._tangent.count, bool)
+        columns = self._tangent.columns_of(joints)
         if jumped[self._root]:
             at, columns[:6] = replace(at, root=root), True
-        for row in np.flatnonzero(joints):
-            columns[self._tangent.columns[row]] = True
         return self._restart_columns(step, at, columns), poses, start
 
     def _couple(
         self,
         stamp_ns: int,
-        accepted: Mapping[str, SegmentPose],
+        evidence: Sequence[SegmentPose],
         measured: Measurements,
         step: Step,
         start: Coordinates,
         poses: Array,
     ) -> tuple[Measurements, Step, Coordinates]:
-        """Measurements and initial estimate with the equipment, which is fitted to the measured body first."""
+        """Measurements and initial estimate with the equipment."""
         coupling = self._coupling
         assert coupling is not None  # by the caller
-        coupling.update(stamp_ns, step.dt_s, poses, self._looking_on.with_worn(accepted))
+        coupling.update(stamp_ns, poses, evidence)
         columns = coupling.restarted_columns(self._tangent, self._chain[-1].active if self._chain else None)
         start = coupling.with_equipment(start, poses, self._tangent)
         step = self._restart_columns(step, coupling.with_equipment(step.after.at, poses, self._tangent), columns)
-        measured = replace(
-            measured,
+        measured = Measurements(
             cameras=measured.cameras + coupling.root_measurement(),
             expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
             closed=coupling.closed_joints(poses),

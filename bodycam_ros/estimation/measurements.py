@@ -66,10 +66,6 @@ class SegmentPoses:
         residuals: Array = log_se3(inverse(poses[self.rows]) @ self.world_T_segment)
         return residuals
 
-    def only(self, which: NDArray[np.bool_]) -> "SegmentPoses":
-        """Some (N,) of them."""
-        return SegmentPoses(self.rows[which], self.world_T_segment[which], self.covariances[which])
-
 
 @dataclass(frozen=True, eq=False)
 class JointRotations:
@@ -97,11 +93,10 @@ class JointRotations:
             np.concatenate([self.sigmas, other.sigmas]),
         )
 
-    def replaced(self, which: NDArray[np.bool_], rotations: Array, sigma: float) -> "JointRotations":
-        """The same with some (J,) of the joints at other rotations (J, 3, 3)."""
-        kept, rows = ~which[self.rows], np.flatnonzero(which)
-        mine = JointRotations(self.rows[kept], self.rotations[kept], self.sigmas[kept])
-        return mine + JointRotations(rows, rotations[rows], np.full((len(rows), 3), sigma))
+    def replaced(self, others: "JointRotations") -> "JointRotations":
+        """The others, and those of joints that are not among them."""
+        kept = ~np.isin(self.rows, others.rows)
+        return JointRotations(self.rows[kept], self.rotations[kept], self.sigmas[kept]) + others
 
 
 @dataclass(frozen=True, eq=False)

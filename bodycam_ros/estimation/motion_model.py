@@ -5,6 +5,7 @@ change of velocity, whose size in people is known: accelerations of limbs in m/s
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,9 @@ from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.settings import setting
 
 FADE_S = 0.2  # in which an unobserved velocity fades: a blind limb comes to rest instead of flying off
-LASTS_S = 0.033
-"""How long an acceleration lasts: with it a standard deviation becomes a spectral density."""
-
-_FIRST_SPEEDS = np.repeat([6.0, 2.0], 3)
-"""[rad/s], [m/s] of people, before anything is known of the motion."""
-
-_FIRST_POSES = np.repeat([1.0, 1.0], 3)
-"""[rad], [m] a body that begins is known by its measurements alone."""
+LASTS_S = 0.033  # how long an acceleration lasts: with it a standard deviation becomes a spectral density
+_FIRST_SPEEDS = (6.0, 2.0)  # [rad/s], [m/s] sigmas of people, before the motion is known
+_FIRST_POSE = 1.0  # [rad], [m] sigma of the first state, which its measurements determine alone
 
 
 @dataclass(frozen=True)
@@ -40,6 +36,18 @@ class MotionSettings:
     )
 
 
+class MotionPrior(NamedTuple):
+    """How coordinates move that are not people's.
+
+    Attributes:
+        density: (K) spectral densities of their accelerations; NaN of coordinates that move as people do.
+        fade_s: (K) in which velocities fade [s].
+    """
+
+    density: Array
+    fade_s: Array
+
+
 class MotionModel:
     """Predicts a body.
 
@@ -48,16 +56,15 @@ class MotionModel:
         settings: how suddenly people change their motion.
 
     Attributes:
-        fade_s: (K) in which velocities fade.
+        tangent: as given.
+        fade_s: (K) in which velocities of people fade [s].
     """
 
     def __init__(self, tangent: TreeTangent, settings: MotionSettings) -> None:
-        self._tangent = tangent
+        self.tangent = tangent
         turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
         self.fade_s = np.full(tangent.count, FADE_S)
-        self._first = np.concatenate(
-            [np.where(turns > 0.0, *_FIRST_POSES[[0, 3]]), np.where(turns > 0.0, *_FIRST_SPEEDS[[0, 3]])]
-        )
+        self._first = np.append(np.full(tangent.count, _FIRST_POSE), np.where(turns > 0.0, *_FIRST_SPEEDS))
         equipment = tangent.tree.equipment_segments
         self._of_people = np.array([name not in equipment for name in tangent.tree.segments], bool)
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
@@ -68,8 +75,8 @@ class MotionModel:
 
         Its inverse sums up over segments what their accelerations cost: A eq. 10-11 in joint coordinates.
         """
-        J = self._root_information[:, None] * self._tangent.segment_jacobians(poses)[self._of_people]
-        of_rows = J.reshape(-1, self._tangent.count)
+        J = self._root_information[:, None] * self.tangent.segment_jacobians(poses)[self._of_people]
+        of_rows = J.reshape(-1, self.tangent.count)
         information = of_rows.T @ of_rows
         if known is None:
             return np.asarray(np.linalg.inv(information), np.float64)
@@ -87,25 +94,16 @@ class MotionModel:
 
     def initial(self, root: Array, motion: Array) -> Estimate:
         """A body that begins at a pose (4, 4) and joint motions (J, 4, 4): known by its measurements alone."""
-        at = Coordinates(root, motion, np.zeros(self._tangent.count))
+        at = Coordinates(root, motion, np.zeros(self.tangent.count))
         return Estimate(at, np.diag(self._first**2))
 
-    def predict(
-        self, before: Estimate, dt_s: float, density: Array | None = None, fade_s: Array | None = None
-    ) -> Transition:
-        """The body ``dt_s`` later.
-
-        Args:
-            before: the instant before.
-            dt_s: [s].
-            density: (K) of coordinates that do not move as people do; NaN of those that do.
-            fade_s: (K) in which velocities fade, where it is not people's.
-        """
-        fade_s = self.fade_s if fade_s is None else fade_s
-        Q = self._density(before.at.poses(self._tangent), density)
-        K, keep = self._tangent.count, np.exp(-dt_s / fade_s)
+    def predict(self, before: Estimate, dt_s: float, prior: MotionPrior | None = None) -> Transition:
+        """The body ``dt_s`` [s] after a state; ``prior`` of coordinates that do not move as people do."""
+        fade_s = self.fade_s if prior is None else prior.fade_s
+        Q = self._density(before.at.poses(self.tangent), None if prior is None else prior.density)
+        K, keep = self.tangent.count, np.exp(-dt_s / fade_s)
         reach = fade_s * (1.0 - keep)
-        at = before.at.moved(self._tangent, reach * before.at.velocity)
+        at = before.at.moved(self.tangent, reach * before.at.velocity)
         at = Coordinates(at.root, at.motion, keep * before.at.velocity)
         P = before.covariance
         # F = [[1, reach], [0, keep]], by columns.

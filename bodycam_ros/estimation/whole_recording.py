@@ -1,4 +1,4 @@
-"""A recording as a whole: what is unseen follows from what is seen before and after, and the chain is solved again."""
+"""A whole recording: unobserved joints follow from what is observed before and after; the chain is solved again."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.estimation.between_factors import SegmentTurn, condition, loosen_joints
-from bodycam_ros.estimation.chain import ChainState, Step, smooth
+from bodycam_ros.estimation.chain import ChainState, Step, predict_step, smooth
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
 from bodycam_ros.estimation.estimate import Estimate
@@ -18,52 +17,54 @@ from bodycam_ros.estimation.measurements import JointRotations, StateFit
 from bodycam_ros.estimation.motion_model import MotionModel
 from bodycam_ros.estimation.pose_prior import FORGET_S, PosePrior, RecordedPoses
 from bodycam_ros.kinematics.joint import hinge_angle
-from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.settings import setting
 
 _LEAST_S = 1e-3
 
 
 class WholeRecording:
-    """Solves instants that were solved forwards again, knowing all of them.
+    """Solves states of the forward pass again, given all of them.
 
     Args:
         body: segments and joints.
-        tangent, motion, fit, prior: of the forward pass.
-        on_progress: told the share that is done.
+        motion, fit, prior: of the forward pass.
+        on_progress: called with the finished share.
     """
 
     def __init__(
         self,
         body: BodyModel,
-        tangent: TreeTangent,
         motion: MotionModel,
         fit: StateFit,
         prior: PosePrior,
         on_progress: Callable[[float], None],
     ) -> None:
-        self._body, self._tangent, self._motion, self._fit = body, tangent, motion, fit
+        self._body, self._tangent, self._motion, self._fit = body, motion.tangent, motion, fit
         self._prior, self._on_progress = prior, on_progress
         self.reset()
 
     def reset(self) -> None:
-        """After a pause nothing goes on from what was before."""
+        """Forget the states before a pause."""
         self._before: ChainState | None = None
         self._earlier: list[NDArray[Any]] = []
 
-    def solve(self, instants: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Estimate]:
-        """What is known of the first ``count`` instants by all of them."""
-        estimates = smooth(instants, self._tangent)
-        coasted = self._coast(instants, estimates, coupling) if coupling else {}
-        expected = self._predicted(instants, estimates, count)
+    def solve(self, states: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Estimate]:
+        """Estimates of the first ``count`` states given all."""
+        estimates = smooth(states, self._tangent)
+        coasted = self._coast(states, estimates, coupling) if coupling else {}
+        predicted = self._predicted(states, estimates, count)
         again: list[ChainState] = []
-        for number, (instant, estimate, better) in enumerate(zip(instants, estimates, expected, strict=True)):
-            self._on_progress(number / len(instants))
-            before = again[-1] if again else self._before
-            step = self._step(instant, before, estimate)
-            measured = replace(instant.measured, expected=better + coasted.get(number, JointRotations.nothing()))
+        for number, (state, estimate, better) in enumerate(zip(states, estimates, predicted, strict=True)):
+            self._on_progress(number / len(states))
+            before, step = again[-1] if again else self._before, state.step
+            if before is None:
+                step = Step(0.0, self._motion.initial(estimate.at.root, estimate.at.motion))
+            else:
+                dt_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
+                step = predict_step(self._motion, before.estimate, dt_s, step.prior, step.between)
+            measured = replace(state.measured, expected=better + coasted.get(number, JointRotations.nothing()))
             fitted = self._fit.fit(step.after, measured, estimate.at)
-            again.append(replace(instant, estimate=fitted, step=step, measured=measured))
+            again.append(replace(state, estimate=fitted, step=step, measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
         return smooth(again, self._tangent)[:count]
@@ -88,16 +89,6 @@ class WholeRecording:
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 
-    def _step(self, instant: ChainState, before: ChainState | None, estimate: Estimate) -> Step:
-        """From the instant before, by all that is known of that."""
-        if before is None:
-            return Step(0.0, self._motion.initial(estimate.at.root, estimate.at.motion))
-        step = instant.step
-        dt_s = 1e-9 * (instant.stamp_ns - before.stamp_ns)
-        link = self._motion.predict(before.estimate, dt_s, step.density, step.fade_s)
-        turns = [each for each in step.between if isinstance(each, SegmentTurn)]
-        return step.linked(condition(loosen_joints(link, turns, self._tangent), step.between, self._tangent))
-
     def _predicted(
         self, states: Sequence[ChainState], estimates: Sequence[Estimate], count: int
     ) -> list[JointRotations]:
@@ -119,16 +110,13 @@ class WholeRecording:
         recent = slice(int(np.searchsorted(known[0], known[0][over - 1] - 1e9 * FORGET_S)), over)
         self._earlier = [each[recent] for each in known]
         improved = RecordedPoses(self._prior, *known).improve(by_prior)
-        return [
-            each.replaced(state.told.which, state.told.rotations, state.told.sigma)
-            for each, state in zip(improved, states, strict=True)
-        ]
+        return [each.replaced(state.by_static) for each, state in zip(improved, states, strict=True)]
 
 
 OFFLINE: Final = "offline"
 """The delay of a recording that is solved as a whole."""
 
-_FORWARD_DELAY = 4  # frames after which the forward pass lets an instant go to where the whole recording waits
+_FORWARD_DELAY = 4  # frames after which the forward pass releases a state to the whole recording
 
 
 @dataclass(frozen=True)
@@ -169,5 +157,5 @@ class SmootherSettings:
 
     @property
     def frames_behind(self) -> int:
-        """How many frames follow an instant before the window lets it go."""
+        """How many frames follow a state before it is published."""
         return _FORWARD_DELAY if isinstance(self.output_delay, str) else self.output_delay

@@ -12,6 +12,7 @@ forbids, about the rows' axes, then the place of the one frame in the other.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint, hinge_angle
@@ -118,6 +119,10 @@ class TreeTangent:
         tangents = log_se3(inverse(start) @ np.concatenate([to_root[..., None, :, :], to_motion], axis=-3))
         of_joints = tangents[..., 1:, :].reshape(*tangents.shape[:-2], -1) @ self._amounts.T
         return np.concatenate([tangents[..., 0, :], of_joints], axis=-1)
+
+    def columns_of(self, joints: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(K,) columns of some joints (J,) of the tree."""
+        return np.concatenate([np.zeros(6, bool), joints[self._joint_of_column]])
 
     def world_twists(self, world_T_segment: Array) -> Array:
         """(..., 6, K) twist of each column in the world's axes about its origin, at poses (..., S, 4, 4)."""

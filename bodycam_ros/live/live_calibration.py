@@ -298,7 +298,7 @@ class LiveBody:
             live=True,
             on_corrected=self._on_corrected,
             equipment=self.equipment,
-            onlookers=self._onlookers(self.body) if self._stations else None,
+            static_cameras=self._static_cameras(self.body) if self._stations else None,
             stations=self._stations,
             placed=bool(self._of.start),
         )
@@ -341,7 +341,7 @@ class LiveBody:
             health.append(verdict_health(self._verdict.verdict()))
         return health
 
-    def _onlookers(self, body: BodyModel) -> StationReports:
+    def _static_cameras(self, body: BodyModel) -> StationReports:
         of, start, file = self._settings(), self._of.start, Path(self._of.stations)
         placed = (
             placed_body(Path(start), file, self._stations, body, read_joint_points(Path(start))).world_T_segment

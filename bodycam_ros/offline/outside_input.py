@@ -14,7 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
-from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.formats.joint_points import read_joint_points
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
@@ -84,7 +84,7 @@ def station_watch(
     body: BodyModel,
     body_path: Path,
     settings: PipelineSettings,
-    on_seen: Callable[[Mapping[str, int], SeenBody], None],
+    on_seen: Callable[[Mapping[str, int], StaticMeasurement], None],
 ) -> StationWatch:
     """What asks the stations where a body is.
 

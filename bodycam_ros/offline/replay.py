@@ -20,7 +20,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.offline.camera_worker import (
@@ -110,10 +110,12 @@ def replay(
             readouts = known_readouts(recording, body, cameras)
             summary = ReplaySummary(recording.duration_s, rounds=rounds)
         log = AgreementLog(body, cameras, settings.pose_fit.inlier_px)
-        seen: deque[tuple[Mapping[str, int], SeenBody]] = deque()
-        onlookers = None
+        seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
+        static_cameras = None
         if outside is not None:
-            onlookers = station_watch(outside, stations, body, body_path, settings, lambda *each: seen.append(each))
+            static_cameras = station_watch(
+                outside, stations, body, body_path, settings, lambda *each: seen.append(each)
+            )
             if not cameras and outside.start is None:
                 raise _nothing_solved(recording_path, map_path, outside)
         imus = read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {}
@@ -124,7 +126,7 @@ def replay(
             on_corrected=log.add_registration,
             equipment=coupling,
             on_together=partial(on_step, _BATCH),
-            onlookers=onlookers,
+            static_cameras=static_cameras,
             stations=stations,
             imus=imus,
         )

@@ -14,7 +14,7 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentLog
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body_state import BodyOutput
-from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.health import Health, RegistrationHealth, diagnostics_message, text_message, verdict_health
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
@@ -97,7 +97,7 @@ class ReplayOutput:
             self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
             self.write_health(image.stamp_ns)
 
-    def write_seen(self, stamps_ns: Mapping[str, int], seen: SeenBody) -> None:
+    def write_seen(self, stamps_ns: Mapping[str, int], seen: StaticMeasurement) -> None:
         """What static cameras say of the segments at an instant, each with the stamp of its own image."""
         names = self._body.segments
         self.static.add(

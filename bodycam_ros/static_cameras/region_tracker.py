@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.calibration.anthropometry import SegmentName
-from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
 from bodycam_ros.static_cameras.body_shape import BodySurface
@@ -203,7 +203,7 @@ class RegionTracker:
 
     def look(
         self, images: Mapping[str, Image], expected: ExpectedBody, known: Collection[SegmentPose] = ()
-    ) -> SeenBody:
+    ) -> StaticMeasurement:
         """Where the body is in images of one instant, by station (H, W, 3), blue, green, red.
 
         Args:
@@ -241,7 +241,7 @@ class RegionTracker:
         evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in said.items()}
         unsupported = frozenset(np.flatnonzero(false).tolist())
         together = self._together(poses, said, seen)
-        return SeenBody(
+        return StaticMeasurement(
             evidence, together, poses, confidence, jumped, unsupported, misplaced, surface_variances(self.body)
         )
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, SegmentPose
-from bodycam_ros.estimation.looking_on import SeenBody
 from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
@@ -36,8 +36,8 @@ class StationReports:
         self._seen: Array | None = None
         self._seen_ns = 0
 
-    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``Onlookers.begin``: nothing without a placed body, or before a station speaks.
+    def place(self, frame: BodyFrame) -> list[SegmentPose]:
+        """As ``StaticCameras.place``: nothing without a placed body, or before a station speaks.
 
         After a silence it is placed where it was seen last, and anew only where time begins anew.
         """
@@ -46,8 +46,10 @@ class StationReports:
         poses = self._placed if self._seen is None or frame.stamp_ns <= self._seen_ns else self._seen
         return placed_segments(self._body, poses)
 
-    def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
-        """As ``Onlookers.look``, of what stations say of segments that the body has."""
+    def measure(
+        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> StaticMeasurement | None:
+        """As ``StaticCameras.measure``, of what stations say of segments that the body has."""
         if not frame.said:
             return None
         index = self._body.segment_index
@@ -66,7 +68,7 @@ class StationReports:
             information[index[each.segment]] += np.linalg.inv(each.covariance)
         seen = sorted({index[each.segment] for each in heard})
         together = [SegmentPose(self._body.segments[row], poses[row], np.linalg.inv(information[row])) for row in seen]
-        return SeenBody(evidence, together, poses, confidence, surface_variances=surface_variances(self._body))
+        return StaticMeasurement(evidence, together, poses, confidence, surface_variances=surface_variances(self._body))
 
     def _together(self, heard: Collection[SegmentPose], expected: Array, dt_s: float) -> Array:
         """Poses (S, 4, 4) of the body as a whole under all that is said of its segments."""

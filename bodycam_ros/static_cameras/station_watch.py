@@ -11,8 +11,8 @@ from bodycam_ros.body_state import BodyFrame, BodyNow, SaidSegments, SegmentPose
 from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.estimation.looking_on import SeenBody
 from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.static_cameras import girths
@@ -54,15 +54,15 @@ class StationWatch:
         tracker: RegionTracker,
         placed: PlacedBody | None,
         motion: MotionSettings,
-        on_seen: Callable[[Mapping[str, int], SeenBody], None] = lambda stamps_ns, seen: None,
+        on_seen: Callable[[Mapping[str, int], StaticMeasurement], None] = lambda stamps_ns, seen: None,
     ) -> None:
         self._tracker, self._placed = tracker, placed
         self._motion, self._on_seen = motion, on_seen
         self._unreadable: set[str] = set()
         self._has_colours = False
 
-    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``Onlookers.begin``: once, and nothing without a placed body, or without an image."""
+    def place(self, frame: BodyFrame) -> list[SegmentPose]:
+        """As ``StaticCameras.place``: once, and nothing without a placed body, or without an image."""
         pictures = {} if self._placed is None else self._decoded(frame.images)
         if self._placed is None or not pictures:
             return []
@@ -70,8 +70,10 @@ class StationWatch:
         self._placed, self._has_colours = None, True
         return placed_segments(self._tracker.body, poses)
 
-    def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody | None:
-        """As ``Onlookers.look``; in its first images a body that worn cameras have placed is looked for as a whole."""
+    def measure(
+        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> StaticMeasurement | None:
+        """As ``StaticCameras.measure``; in the first images a body placed by body cameras is searched as a whole."""
         pictures = self._decoded(frame.images)
         if not pictures:
             return None
@@ -150,11 +152,11 @@ class LoneStation:
             return None
         return heard
 
-    def _look_on(self, frame: BodyFrame) -> SeenBody | None:
+    def _look_on(self, frame: BodyFrame) -> StaticMeasurement | None:
         expected = self._carried.at(frame.stamp_ns)
-        return None if expected is None else self._watch.look(frame, *expected, ())
+        return None if expected is None else self._watch.measure(frame, *expected, ())
 
-    def _look_first(self, frame: BodyFrame) -> SeenBody | None:
+    def _look_first(self, frame: BodyFrame) -> StaticMeasurement | None:
         heard = self._heard(frame.stamp_ns)
         expected = self._carried.at(frame.stamp_ns)
         if heard is not None and expected is not None:
@@ -163,14 +165,14 @@ class LoneStation:
                 SegmentPose(self._body.segments[row], poses[row], heard.covariances[row])
                 for row in np.flatnonzero(heard.observed).tolist()
             ]
-            return self._watch.look(frame, poses, ahead_s, known)
-        begun = self._watch.begin(frame)
+            return self._watch.measure(frame, poses, ahead_s, known)
+        begun = self._watch.place(frame)
         if self._placed is None or not begun:
             return None
         poses = self._placed.world_T_segment.copy()
         for each in begun:
             poses[self._body.segment_index[each.segment]] = each.world_T_segment
-        return self._watch.look(frame, poses, 0.0, ())
+        return self._watch.measure(frame, poses, 0.0, ())
 
 
 _WRIST_LIMITS = ((-1.3, 1.3), (-0.3, 0.3), (-0.7, 0.7))

@@ -13,8 +13,8 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.estimation.looking_on import SeenBody
 from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
@@ -55,7 +55,7 @@ def frame_of(images: dict[str, CameraImage]) -> BodyFrame:
 def watch_of(
     dressed: DressedBody,
     placed: NDArray[np.float64] | None,
-    told: list[tuple[Mapping[str, int], SeenBody]] | None = None,
+    told: list[tuple[Mapping[str, int], StaticMeasurement]] | None = None,
 ) -> StationWatch:
     tracker = RegionTracker(dressed.body, BodySurface.of(dressed.body, dressed.surfaces), dressed.stations, SETTINGS)
     told = [] if told is None else told
@@ -66,13 +66,13 @@ def watch_of(
 def test_the_first_images_place_the_body_and_the_next_are_asked(
     dressed: DressedBody, truth: NDArray[np.float64], images: Images
 ) -> None:
-    told: list[tuple[Mapping[str, int], SeenBody]] = []
+    told: list[tuple[Mapping[str, int], StaticMeasurement]] = []
     watch = watch_of(dressed, truth, told)
-    placed = watch.begin(frame_of(images))
+    placed = watch.place(frame_of(images))
     assert [each.segment for each in placed] == list(dressed.body.segments)
     assert max(np.linalg.norm((each.world_T_segment - truth[row])[:3, 3]) for row, each in enumerate(placed)) < 0.02
     assert not told
-    seen = watch.look(frame_of(images), truth, 0.0, [])
+    seen = watch.measure(frame_of(images), truth, 0.0, [])
     assert seen is not None and {each.segment for each in seen.together} >= {"torso", "head", "thigh_left"}
     assert [stamps_ns for stamps_ns, _ in told] == [{"ext_00": 1000, "ext_01": 1001}] and told[0][1] is seen
     assert np.linalg.norm((seen.world_T_segment - truth)[:, :3, 3], axis=1).mean() < 0.008
@@ -96,17 +96,17 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     damaged = images | {"ext_01": CameraImage("ext_01", 1001, content)}
-    told: list[tuple[Mapping[str, int], SeenBody]] = []
+    told: list[tuple[Mapping[str, int], StaticMeasurement]] = []
     watch = watch_of(dressed, truth, told)
     with caplog.at_level(logging.WARNING):
-        watch.begin(frame_of(damaged))
+        watch.place(frame_of(damaged))
         for _ in range(2):
-            seen = watch.look(frame_of(damaged), truth, 0.03, [])
+            seen = watch.measure(frame_of(damaged), truth, 0.03, [])
             assert seen is not None and set(seen.evidence) == {"ext_00"}
     warnings = [record.getMessage() for record in caplog.records if "static_cameras" in record.name]
     assert len(warnings) == 1
     assert "ext_01" in warnings[0]
     assert [stamps_ns for stamps_ns, _ in told] == [{"ext_00": 1000}] * 2
     # One that is whole again is taken again.
-    seen = watch.look(frame_of(images), truth, 0.03, [])
+    seen = watch.measure(frame_of(images), truth, 0.03, [])
     assert seen is not None and set(seen.evidence) == set(STATIONS)

@@ -11,7 +11,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.looking_on import SeenBody
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.estimation.whole_recording import OFFLINE, SmootherSettings
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
@@ -22,7 +22,7 @@ ARM = ("upper_arm", "forearm")
 
 
 @dataclass
-class ExactOnlookers:
+class ExactCameras:
     """Knows where some segments are.
 
     Attributes:
@@ -39,10 +39,12 @@ class ExactOnlookers:
     spun_rad: float = 0.0
     asked: list[tuple[Array, float, set[str]]] = field(default_factory=list)
 
-    def begin(self, frame: BodyFrame) -> list[SegmentPose]:
+    def place(self, frame: BodyFrame) -> list[SegmentPose]:
         return self._poses(self.places, true_poses(self.body, number_of(frame)), SURE)
 
-    def look(self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]) -> SeenBody:
+    def measure(
+        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> StaticMeasurement:
         self.asked.append((expected.copy(), dt_s, {each.segment for each in known}))
         poses = true_poses(self.body, number_of(frame))
         spun, covariance = poses.copy(), SURE.copy()
@@ -50,7 +52,7 @@ class ExactOnlookers:
             spun[:, :3, :3] @= exp_so3(np.array([0.0, 0.0, self.spun_rad]))
             covariance[2, 2] = 1.0
         said = self._poses(self.sees, spun, covariance)
-        return SeenBody({"door": said}, said, poses, {"door": np.ones(len(poses))})
+        return StaticMeasurement({"door": said}, said, poses, {"door": np.ones(len(poses))})
 
     def _poses(self, segments: Collection[str], poses: Array, covariance: Array) -> list[SegmentPose]:
         return [SegmentPose(segment, poses[self.body.segment_index[segment]], covariance) for segment in segments]
@@ -74,12 +76,12 @@ def frame_at(body: BodyModel, number: int, worn: Collection[str], looks: bool, r
 def solved(
     body: BodyModel,
     worn: Collection[str],
-    onlookers: ExactOnlookers | None,
+    static_cameras: ExactCameras | None,
     looks: bool = True,
     settings: SmootherSettings = DELAYED,
 ) -> dict[int, BodyState]:
     """States by frame number."""
-    rng, smoother = np.random.default_rng(0), BodyEstimator(body, lenses(body), settings, onlookers=onlookers)
+    rng, smoother = np.random.default_rng(0), BodyEstimator(body, lenses(body), settings, static_cameras=static_cameras)
     states: list[BodyState] = []
     for number in range(FRAMES):
         states += smoother.update(frame_at(body, number, worn, looks, rng))
@@ -88,8 +90,8 @@ def solved(
 
 def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: BodyModel) -> None:
     trunk = ("chest", "back")
-    without, onlookers = solved(body, trunk, None), ExactOnlookers(body, ARM)
-    states = solved(body, trunk, onlookers)
+    without, static_cameras = solved(body, trunk, None), ExactCameras(body, ARM)
+    states = solved(body, trunk, static_cameras)
     assert list(states) == list(range(FRAMES))
     errors, lost = position_errors(body, states), position_errors(body, without)
     assert errors[:, 1:].max() < 0.015
@@ -107,7 +109,7 @@ def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: 
 )
 def test_joints_tell_what_no_contour_does(body: BodyModel, settings: SmootherSettings, most_deg: float) -> None:
     """How a limb is turned about its long axis, also where the recording is solved as a whole."""
-    states = solved(body, ("chest", "back"), ExactOnlookers(body, ("upper_arm",), spun_rad=0.5), settings=settings)
+    states = solved(body, ("chest", "back"), ExactCameras(body, ("upper_arm",), spun_rad=0.5), settings=settings)
     of = body.segment_index["upper_arm"]
     solved_R = np.array([state.world_T_segment[of, :3, :3] for state in states.values()])
     true_R = np.array([true_poses(body, number)[of, :3, :3] for number in states])
@@ -116,22 +118,22 @@ def test_joints_tell_what_no_contour_does(body: BodyModel, settings: SmootherSet
 
 
 def test_static_cameras_alone_follow_a_body_that_was_placed_by_hand(body: BodyModel) -> None:
-    states = solved(body, (), ExactOnlookers(body, body.segments, places=("trunk",)))
+    states = solved(body, (), ExactCameras(body, body.segments, places=("trunk",)))
     assert list(states) == list(range(FRAMES))
     assert position_errors(body, states).max() < 0.01
     assert all(state.cameras_used == 1 for state in states.values())
 
 
 def test_without_a_start_static_cameras_alone_say_nothing(body: BodyModel) -> None:
-    onlookers = ExactOnlookers(body, body.segments)
-    assert solved(body, (), onlookers) == {} and not onlookers.asked
+    static_cameras = ExactCameras(body, body.segments)
+    assert solved(body, (), static_cameras) == {} and not static_cameras.asked
 
 
 def test_without_images_the_states_are_those_without_static_cameras(body: BodyModel) -> None:
     """To the last bit: who has no static cameras gets what they got before there were any."""
-    worn, onlookers = ("chest", "arm"), ExactOnlookers(body, ARM, places=ARM)
-    before, states = solved(body, worn, None), solved(body, worn, onlookers, looks=False)
-    assert not onlookers.asked and list(states) == list(before)
+    worn, static_cameras = ("chest", "arm"), ExactCameras(body, ARM, places=ARM)
+    before, states = solved(body, worn, None), solved(body, worn, static_cameras, looks=False)
+    assert not static_cameras.asked and list(states) == list(before)
     for number, state in states.items():
         np.testing.assert_array_equal(state.world_T_segment, before[number].world_T_segment)
         np.testing.assert_array_equal(state.observed, before[number].observed)

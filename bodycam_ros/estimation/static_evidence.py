@@ -1,0 +1,164 @@
+"""Static cameras beside body cameras: what each state takes from them, and what it leaves to body cameras (B 2)."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame, BodyUncertainty, SegmentPose
+from bodycam_ros.estimation.measurements import JointRotations
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
+
+Mask = NDArray[np.bool_]
+
+_JOINT_RAD = 0.2  # sigma of joints that static cameras observe: no contour determines a limb's turn about its long axis
+_UNSUPPORTED = np.repeat([1.0, 0.3], 3)  # [rad], [m] sigmas of a segment that the images do not show there
+
+
+@dataclass(frozen=True, eq=False)
+class StaticMeasurement:
+    """What all static cameras measured of one state.
+
+    Attributes:
+        evidence: camera -> poses of the segments that it observes.
+        together: poses by all of them of each segment that any observes, where the body as a whole has it.
+        world_T_segment: (S, 4, 4) the body as a whole, joints closed.
+        confidence: camera -> (S,) of each segment, 0 to 1.
+        jumped: rows of segments that were searched, and may be somewhere else than before.
+        unsupported: rows of segments that the images do not show where the body has them.
+        misplaced: cameras whose images do not show the body where the others have it.
+        surface_variances: (S, 6) of errors in the segments' axes that last for a recording, rotation [rad^2] then
+            translation [m^2]; empty for none.
+    """
+
+    evidence: Mapping[str, list[SegmentPose]]
+    together: list[SegmentPose]
+    world_T_segment: Array
+    confidence: Mapping[str, Array]
+    jumped: frozenset[int] = frozenset()
+    unsupported: frozenset[int] = frozenset()
+    misplaced: frozenset[str] = frozenset()
+    surface_variances: Array = field(default_factory=lambda: np.zeros(0))
+
+
+class StaticCameras(Protocol):
+    """Static cameras around a body."""
+
+    def place(self, frame: BodyFrame) -> list[SegmentPose]:
+        """Segments that were placed by hand, in the first image; empty without."""
+
+    def measure(
+        self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> StaticMeasurement | None:
+        """The body in the images of a frame; None if they cannot determine it.
+
+        Args:
+            frame: their images, or measurements.
+            predicted: (S, 4, 4) poses.
+            dt_s: since the state before [s]; 0 at the first.
+            known: poses of segments by body cameras.
+        """
+
+
+class StaticEvidence:
+    """The measurement of the latest state by static cameras.
+
+    Args:
+        body: that is observed.
+        cameras: static cameras; None without any.
+    """
+
+    def __init__(self, body: BodyModel, cameras: StaticCameras | None) -> None:
+        self._body, self._cameras = body, cameras
+        self._ends = body.joint_ends
+        self._on_body = self.rows = np.zeros(len(body.segments), bool)
+        self._measured = StaticMeasurement({}, [], np.zeros((len(body.segments), 4, 4)), {})
+
+    def place(self, frame: BodyFrame, measured: Iterable[SegmentPose]) -> list[SegmentPose]:
+        """Segments that were placed by hand in the first frame, but those that body cameras measured."""
+        placed = self._cameras.place(frame) if self._cameras and (frame.images or frame.said) else []
+        known = {each.segment for each in measured}
+        return [each for each in placed if each.segment not in known]
+
+    def measure(
+        self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose], on_body: Mask
+    ) -> None:
+        """Measure a frame, as ``StaticCameras.measure``; body cameras measured the segments ``on_body`` (S,)."""
+        cameras, before = self._cameras if frame.images or frame.said else None, self._measured.world_T_segment
+        measured = cameras.measure(frame, predicted, dt_s, known) if cameras else None
+        if measured and dt_s > 0.0:
+            measured = self._at_stamp(measured, frame, log_se3(inverse(before) @ predicted) / dt_s)
+        self._measured = measured or StaticMeasurement({}, [], predicted, {})
+        self._on_body = on_body
+        self.rows = self._body.named(each.segment for each in self._measured.together)
+
+    def _at_stamp(self, measured: StaticMeasurement, frame: BodyFrame, velocities: Array) -> StaticMeasurement:
+        """Evidence moved from the time of each image to that of the frame, at the segments' velocities (S, 6)."""
+        stamps_ns = {image.camera: image.stamp_ns for image in frame.images.values()}
+        stamps_ns |= {said.camera: said.stamp_ns for said in frame.said.values()}
+        evidence = dict(measured.evidence)
+        for name, poses in measured.evidence.items():
+            if late_ns := stamps_ns.get(name, frame.stamp_ns) - frame.stamp_ns:
+                rows = [self._body.segment_index[each.segment] for each in poses]
+                steps = exp_se3(-1e-9 * late_ns * velocities[rows])
+                evidence[name] = [
+                    replace(each, world_T_segment=each.world_T_segment @ step)
+                    for each, step in zip(poses, steps, strict=True)
+                ]
+        return replace(measured, evidence=evidence)
+
+    def _listed(self, rows: Iterable[int]) -> Mask:
+        """(S,) segments of some rows that no body camera measures."""
+        listed = np.isin(np.arange(len(self.rows)), list(rows))
+        return np.asarray(listed & ~self._on_body, bool)
+
+    @property
+    def observed(self) -> Mask:
+        """(S,) segments that any camera observes."""
+        return (self._on_body | self.rows) & ~self._listed(self._measured.unsupported)
+
+    @property
+    def jumped(self) -> Mask:
+        """(S,) segments that were searched, and found elsewhere than predicted."""
+        return self._listed(self._measured.jumped)
+
+    @property
+    def evidence(self) -> list[SegmentPose]:
+        """Poses of segments by all static cameras."""
+        return [each for poses in self._measured.evidence.values() for each in poses]
+
+    @property
+    def camera_count(self) -> int:
+        """How many of them measured something."""
+        return sum(bool(poses) for poses in self._measured.evidence.values())
+
+    @property
+    def together(self) -> list[SegmentPose]:
+        """Poses of the segments that no body camera measures, by all static cameras together."""
+        on_body = {name for name, flag in zip(self._body.segments, self._on_body, strict=True) if flag}
+        return [each for each in self._measured.together if each.segment not in on_body]
+
+    def poses(self, predicted: Array) -> Array:
+        """Poses (S, 4, 4): predicted ones of segments that body cameras measure, static cameras' of the others."""
+        return np.where(self._on_body[:, None, None], predicted, self._measured.world_T_segment)
+
+    def joints(self) -> JointRotations:
+        """Joints that static cameras observe and body cameras do not."""
+        both, on_body = (mask[self._ends].all(axis=1) for mask in (self._on_body | self.rows, self._on_body))
+        rows = np.flatnonzero(both & ~on_body & self.rows.any())
+        rotations = self._body.joint_rotations(self._measured.world_T_segment)[rows]
+        return JointRotations(rows, rotations, np.full((len(rows), 3), _JOINT_RAD))
+
+    def widen(self, uncertainty: BodyUncertainty) -> BodyUncertainty:
+        """Covariances with errors of static cameras that last for a recording: surfaces are wrong in all frames."""
+        added, by_static = np.zeros((len(self.rows), 6)), self.rows & ~self._on_body
+        if len(self._measured.surface_variances):
+            added[by_static] = self._measured.surface_variances[by_static]
+        added[self._listed(self._measured.unsupported)] = _UNSUPPORTED**2
+        segments = uncertainty.segments + added[:, :, None] * np.eye(6)
+        joints = uncertainty.joints + added[self._ends[:, 1], :3, None] * np.eye(3)
+        root = segments[self._body.segment_index[self._body.root]]
+        return replace(uncertainty, root=root, joints=joints, segments=segments)
