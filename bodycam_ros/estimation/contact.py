@@ -61,12 +61,13 @@ class FootContacts:
         for point in self.points:
             point.release()
 
-    def resting_points(self, stamp_ns: int, poses: Array, turning: Mask) -> list[RestingPoint]:
+    def resting_points(self, stamp_ns: int, poses: Array, observed: Mask, turning: Mask) -> list[RestingPoint]:
         """The constraints of points that rest.
 
         Args:
             stamp_ns: of the state [ns].
             poses: (S, 4, 4) solved without them.
+            observed: (S,) observed segments.
             turning: (S,) segments whose rotation is measured at least.
         """
         while len(self._history) > 1 and stamp_ns - self._history[0][0] > 1e9 * _SPEED_S:
@@ -83,7 +84,7 @@ class FootContacts:
                 continue
             point.update(stamp_ns, poses[point.row], before[point.row], 1e-9 * (stamp_ns - since_ns), floor)
             if point.rests:
-                resting.append(RestingPoint(point.row, point.place, creep_m))
+                resting.append(RestingPoint(point.row, point.place, creep_m if observed[point.row] else 2.0 * creep_m))
         return resting
 
     def remember(self, stamp_ns: int, poses: Array) -> None:

@@ -188,7 +188,7 @@ class BodyEstimator:
         # The measurements of this state.
         cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
         rotations = self.body.joint_rotations(poses)
-        predicted = self._prior.predict(rotations, joints_observed, step.dt_s or _FIRST_S)
+        predicted = self._prior.predict(rotations, joints_observed, joints_turning, step.dt_s or _FIRST_S)
         measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
             evidence = [*accepted.values(), *static.together]
@@ -196,7 +196,7 @@ class BodyEstimator:
         # The state that fits them best (A eq. 8, B eq. 15).
         estimate = self._fit.fit(step.after, measured, start)
         self._prior.add(self.body.joint_rotations(estimate.at.poses(tangent)), joints_observed, step.dt_s)
-        step, estimate = self._add_contacts(frame.stamp_ns, step, estimate, turning)
+        step, estimate = self._add_contacts(frame.stamp_ns, step, estimate, observed, turning)
         state = ChainState(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
@@ -307,9 +307,11 @@ class BodyEstimator:
         cross[np.concatenate([columns, columns])] = 0.0
         return step.linked(Transition(step.link.before, after, cross))
 
-    def _add_contacts(self, stamp_ns: int, step: Step, estimate: Estimate, turning: Mask) -> tuple[Step, Estimate]:
+    def _add_contacts(
+        self, stamp_ns: int, step: Step, estimate: Estimate, observed: Mask, turning: Mask
+    ) -> tuple[Step, Estimate]:
         """Both states of a step, given the points of the soles that rest between them."""
-        resting = self._contacts.resting_points(stamp_ns, estimate.at.poses(self._tangent), turning)
+        resting = self._contacts.resting_points(stamp_ns, estimate.at.poses(self._tangent), observed, turning)
         if resting and step.link is not None:
             link = condition(step.link.fitted(self._tangent, estimate), resting, self._tangent)
             step, estimate = replace(step, link=link, between=[*step.between, *resting]), link.after

@@ -26,6 +26,7 @@ _NOISE_RAD = 0.05  # smaller motion of the observed joints carries no informatio
 _LEAST_RAD = 0.07  # least sigma of a predicted joint
 _ASSUMED_S = 0.15  # a joint must be observed for so long to outweigh what was assumed of it
 _LASTS_S = 0.2  # a limb stays on one side of its prediction for so long: the states of this time are one measurement
+_TURNING_LASTS_S = 3.0  # the same of a limb whose rotation between frames is measured
 _UNKNOWN_RAD = 0.35  # assumed spread of a joint about the N-pose, where no range is known
 FORGET_S = 60.0  # people change what they do: older poses count less
 _TURN_S = 0.1  # before and after, between which velocities are taken, and by which they count like an angle
@@ -64,12 +65,13 @@ class PosePrior:
         self._products = kept * self._products + both * np.outer(x, x)
         self._gaussian = None
 
-    def predict(self, rotations: Array, observed: Mask, dt_s: float) -> JointRotations:
+    def predict(self, rotations: Array, observed: Mask, turning: Mask, dt_s: float) -> JointRotations:
         """The unobserved joints: the Gaussian's conditional.
 
         Args:
             rotations: (J, 3, 3) joint rotations; those of unobserved joints do not matter.
             observed: (J,) whether both of a joint's segments are.
+            turning: (J,) whether their rotations between frames are measured at least.
             dt_s: how long the state lasts [s].
         """
         given, rows = observed & self._included, np.flatnonzero(~observed & self._included)
@@ -83,8 +85,9 @@ class PosePrior:
         gain = np.linalg.solve(noisy, covariance[np.ix_(known, wanted)]).T
         predicted = mean[wanted] + gain @ (self.vectors(rotations) - mean)[known]
         spread = np.diag(covariance)[wanted] - np.einsum("ij,ji->i", gain, covariance[np.ix_(known, wanted)])
-        sigmas = np.sqrt(np.maximum(spread, _LEAST_RAD**2) * max(1.0, _LASTS_S / dt_s)).reshape(-1, 3)
-        return JointRotations(rows, self.rotations(rows, predicted.reshape(-1, 3)), sigmas)
+        shared = np.maximum(1.0, np.where(turning[rows], _TURNING_LASTS_S, _LASTS_S) / dt_s)[:, None]
+        variances = np.maximum(spread.reshape(-1, 3), _LEAST_RAD**2) * shared
+        return JointRotations(rows, self.rotations(rows, predicted.reshape(-1, 3)), np.sqrt(variances))
 
     def _estimate(self) -> tuple[Array, Array]:
         """Mean (3J) and covariance (3J, 3J) of what was observed, and of what is assumed."""

@@ -98,7 +98,7 @@ class WholeRecording:
         observed = np.array([state.joints_observed for state in states])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)
         by_prior = [
-            self._prior.predict(R, state.joints_observed, float(dt_s))
+            self._prior.predict(R, state.joints_observed, state.turning, float(dt_s))
             if state.is_observed
             else JointRotations.nothing()
             for R, state, dt_s in zip(rotations, states, lasting_s, strict=True)
