@@ -46,7 +46,7 @@ from bodycam_ros.body.checked_fields import (
 from bodycam_ros.body.imu_yaml import imu_entry, imu_of
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, VideoMode
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import quaternion_xyzw
+from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.kinematics.joint import LONG_AXIS_Z, Joint, JointType, default_sigmas
 from bodycam_ros.yaml_file import yaml_document
 
@@ -113,15 +113,6 @@ def body_from_yaml(text: str) -> BodyModel:
         surface=body.surface,
         girths=body.girths or {},
     )
-
-
-def joints_from_yaml(text: str) -> tuple[Joint, ...]:
-    """The joints that a YAML document holds, a table of them as in a body file.
-
-    Raises:
-        BodyError: it is not YAML, or describes no joints; the message names the place in it.
-    """
-    return _joints(yaml_document(text, "table of joints", BodyError))
 
 
 def joints_text(joints: Iterable[Joint]) -> str:
@@ -198,6 +189,12 @@ def _line(value: Any) -> str:
     return text.removesuffix("...\n").strip()  # a bare scalar ends with a document end mark
 
 
+def _unless(default: Any, values: Array) -> Any:
+    """Rounded numbers; where they are the default the default itself, which msgspec then leaves out."""
+    numbers = rounded(values)
+    return default if numbers == default else numbers
+
+
 def _joint_entry(joint: Joint) -> Any:
     limits = None if joint.limits is None else [rounded(np.array(pair)) for pair in joint.limits]
     entry = JointEntry(
@@ -205,9 +202,9 @@ def _joint_entry(joint: Joint) -> Any:
         child=joint.child,
         type=joint.type,
         origin_in_parent=rounded(joint.parent_T_joint[:3, 3]),
-        orientation_in_parent=rounded(quaternion_xyzw(joint.parent_T_joint[:3, :3])),
-        origin_in_child=rounded(joint.child_T_joint[:3, 3]),
-        orientation_in_child=rounded(quaternion_xyzw(joint.child_T_joint[:3, :3])),
+        orientation_in_parent=_unless(UNTURNED, quaternion_xyzw(joint.parent_T_joint[:3, :3])),
+        origin_in_child=_unless(ORIGIN, joint.child_T_joint[:3, 3]),
+        orientation_in_child=_unless(UNTURNED, quaternion_xyzw(joint.child_T_joint[:3, :3])),
         axis=rounded(joint.axis) if joint.type == "hinge" else None,
         angle_axes=joint.angle_axes,
         sigmas=None if joint.sigmas == default_sigmas(joint.type) else joint.sigmas,  # type: ignore[arg-type]

@@ -5,30 +5,28 @@ three revolute joints through two links without mass or shape (DESIGN 3); a free
 the body, three prismatic ones and then three continuous ones, so that the robot has one root. Cameras are fixed links
 ``<cam>_optical_frame``, so their TF comes for free.
 
-URDF knows trees only. The joints that close loops are in an element of our own, ``<bodycam_loops>``, which other
-readers pass over; its text is their table as a body YAML has it. What stands in the world is in ``<bodycam_standing>``.
+The whole body, with joints that close loops, is in an element of our own, ``<bodycam_body>``, as in a body file; other
+readers pass over it.
 """
 
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement, pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
-from bodycam_ros.body.body_yaml import joints_text
-from bodycam_ros.body.urdf_document import LOOPS, STANDING, UrdfDocument
+from bodycam_ros.body.body_yaml import yaml_text
+from bodycam_ros.body.urdf_document import BODY, UrdfDocument
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, Joint
 
 CAMERA_SUFFIX = "_optical_frame"
 """End of the name of a camera's link."""
-
-WITHIN_A_TURN = (-FULL_TURN, FULL_TURN)
-"""Limits [rad] of a revolute joint, which no published angle leaves (``JointAngleTracker``)."""
 
 _FARTHEST_M = 100_000.0  # of what stands beside the body, along an axis: no map is so large
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
@@ -43,7 +41,6 @@ _COLOURS = {
     "camera": (0.15, 0.15, 0.15, 1.0),
     "equipment": (0.56, 0.29, 0.54, 1.0),
 }
-_LOOPS_COMMENT = " A URDF is a tree: the joints below, which close loops, are left open. They are as in a body YAML. "
 
 
 def optical_frame(camera: str) -> str:
@@ -80,11 +77,7 @@ def urdf_text(body: BodyModel, masses: Mapping[str, Mass] | None = None) -> str:
         )
         _add_fixed(robot, f"{camera}_mount", mount.segment, optical_frame(camera), mount.segment_T_camera)
     _check_names(robot)
-    if body.loop_joints:
-        robot.append(ET.Comment(_LOOPS_COMMENT))
-        ET.SubElement(robot, LOOPS).text = f"\n{joints_text(body.loop_joints)}"
-    for segment in body.standing:
-        ET.SubElement(robot, STANDING, link=segment)
+    ET.SubElement(robot, BODY).text = f"\n{yaml_text(replace(body, report={}))}"
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
@@ -116,7 +109,8 @@ def _motions(joint: Joint) -> list[_Motion]:
     """How each of ``Joint.angle_names`` moves."""
     if joint.type == "weld":
         return []
-    kind, limits = ("continuous", None) if joint.counts_turns else ("revolute", WITHIN_A_TURN)
+    # No published angle leaves the limits of a revolute joint (``JointAngleTracker``).
+    kind, limits = ("continuous", None) if joint.counts_turns else ("revolute", (-FULL_TURN, FULL_TURN))
     axes = [joint.axis] if joint.type == "hinge" else [_AXES[axis] for axis in joint.angle_axes]
     turning = [(kind, *each) for each in zip(axes, repeat(limits), joint.limits or repeat(None))]
     if joint.type != "free":

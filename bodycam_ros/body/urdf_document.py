@@ -12,16 +12,12 @@ from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tree import KinematicTree
 
-LOOPS = "bodycam_loops"
-"""Tag of the element whose text is the joints that close loops."""
-
-STANDING = "bodycam_standing"
-"""Tag of an element for each link that does not move in the world; its attribute ``link`` names it."""
+BODY = "bodycam_body"
+"""Tag of the element whose text is the body, as a body file has it."""
 
 _MAX_JOINTS = 2000
 _MAX_SHOWN = 60  # letters of an attribute in a message
 _MOVING = ("revolute", "continuous", "prismatic")
-_SOFT = ("soft_lower_limit", "soft_upper_limit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +29,6 @@ class UrdfJoint:
         parent, child: links.
         parent_T_joint: (4, 4) pose of the joint, and at angle zero of the child link [m].
         axis: (3,) unit axis in the joint's axes; None for a fixed joint.
-        limits: (low, high) [rad], of a prismatic joint [m]: its soft limits, the range of motion of a person, or else
-            its limits; None for a fixed joint, and for a continuous one without soft limits.
         slides: whether it moves along its axis, not about it.
     """
 
@@ -43,7 +37,6 @@ class UrdfJoint:
     child: str
     parent_T_joint: Array
     axis: Array | None
-    limits: tuple[float, float] | None
     slides: bool = False
 
     @property
@@ -63,8 +56,7 @@ class UrdfDocument:
         links: names, in the order of the document.
         drawn: those that have a shape.
         joints: parents first, else in the order of the document.
-        loops: joints that close loops, in YAML, which a URDF cannot show; mostly empty.
-        standing: links that do not move in the world.
+        body: the body that it was written of, in YAML; empty in documents of other programs.
     """
 
     name: str
@@ -72,8 +64,7 @@ class UrdfDocument:
     links: tuple[str, ...]
     drawn: frozenset[str]
     joints: tuple[UrdfJoint, ...]
-    loops: str = ""
-    standing: tuple[str, ...] = ()
+    body: str = ""
 
     @classmethod
     def parse(cls, text: str) -> "UrdfDocument":
@@ -105,18 +96,8 @@ class UrdfDocument:
             links=links,
             drawn=frozenset(each.get("name", "") for each in elements if each.find("visual") is not None),
             joints=tuple(joints[joint.name] for joint in tree.tree_joints),
-            loops=robot.findtext(LOOPS, default=""),
-            standing=tuple(element.get("link", "") for element in robot.iterfind(STANDING)),
+            body=robot.findtext(BODY, default=""),
         )
-
-
-def loops_text(text: str) -> str:
-    """The joints of a document that close loops, in YAML; empty if there are none.
-
-    Raises:
-        BodyError: it is not XML.
-    """
-    return xml_elements(text).findtext(LOOPS, default="").strip()
 
 
 def _tree(root: str, links: tuple[str, ...], joints: Sequence[UrdfJoint]) -> KinematicTree:
@@ -137,46 +118,33 @@ def _joint(element: ET.Element) -> UrdfJoint:
     if len(ends) < 2 or "" in ends:
         raise BodyError(f"joint {name} lacks its parent or child link")
     try:
-        moves = kind in _MOVING
-        axis = _axis(element.find("axis")) if moves else None
-        limits = _limits(element, kind) if moves else None
-        return UrdfJoint(name, ends[0], ends[1], _origin(element.find("origin")), axis, limits, kind == "prismatic")
+        axis = _axis(element.find("axis")) if kind in _MOVING else None
+        return UrdfJoint(name, ends[0], ends[1], _origin(element.find("origin")), axis, kind == "prismatic")
     except ValueError as error:
         raise BodyError(f"joint {name}: {error}") from error
 
 
 def _origin(element: ET.Element | None) -> Array:
-    roll_pitch_yaw = _numbers(element, "rpy", "0 0 0", 3)
+    roll_pitch_yaw = _numbers(element, "rpy", "0 0 0")
     # URDF turns about fixed axes: x, then y, then z.
     about_x, about_y, about_z = exp_so3(np.diag(roll_pitch_yaw))
-    return rigid(about_z @ about_y @ about_x, _numbers(element, "xyz", "0 0 0", 3))
+    return rigid(about_z @ about_y @ about_x, _numbers(element, "xyz", "0 0 0"))
 
 
 def _axis(element: ET.Element | None) -> Array:
-    axis = _numbers(element, "xyz", "1 0 0", 3)
+    axis = _numbers(element, "xyz", "1 0 0")
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         raise ValueError("its axis has no direction")
     return axis / length
 
 
-def _limits(joint: ET.Element, kind: str) -> tuple[float, float] | None:
-    element, names = joint.find("safety_controller"), _SOFT
-    if element is None or not element.attrib.keys() >= {*_SOFT}:
-        if kind == "continuous":
-            return None
-        element, names = joint.find("limit"), ("lower", "upper")
-    low, high = (float(_numbers(element, name, "0", 1)[0]) for name in names)
-    return low, high
-
-
-def _numbers(element: ET.Element | None, attribute: str, default: str, count: int) -> Array:
+def _numbers(element: ET.Element | None, attribute: str, default: str) -> Array:
     text = default if element is None else element.get(attribute, default)
     try:
         numbers = np.array([float(word) for word in text.split()])
     except ValueError:
         numbers = np.empty(0)
-    if numbers.shape != (count,) or not np.isfinite(numbers).all():
-        wanted = "three numbers" if count == 3 else "a number"
-        raise ValueError(f'{attribute}="{text[:_MAX_SHOWN]}" is not {wanted}')
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise ValueError(f'{attribute}="{text[:_MAX_SHOWN]}" is not three numbers')
     return numbers

@@ -8,9 +8,9 @@ from textwrap import indent
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.body_yaml import joints_from_yaml, joints_text
+from bodycam_ros.body.body_yaml import joints_text
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.body.urdf_document import LOOPS, loops_text
+from bodycam_ros.body.urdf_document import BODY
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, OutputError, RecordingError
 from bodycam_ros.formats.mjcf import mjcf_text
@@ -48,10 +48,10 @@ def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, s
             return {"": _with_masses(body, mass_kg), **_loops_file(body.loop_joints, source)}
     text = _published(source)
     with _named(source):
-        loops = loops_text(text)
+        loops = body_from_urdf(text).loop_joints if f"<{BODY}>" in text else ()
         if mass_kg is not None:
             text = _with_masses(body_from_urdf(text), mass_kg)
-        return {"": text, **_loops_file(joints_from_yaml(loops) if loops else (), source)}
+        return {"": text, **_loops_file(loops, source)}
 
 
 def _with_masses(body: BodyModel, mass_kg: float | None) -> str:
@@ -106,7 +106,7 @@ def _loops_file(loops: Sequence[Joint], source: Path) -> dict[str, str]:
         "programs pass over, and in a file *%s beside it",
         source,
         ", ".join(joint.name for joint in loops),
-        LOOPS,
+        BODY,
         LOOPS_SUFFIX,
     )
     return {LOOPS_SUFFIX: f"{LOOPS_HEADER}joints:\n{indent(joints_text(loops), '  ')}"}

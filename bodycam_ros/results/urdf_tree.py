@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_yaml import joints_from_yaml
+from bodycam_ros.body.body_yaml import body_from_yaml
 from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError, RecordingError
@@ -52,7 +52,7 @@ class UrdfTree:
         """
         try:
             document = UrdfDocument.parse(text)
-            loops = joints_from_yaml(document.loops) if document.loops.strip() else ()
+            loops = body_from_yaml(document.body).loop_joints if document.body.strip() else ()
         except BodyError as error:
             raise RecordingError(f"{source}: not a URDF that can be read: {error}") from error
         body = tuple(link for link in document.links if not link.endswith(CAMERA_SUFFIX))

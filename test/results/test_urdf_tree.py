@@ -61,7 +61,7 @@ def test_a_joint_that_slides_alone_is_no_equipment() -> None:
 
 
 def test_loops_that_are_none_are_refused_by_name(ride: Walk) -> None:
-    with pytest.raises(RecordingError, match="out: not a URDF that can be read: joint pedal_left"):
+    with pytest.raises(RecordingError, match="out: not a URDF that can be read: joint knee_left"):
         UrdfTree.parse(urdf_text(ride.body).replace("type: hinge", "type: glue"), "out")
 
 
