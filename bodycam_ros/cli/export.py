@@ -12,12 +12,9 @@ from bodycam_ros.cli.export_robot import ROBOT, run_robot
 from bodycam_ros.cli.options import add_config, add_output
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.formats.axes import UP_AXES
-from bodycam_ros.formats.bone_names import BONE_NAMES
-from bodycam_ros.formats.formats import FORMATS
-from bodycam_ros.formats.options import HIGHEST_RATE, MotionOptions
-from bodycam_ros.formats.rest_pose import REST_POSES
-from bodycam_ros.formats.writing import export, export_all
+from bodycam_ros.formats.export import FORMATS, export
+from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
+from bodycam_ros.formats.sampled_motion import MAX_RATE, UP_AXES, MotionOptions
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
 from bodycam_ros.robot.retargeting import RobotSettings
@@ -46,7 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--rate",
         type=float,
         metavar="HZ",
-        help=f"frames a second, at most {HIGHEST_RATE:g}, interpolated on SO(3) (default: the solved ones)"
+        help=f"frames a second, at most {MAX_RATE:g}, interpolated on SO(3) (default: the solved ones)"
         f"{_formats_with('rate')}",
     )
     parser.add_argument(
@@ -99,10 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     if given := [f"--{name}" for name in of_robot if getattr(arguments, name) is not None]:
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
     check_output(output, sources, makes_folders=len(sources) > 1)
-    if len(sources) == 1:
-        written = export(sources[0], arguments.to, output, arguments.force, options, _Bars())
-    else:
-        written = export_all(sources, arguments.to, output, arguments.force, options, _Bars())
+    written = export(sources, arguments.to, output, arguments.force, options, _Bars())
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")
     return 0
 

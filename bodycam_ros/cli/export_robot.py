@@ -9,7 +9,7 @@ from rich.table import Table
 from bodycam_ros.cli.options import settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.formats.options import MotionOptions
+from bodycam_ros.formats.sampled_motion import MotionOptions
 from bodycam_ros.output_place import check_output
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.robot.robot_recording import RobotSummary, write_robot

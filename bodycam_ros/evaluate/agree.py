@@ -24,7 +24,7 @@ from bodycam_ros.evaluate.anatomical_angles import PLANES, angles_of_points, joi
 from bodycam_ros.evaluate.clock_search import Clock, unit_found
 from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.formats.names_file import Place, places_of
+from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array, log_so3, nearest_rotation
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.results.topics import read_published_body
@@ -53,9 +53,9 @@ def agree(solved: SolvedRecording, captured: CapturedMotion, options: AgreementO
     """
     joints = joints_of(solved)
     there = [*solved.urdf.segments, *map(optical_frame, solved.urdf.cameras)]
-    places = places_of(captured, there, joints, options.names)
+    places = locate_points(captured, there, joints, options.names)
     unit: float | None = None
-    if not captured.knows_unit:
+    if not captured.has_unit:
         exact = {name: place for name, place in places.items() if not place.is_fitted} or places
         origins = {name: solved.world_T_link[place.link][:, :3, 3] for name, place in exact.items()}
         unit = unit_found(origins, captured.points)
@@ -125,7 +125,7 @@ def _angles(
     solved: SolvedRecording,
     captured: CapturedMotion,
     clock: Clock,
-    places: Mapping[str, Place],
+    places: Mapping[str, PointSite],
     points: tuple[PointAgreement, ...],
     seen: NDArray[np.bool_],
 ) -> tuple[AngleAgreement, ...]:
@@ -144,7 +144,7 @@ def _angles(
     return tuple(found) or _of_points(points)
 
 
-def bones_of(captured: CapturedMotion, places: Mapping[str, Place]) -> dict[str, str]:
+def bones_of(captured: CapturedMotion, places: Mapping[str, PointSite]) -> dict[str, str]:
     """Segment -> the bone whose rotation is its. A trunk of several bones turns with the one that both arms hang on."""
     found: dict[str, str] = {}
     for name, place in places.items():

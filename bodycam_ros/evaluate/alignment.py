@@ -10,7 +10,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import NONE, SIMILARITY
 from bodycam_ros.evaluate.clock_search import Clock, Signals, fitted_clock, found_clock, rate_clock
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.formats.names_file import Place
+from bodycam_ros.formats.point_sites import PointSite
 from bodycam_ros.geometry import Array, inverse, transform_points, umeyama
 
 _ENOUGH = 3
@@ -67,7 +67,7 @@ class Tracked:
 
     seconds: Array
     world_T_link: Mapping[str, Array]
-    places: Mapping[str, Place]
+    places: Mapping[str, PointSite]
 
     def ours(self, at: Mapping[str, Array]) -> Array:
         """Places (T, N, 3) [m] of all points on our body."""
@@ -91,7 +91,7 @@ class Tracked:
         some = {link: poses[::step] for link, poses in self.world_T_link.items()}
         return Tracked(self.seconds[::step], some, self.places)
 
-    def only(self, places: Mapping[str, Place]) -> "Tracked":
+    def only(self, places: Mapping[str, PointSite]) -> "Tracked":
         """The same with some of the points."""
         return replace(self, places=places)
 

@@ -11,7 +11,7 @@ from bodycam_ros.evaluate.alignment import Tracked, rate_shared_clock
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_camera
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.formats.names_file import Place
+from bodycam_ros.formats.point_sites import PointSite
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 
@@ -48,6 +48,6 @@ def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
     points = {segment: np.ascontiguousarray(truth.world_T_segment[segment][:, :3, 3]) for segment in segments}
     captured = CapturedMotion(truth.path, "truth", truth.stamps_ns, points)
     links = {segment: solved.world_T_link[segment] for segment in segments}
-    places = {segment: Place(segment, np.zeros(3)) for segment in segments}
+    places = {segment: PointSite(segment, np.zeros(3)) for segment in segments}
     tracked = Tracked(solved.seconds(solved.stamps_ns), links, places)
     return rate_shared_clock(tracked, captured, Clock(1e-9 * float(truth.stamps_ns[0] - solved.start_ns)))

@@ -1,6 +1,6 @@
-"""C3D: virtual markers over time, in millimetres, z up unless asked otherwise, for motion laboratories.
+"""C3D: virtual markers over time, in millimetres, z up by default, for motion laboratories.
 
-Where nobody solved, in a gap, markers are missing as C3D has it. ezc3d writes it.
+In a gap markers are missing. Written and read by ezc3d.
 """
 
 import io
@@ -15,14 +15,11 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros import __version__
-from bodycam_ros.errors import OutputError, RecordingError
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.formats import c3d_worker
-from bodycam_ros.formats.axes import UP_AXES
-from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion
-from bodycam_ros.formats.markers import marker_places, markers_on
-from bodycam_ros.formats.motion_text import checked_stamps
-from bodycam_ros.formats.options import MotionOptions
-from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.markers import marker_positions, place_markers
+from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion
 from bodycam_ros.shown import printable, shown
 
 SOFTWARE = "bodycam_ros"
@@ -33,26 +30,27 @@ _ON_SCREEN = {"y": ("+X", "+Y"), "z": ("+X", "+Z")}
 """Axis that is up -> those that programs draw to the right and upwards."""
 
 
-def c3d(motion: SampledMotion, options: MotionOptions) -> bytes:
+def write_c3d(motion: SampledMotion, options: MotionOptions) -> bytes:
     """The motion as a C3D file.
 
     Raises:
-        OutputError: ezc3d is not installed.
         RecordingError: more frames than the format can count.
     """
     up = options.up or "z"
-    frames, markers = len(motion.stamps_ns), markers_on(motion)
+    frames, markers = len(motion.stamps_ns), place_markers(motion)
     if frames > _MOST_FRAMES:
         raise RecordingError(
             f"{motion.name}: {frames} frames are more than the {_MOST_FRAMES} that C3D counts; choose a lower --rate, "
             "or trc"
         )
-    places = _TO_MM * marker_places(motion, markers) @ UP_AXES[up].T
-    places[~motion.known] = np.nan
+    positions = _TO_MM * marker_positions(motion, markers) @ UP_AXES[up].T
+    positions[~motion.known] = np.nan
     points = np.ones((4, len(markers), frames))
-    points[:3] = places.transpose(2, 1, 0)
+    points[:3] = positions.transpose(2, 1, 0)
     points[3, :, ~motion.known] = np.nan
-    written = _empty()
+    import ezc3d  # here: no other format needs it
+
+    written = ezc3d.c3d()
     written["parameters"]["POINT"]["RATE"]["value"] = [motion.rate]
     written["parameters"]["POINT"]["LABELS"]["value"] = [marker.name for marker in markers]
     written["parameters"]["POINT"]["DESCRIPTIONS"]["value"] = [f"on {marker.segment}" for marker in markers]
@@ -68,16 +66,8 @@ def c3d(motion: SampledMotion, options: MotionOptions) -> bytes:
         return path.read_bytes()
 
 
-def _empty() -> Any:
-    try:
-        import ezc3d  # here: no other format needs it
-    except ImportError as error:
-        raise OutputError("c3d is written by ezc3d, which is not installed: pip install ezc3d") from error
-    return ezc3d.c3d()
-
-
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-_METRES_IN_WORDS = {"mete": 1.0, "metr": 1.0, "cent": 0.01, "mill": 0.001, "inch": 0.0254}
+_UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "mete": 1.0, "metr": 1.0, "cent": 0.01, "mill": 0.001,
+            "inch": 0.0254}  # fmt: skip
 """By the first four letters: some programs write words, and keep no more of them."""
 
 _MAGIC = 0x50
@@ -89,42 +79,42 @@ _MOST_BYTES, _MOST_TIMES = 4 * 1024**3, 60
 """Of memory: for whoever reads, and as many times the file's size besides."""
 
 
-def captured_c3d(path: Path) -> CapturedMotion:
+def read_c3d(path: Path) -> CapturedMotion:
     """Markers by label, at the rate that the file says; time counts from its first frame.
 
-    A marker was not seen where its residual is negative, or where it lies exactly at the origin, as many programs
-    write what they lack.
+    A marker is missing where its residual is negative, or where it lies exactly at the origin, as many programs write
+    missing values.
 
     Raises:
         RecordingError: it cannot be read, or has no markers.
     """
     content = _content(path)
-    places, rate, unit = content["places"], float(content["rate"]), str(content["unit"])
-    metres = _METRES.get(unit) or _METRES_IN_WORDS.get(unit[:4])
+    positions, rate, unit = content["positions"], float(content["rate"]), str(content["unit"])
+    metres = _UNITS_M.get(unit[:4])
     if metres is None:
-        raise RecordingError(f"{path}: unknown unit POINT:UNITS {shown(unit)}; known are {', '.join(_METRES)}")
-    if len(places) == 0 or places.shape[1] < 2 or not rate > 0.0:
+        raise RecordingError(f"{path}: unknown unit POINT:UNITS {shown(unit)}; known are m, cm, mm, in")
+    if len(positions) == 0 or positions.shape[1] < 2 or not rate > 0.0:
         raise RecordingError(
-            f"{path}: has {len(places)} markers, {places.shape[1]} frames, {rate:g} a second; a motion has more"
+            f"{path}: has {len(positions)} markers, {positions.shape[1]} frames, {rate:g} a second; a motion has more"
         )
-    places = places * metres
-    places[~np.isfinite(places).all(axis=2) | (places == 0.0).all(axis=2)] = np.nan
-    # Files of force platforms say which axis is up; most have none and mean z.
+    positions = positions * metres
+    positions[~np.isfinite(positions).all(axis=2) | (positions == 0.0).all(axis=2)] = np.nan
+    # Few files have the axis that is up; the others mean z.
     if str(content["up"]).endswith("Y"):
-        places = places @ Y_UP_TO_Z_UP.T
-    seen = dict(zip(content["labels"].tolist(), places, strict=False))
-    points = {name: of for name, of in seen.items() if name and np.isfinite(of).any()}
+        positions = positions @ Y_UP_TO_Z_UP.T
+    seen = dict(zip(content["labels"].tolist(), positions, strict=False))
+    points = {name: values for name, values in seen.items() if name and np.isfinite(values).any()}
     if not points:
         raise RecordingError(f"{path}: has no marker that was seen")
     try:
-        stamps_ns = checked_stamps(np.asarray(np.arange(places.shape[1]) / rate, np.float64))
+        stamps_ns = checked_stamps(np.asarray(np.arange(positions.shape[1]) / rate, np.float64))
     except ValueError as error:
         raise RecordingError(f"{path}: cannot be read as C3D: {rate:g} frames a second: {error}") from error
     return CapturedMotion(path, "C3D", stamps_ns, points)
 
 
 def _content(path: Path) -> Mapping[str, Any]:
-    """What is in the file.
+    """Arrays of the file, by ``c3d_worker``.
 
     Raises:
         RecordingError: it is not there, no C3D, or so damaged that it cannot be read.
@@ -144,11 +134,11 @@ def _content(path: Path) -> Mapping[str, Any]:
     except subprocess.TimeoutExpired as error:
         raise RecordingError(f"{path}: cannot be read as C3D: no end of it after {longest_s:.0f} s") from error
     if done.returncode != 0:
-        told = done.stderr.decode("utf-8", "replace").strip().splitlines() or [
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines() or [
             "the reader ended, as if it were damaged"
         ]
-        raise RecordingError(f"{path}: cannot be read as C3D: {printable(told[-1][:200])}")
+        raise RecordingError(f"{path}: cannot be read as C3D: {printable(lines[-1][:200])}")
     try:
         return dict(np.load(io.BytesIO(done.stdout), allow_pickle=False))
     except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise RecordingError(f"{path}: cannot be read as C3D: what is in it makes no sense") from error
+        raise RecordingError(f"{path}: cannot be read as C3D: its content is damaged") from error

@@ -1,6 +1,6 @@
-"""Reads a C3D in a process of its own, and writes what is in it to its output: a damaged file ends or stops ezc3d.
+"""Reads a C3D in a process of its own and writes its content to stdout: a damaged file crashes ezc3d or never ends.
 
-Run as a program, with the path and the bytes of memory that it may take.
+Run as a program, with the path and the limit of its memory [bytes].
 """
 
 import resource
@@ -8,7 +8,7 @@ import sys
 
 
 def main() -> None:
-    """Write the places (N, K, 3) of markers, their labels, rate, unit and vertical as an npz."""
+    """Write the positions (N, K, 3) of markers, their labels, rate, unit and vertical as an npz."""
     import ezc3d
     import numpy as np
 
@@ -21,7 +21,7 @@ def main() -> None:
     labels = [str(label).strip() for key in keys for label in parameters[key]["value"]]
     np.savez(
         sys.stdout.buffer,
-        places=np.asarray(file["data"]["points"], np.float64)[:3].transpose(1, 2, 0),
+        positions=np.asarray(file["data"]["points"], np.float64)[:3].transpose(1, 2, 0),
         labels=np.array(labels, dtype=np.str_),
         rate=float(parameters["RATE"]["value"][0]),
         unit=str((parameters.get("UNITS", {}).get("value") or ["mm"])[0]).strip().lower(),

@@ -1,4 +1,4 @@
-"""What another system captured of the same motion: points with names, and the rotations of bones if it has them."""
+"""A motion captured by another system: named points, and rotations of bones if it has them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.results.body_motion import interpolated
+from bodycam_ros.yaml_file import read_text
 
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
-"""Brings a world with y up to one with z up; x stays."""
+"""Rotation (3, 3) from a world with y up to one with z up; x stays."""
 
-_WHOLE = 0.999
-"""Share of a bell that is to be known."""
-
-_LONGEST_GAP_FRAMES, _LONGEST_GAP_S = 2.5, 0.1
-"""A point is known between two frames that are no further apart than the greater of both."""
+_WHOLE = 0.999  # least weight of the known frames under a Gaussian
+_MAX_GAP_FRAMES, _MAX_GAP_S = 2.5, 0.1  # points are interpolated between frames no further apart than the greater
+_MAX_BYTES = 1_000_000_000  # an hour of 100 markers at 100 Hz has 0.9 GB
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +30,11 @@ class CapturedMotion:
     Attributes:
         path: of the file or folder.
         kind: what it is: "TRC".
-        stamps_ns: (K,) increasing [ns]; where the file counts frames alone, from 0 on.
-        points: name -> (K, 3) [m], z up; NaN where it was not seen.
+        stamps_ns: (K,) increasing [ns]; where the file has frame numbers alone, from 0 on.
+        points: name -> (K, 3) [m], z up; NaN where missing.
         rotations: name -> (K, 3, 3) of a bone's axes in the world; of some points, or of none.
-        parents: name -> the bone that it hangs on, if the file says.
-        knows_unit: whether lengths are metres indeed; else they are in whatever unit the file was written in.
+        parents: name -> its parent bone, if the file has it.
+        has_unit: whether lengths are metres; otherwise their unit is unknown.
     """
 
     path: Path
@@ -43,7 +43,7 @@ class CapturedMotion:
     points: Mapping[str, Array]
     rotations: Mapping[str, Array] = field(default_factory=dict)
     parents: Mapping[str, str] = field(default_factory=dict)
-    knows_unit: bool = True
+    has_unit: bool = True
 
     @property
     def frame_ns(self) -> float:
@@ -60,26 +60,26 @@ class CapturedMotion:
         return np.asarray((stamps_ns - self.stamps_ns[0]) * 1e-9, dtype=np.float64)
 
     def scaled(self, metres: float) -> "CapturedMotion":
-        """The same, whose unit is so many metres."""
-        return replace(self, points={name: metres * points for name, points in self.points.items()}, knows_unit=True)
+        """The same with lengths multiplied by the metres of their unit."""
+        return replace(self, points={name: metres * points for name, points in self.points.items()}, has_unit=True)
 
     def smoothed(self, sigma_s: float) -> "CapturedMotion":
-        """The same with points averaged by a bell of so many seconds; NaN where not all of the bell is known.
+        """The same with points averaged by a Gaussian of so many seconds; NaN where frames under it are missing.
 
-        Between frames, a curve through noisy points is less noisy than at them: whoever fits a clock to it is drawn
-        there. Of points that are averaged first this is not so.
+        A spline through noisy points is less noisy between frames than at them, which biases a clock that is fitted to
+        it; a spline through averaged points is not.
         """
         size = sigma_s / (1e-9 * self.frame_ns)
         runs = np.split(
             np.arange(len(self.stamps_ns)), np.flatnonzero(np.diff(self.stamps_ns) > 1.5 * self.frame_ns) + 1
         )
-        points = {name: np.full_like(of, np.nan) for name, of in self.points.items()}
-        for name, of in self.points.items():
-            known: NDArray[np.bool_] = np.all(np.isfinite(of), axis=1)
+        points = {name: np.full_like(raw, np.nan) for name, raw in self.points.items()}
+        for name, raw in self.points.items():
+            known: NDArray[np.bool_] = np.all(np.isfinite(raw), axis=1)
             for run in runs:
                 weight, *axes = (
                     gaussian_filter1d(np.where(known[run], values, 0.0), size, mode="constant")
-                    for values in (np.ones(len(run)), *of[run].T)
+                    for values in (np.ones(len(run)), *raw[run].T)
                 )
                 whole = weight > _WHOLE
                 points[name][run[whole]] = np.stack(axes, axis=1)[whole] / weight[whole, None]
@@ -91,7 +91,7 @@ class CapturedMotion:
         found = np.full((len(seconds), 3), np.nan)
         if spline is None:
             return found
-        longest = max(_LONGEST_GAP_S, _LONGEST_GAP_FRAMES * 1e-9 * self.frame_ns)
+        longest = max(_MAX_GAP_S, _MAX_GAP_FRAMES * 1e-9 * self.frame_ns)
         after = np.clip(np.searchsorted(times, seconds), 1, len(times) - 1)
         known = (seconds >= times[0]) & (seconds <= times[-1]) & (times[after] - times[after - 1] <= longest)
         found[known] = spline(seconds[known])
@@ -116,3 +116,27 @@ class CapturedMotion:
             times = seconds[seen]
             curves[name] = times, CubicSpline(times, points[seen]) if len(times) >= 2 else None
         return curves
+
+
+def read_motion_text(path: Path, kind: str) -> str:
+    """The text of a file.
+
+    Raises:
+        RecordingError: it cannot be read, or is too large.
+    """
+    return read_text(path, f"{kind} file", RecordingError, _MAX_BYTES)
+
+
+def checked_stamps(seconds: Array) -> NDArray[np.int64]:
+    """Stamps (K,) [ns] of times (K,) [s].
+
+    Raises:
+        ValueError: there are fewer than two, or they do not increase.
+    """
+    if len(seconds) < 2 or not np.isfinite(seconds).all():
+        raise ValueError("expected two frames or more, each with its time")
+    stamps_ns = np.rint(1e9 * seconds).astype(np.int64)
+    if not (np.diff(stamps_ns) > 0).all():
+        frame = int(np.argmin(np.diff(stamps_ns) > 0)) + 2
+        raise ValueError(f"frame {frame} is not later than the one before it")
+    return stamps_ns

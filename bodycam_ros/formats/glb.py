@@ -1,7 +1,6 @@
-"""glTF in one file: a skin on bones that move, in metres with y up, as every viewer and game engine takes it.
+"""glTF in one file: a skin on moving bones, in metres with y up, for every viewer and game engine.
 
-In its rest pose the body stands on the ground at the origin. Where nobody solved, in a gap, there are no keys: viewers
-turn the bones straight across.
+In its rest pose the body stands on the ground at the origin. In a gap there are no keys: viewers interpolate.
 """
 
 import json
@@ -11,15 +10,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from trimesh import Trimesh
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
-from bodycam_ros.formats.options import MotionOptions
-from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, transform_points
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.static_cameras.surface import crossed_sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +37,7 @@ class Skin:
     bones: NDArray[np.int64]
 
 
-def skin_of(figure: Figure, body: BodyModel) -> Skin | None:
+def make_skin(figure: Figure, body: BodyModel) -> Skin | None:
     """The skin of a figure in units of metres; None if no bone of it has a length."""
     surfaces = capsule_surfaces(body)
     vertices, normals, faces, bones, count = [], [], [], [], 0
@@ -48,11 +46,7 @@ def skin_of(figure: Figure, body: BodyModel) -> Skin | None:
             continue
         surface = surfaces[segment]
         vertices.append(transform_points(figure.rest[row], surface.vertices))
-        sides = crossed_sides(vertices[-1], surface.faces)
-        summed = np.zeros_like(vertices[-1])
-        for corner in range(3):
-            np.add.at(summed, surface.faces[:, corner], sides)
-        normals.append(summed / np.maximum(np.linalg.norm(summed, axis=1, keepdims=True), 1e-12))
+        normals.append(np.asarray(Trimesh(vertices[-1], surface.faces, process=False).vertex_normals))
         faces.append(surface.faces.astype(np.int64) + count)
         bones.append(np.full(len(surface.vertices), row, np.int64))
         count += len(surface.vertices)
@@ -73,16 +67,16 @@ _SHAPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 _KINDS = {np.dtype(np.float32): _FLOAT, np.dtype(np.uint8): _UNSIGNED_BYTE, np.dtype(np.uint32): _UNSIGNED_INT}
 
 
-def glb(motion: SampledMotion, options: MotionOptions) -> bytes:
+def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     """The motion as binary glTF.
 
     Raises:
-        BodyError: two bones would have the same name, or there are more than a skin can name.
+        BodyError: two bones would have the same name, or there are more than fit in a skin.
     """
-    figure = Figure.of(motion, options, _UP)
+    figure = Figure.from_motion(motion, options, _UP)
     if len(figure.names) > _MOST_BONES:
         raise BodyError(f"{motion.name}: {len(figure.names)} segments are more than the {_MOST_BONES} of a glTF skin")
-    skin = skin_of(figure, motion.body)
+    skin = make_skin(figure, motion.body)
     lowest = skin.vertices[:, 1].min() if skin else figure.rest[:, 1, 3].min()
     standing = np.array([0.0, -float(lowest), 0.0])
     buffer = _Buffer()
@@ -111,7 +105,7 @@ def _nodes(figure: Figure, standing: NDArray[np.float64]) -> list[dict[str, Any]
     for row, name in enumerate(figure.names):
         start = figure.offsets[row] + (standing if row == 0 else 0.0)
         node: dict[str, Any] = {"name": name, "translation": start.tolist()}
-        if children := [child for child, parent in enumerate(figure.parents) if parent == row]:
+        if children := figure.children(row):
             node["children"] = children
         nodes.append(node)
     return nodes
@@ -120,10 +114,10 @@ def _nodes(figure: Figure, standing: NDArray[np.float64]) -> list[dict[str, Any]
 def _animation(motion: SampledMotion, figure: Figure, buffer: "_Buffer") -> dict[str, Any]:
     known = motion.known
     times = buffer.add(motion.seconds[known, None].astype(np.float32), with_range=True)
-    outputs = [buffer.add(figure.places[known, 0].astype(np.float32))]
+    outputs = [buffer.add(figure.positions[known, 0].astype(np.float32))]
     channels = [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
     for row in range(len(figure.names)):
-        outputs.append(buffer.add(_continuous(quaternion_xyzw(figure.local_turns[known, row])).astype(np.float32)))
+        outputs.append(buffer.add(_continuous(quaternion_xyzw(figure.local_rotations[known, row])).astype(np.float32)))
         channels.append({"sampler": row + 1, "target": {"node": row, "path": "rotation"}})
     samplers = [{"input": times, "output": output, "interpolation": "LINEAR"} for output in outputs]
     return {"samplers": samplers, "channels": channels}
@@ -134,7 +128,7 @@ def _skinned(figure: Figure, skin: Skin, standing: NDArray[np.float64], buffer: 
     bones[:, 0] = skin.bones
     weights = np.zeros((len(skin.bones), 4), np.float32)
     weights[:, 0] = 1.0
-    # Bones are not turned in the rest pose; a matrix goes column by column.
+    # Bones have no rotation in the rest pose; matrices are column-major.
     bind = np.tile(np.eye(4, dtype=np.float32), (len(figure.names), 1, 1))
     bind[:, 3, :3] = -(figure.rest[:, :3, 3] + standing)
     vertices = (skin.vertices + standing).astype(np.float32)
@@ -163,7 +157,7 @@ def _skinned(figure: Figure, skin: Skin, standing: NDArray[np.float64], buffer: 
 
 
 class _Buffer:
-    """Arrays one after the other, and where each of them is."""
+    """Arrays one after the other, and the views and accessors of each."""
 
     def __init__(self) -> None:
         self.content = bytearray()

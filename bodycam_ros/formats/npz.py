@@ -1,8 +1,8 @@
-"""NPZ: everything as NumPy arrays, for whoever goes on in Python.
+"""NPZ: everything as NumPy arrays, for Python.
 
 ``stamps_ns`` (T), ``seconds`` (T), ``segments`` (S), ``parents`` (S; -1 of the root), ``world_T_segment`` (T, S, 4, 4)
-[m], ``joints`` (J), ``joint_R`` (T, J, 3, 3), ``angle_names`` (A), ``angles`` (T, A) [rad], [m] of what slides,
-``known`` (T, S) whether a segment's place is: in a gap of a motion with ``--rate`` it is interpolated.
+[m], ``joints`` (J), ``joint_R`` (T, J, 3, 3), ``angle_names`` (A), ``angles`` (T, A) [rad], [m] for positions,
+``known`` (T, S) whether a segment's pose is: in a gap of a motion with ``--rate`` it is interpolated.
 REP-103's axes; z is up.
 """
 
@@ -10,13 +10,12 @@ import io
 
 import numpy as np
 
-from bodycam_ros.formats.options import MotionOptions
-from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 
 MARK = b"bodycam_motion.npy"
 
 
-def npz(motion: SampledMotion, options: MotionOptions) -> bytes:
+def write_npz(motion: SampledMotion, options: MotionOptions) -> bytes:
     """The motion as an archive of arrays; nothing in it is pickled."""
     body = motion.body
     row = body.segment_index
@@ -30,7 +29,7 @@ def npz(motion: SampledMotion, options: MotionOptions) -> bytes:
         segments=np.array(body.segments),
         parents=np.array([row[motion.parents[s]] if s in motion.parents else -1 for s in body.segments]),
         world_T_segment=motion.world_T_segment,
-        known=np.stack([motion.knows(segment) for segment in body.segments], axis=1),
+        known=np.stack([motion.known_frames(segment) for segment in body.segments], axis=1),
         joints=np.array([joint.name for joint in body.tree_joints]),
         joint_R=motion.joint_poses[:, :, :3, :3],
         angle_names=np.array(motion.angle_names),

@@ -1,44 +1,61 @@
-"""The one reader of other systems' motions, whatever their format."""
+"""Reader of other systems' motions in all formats."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from bodycam_ros.errors import RecordingError
-from bodycam_ros.formats.bvh import captured_bvh
-from bodycam_ros.formats.c3d import captured_c3d
+from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.formats.bvh import read_bvh
+from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.formats.trc import captured_trc
-from bodycam_ros.formats.tum import captured_tum
+from bodycam_ros.formats.csv import read_csv
+from bodycam_ros.formats.trc import read_trc
+from bodycam_ros.formats.tum import read_captured_tum
+from bodycam_ros.geometry import Array
 
-FORMATS: dict[str, Callable[[Path], CapturedMotion]] = {
-    ".bvh": captured_bvh,
-    ".c3d": captured_c3d,
-    ".trc": captured_trc,
-    ".tum": captured_tum,
-    ".txt": captured_tum,
+_READERS: Mapping[str, Callable[[Path], CapturedMotion]] = {
+    ".bvh": read_bvh,
+    ".c3d": read_c3d,
+    ".trc": read_trc,
+    ".tum": read_captured_tum,
+    ".txt": read_captured_tum,
 }
-"""End of a file's name -> reads it."""
+"""Suffix of a file -> its reader."""
 
 
 def is_captured(path: Path) -> bool:
-    """Whether a path is another system's: a file, or a folder with files of trajectories right in it."""
+    """Whether a path is another system's: a file, or a folder with trajectories (``*.tum``) directly in it."""
     return not path.is_dir() or (any(path.glob("*.tum")) and not (path / "segments").is_dir())
 
 
 def read_captured(path: Path) -> CapturedMotion:
-    """Read a motion, by the end of its name.
+    """Read a motion, by the suffix of its file.
 
     Raises:
-        RecordingError: it is not there, of no format that is known, or damaged.
+        RecordingError: it does not exist, has an unknown suffix, or is damaged.
     """
     if not path.exists():
         raise RecordingError(f"{path}: does not exist")
     if path.is_dir():
-        return captured_tum(path)
-    read = FORMATS.get(path.suffix.lower())
+        return read_captured_tum(path)
+    read = _READERS.get(path.suffix.lower())
     if read is None:
         raise RecordingError(
-            f"{path}: of no format that is known by its name; known are {', '.join(FORMATS)} (.txt: TUM), a folder of "
-            "*.tum, and a recording's folder with ground truth"
+            f"{path}: unknown format; known are {', '.join(_READERS)} (.txt: TUM), a folder of *.tum, and a "
+            "recording's folder with ground truth"
         )
     return read(path)
+
+
+def read_joint_points(path: Path) -> Mapping[str, Array] | None:
+    """Name -> points (K, 3) of TRC, C3D or CSV in the file's axes and unit, NaN where missing; None of other suffixes.
+
+    Raises:
+        BodyError: the file cannot be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".trc", ".c3d", ".csv"):
+        return None
+    try:
+        return read_csv(path) if suffix == ".csv" else read_captured(path).points
+    except RecordingError as error:
+        raise BodyError(str(error)) from error

@@ -1,21 +1,22 @@
-"""A solved motion at the instants that a file wants: those that were solved, or evenly spaced ones.
+"""A solved motion at the frames of a file: those that were solved, or evenly spaced ones.
 
-Between two solved instants every joint turns about one axis at constant speed (on SO(3), by logarithm and exponential),
-the root likewise, and places go straight, so bones keep their lengths. Nothing is extrapolated: the first instant is
-the first that was solved, and the last lies before the last that was. Where instants were left out, more than one and a
-half steps apart, there is a gap: its instants are marked as unknown, and interpolated all the same for formats that
-cannot say so.
+Between two solved frames every joint rotates about one axis at constant speed (on SO(3), by logarithm and exponential),
+the root likewise, and positions are linear, so bones keep their lengths. Nothing is extrapolated: the first frame is
+the first that was solved, and the last lies before the last that was. Where frames are missing, more than one and a
+half steps apart, there is a gap: its frames are marked as unknown, and interpolated for formats without missing values.
 """
 
 import logging
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.body_motion import between_neighbours, interpolated
@@ -24,24 +25,73 @@ from bodycam_ros.results.solved_recording import GAP_FRAMES
 
 logger = logging.getLogger(__name__)
 
-_SAME_NS = 1_000  # instants this near are one: stamps are rounded
-_MOST_INSTANTS = 500_000  # four hours at 30 a second: two gigabytes while it is written
+MAX_RATE = 1000.0  # [1/s] beyond it a minute fills gigabytes, and no person moves so fast
+_MAX_SCALE = 1e6
+_MAX_MASS_KG = 1000.0
+_SAME_NS = 1_000  # stamps this close are one: they are rounded
+_MAX_FRAMES = 500_000  # four hours at 30 a second: two gigabytes while it is written
+
+UP_AXES: Mapping[str, Array] = {
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
+    "z": np.eye(3),
+}
+"""Axis that is up in a program -> program_R_world (3, 3); ours are REP-103's: x forward, y left, z up."""
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """How a body and its motion are written; None: the format's own default.
+
+    Attributes:
+        rate: frames a second; None: those that were solved.
+        pose: rest pose, a key of ``figure.REST_POSES``.
+        up: axis that is up, a key of ``UP_AXES``.
+        scale: units of the file to a metre.
+        names: of the bones, a key of ``figure.BONE_NAMES``.
+        segment: segment or camera whose trajectory is written, or "all".
+        mass: of the whole person [kg].
+
+    Raises:
+        SettingsError: a value out of its range.
+    """
+
+    rate: float | None = None
+    pose: str | None = None
+    up: str | None = None
+    scale: float | None = None
+    names: str | None = None
+    segment: str | None = None
+    mass: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value, largest, unit in (
+            ("rate", self.rate, MAX_RATE, " a second"),
+            ("scale", self.scale, _MAX_SCALE, ""),
+            ("mass", self.mass, _MAX_MASS_KG, " kg"),
+        ):
+            if value is not None and not (math.isfinite(value) and 0.0 < value <= largest):
+                raise SettingsError(f"--{name} must be above 0 and at most {largest:g}{unit}, not {value:g}")
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of those that the user gave."""
+        return tuple(field.name for field in fields(self) if getattr(self, field.name) is not None)
 
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """A body over T instants.
+    """A body over T frames.
 
     Attributes:
         name: of the recording.
         body: what moves, with the equipment beside it.
         stamps_ns: (T,) increasing [ns].
-        known: (T,) whether it was solved there, or between instants without a gap.
-        placed: (T,) whether it is known where equipment is.
-        rate: instants a second; None if they are as they were solved.
+        known: (T,) whether the frame was solved, or lies between solved frames without a gap.
+        placed: (T,) whether the pose of equipment is known.
+        rate: frames a second, on average if they are as they were solved.
         world_T_root: (T, 4, 4) [m].
-        joint_poses: (T, J, 4, 4) in the order of ``BodyModel.tree_joints``, as ``forward_kinematics`` wants them.
-        angles: (T, A) joint angles, continuous [rad]; places of free joints [m].
+        joint_poses: (T, J, 4, 4) in the order of ``BodyModel.tree_joints``, as ``forward_kinematics`` takes them.
+        angles: (T, A) joint angles, continuous [rad]; positions of free joints [m].
     """
 
     name: str
@@ -49,7 +99,7 @@ class SampledMotion:
     stamps_ns: NDArray[np.int64]
     known: NDArray[np.bool_]
     placed: NDArray[np.bool_]
-    rate: float | None
+    rate: float
     world_T_root: Array
     joint_poses: Array
     angles: Array
@@ -66,83 +116,76 @@ class SampledMotion:
 
     @property
     def seconds(self) -> Array:
-        """(T,) since the first instant [s]."""
+        """(T,) since the first frame [s]."""
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) * 1e-9, dtype=np.float64)
 
     @cached_property
-    def people(self) -> tuple[str, ...]:
-        """Segments of the body alone, without equipment, each after the one that it hangs on."""
+    def body_segments(self) -> tuple[str, ...]:
+        """Segments of the body alone, without equipment, parents first."""
         ordered = [self.body.root, *(joint.child for joint in self.body.tree_joints)]
         return tuple(segment for segment in ordered if segment not in self.body.equipment_segments)
 
     @cached_property
     def parents(self) -> dict[str, str]:
-        """Segment -> the one that it hangs on; the root has none."""
+        """Segment -> its parent; the root has none."""
         return {joint.child: joint.parent for joint in self.body.tree_joints}
 
-    def poses_of(self, segment: str) -> Array:
+    def segment_poses(self, segment: str) -> Array:
         """(T, 4, 4) poses world_T_segment of one segment [m]."""
         poses: Array = self.world_T_segment[:, self.body.segment_index[segment]]
         return poses
 
-    def knows(self, segment: str) -> NDArray[np.bool_]:
-        """(T,) whether it is known where a segment is."""
-        beside = segment in self.body.equipment_segments
-        return self.known & self.placed if beside else self.known
+    def known_frames(self, segment: str) -> NDArray[np.bool_]:
+        """(T,) whether a segment's pose is known."""
+        return self.known & self.placed if segment in self.body.equipment_segments else self.known
 
 
-def sampled(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion:
-    """The motion of a solved bag at the instants that a file wants.
+def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion:
+    """The motion of a solved bag at the frames of a file.
 
     Args:
         solved: of the bag.
-        rate: instants a second; None: its own.
-        even: the file says a rate and no times, so instants must be evenly spaced.
+        rate: frames a second; None: its own.
+        even: the file has a rate and no times, so frames must be evenly spaced.
 
     Raises:
-        RecordingError: fewer than two instants were solved, or would be written; or too many would be.
+        RecordingError: fewer than two frames were solved, or would be written; or too many would be.
     """
-    motion, body = solved.motion, solved.body
-    stamps = motion.stamps_ns
+    motion, stamps = solved.motion, solved.motion.stamps_ns
     if len(stamps) < 2:
-        raise RecordingError(f"{solved.path}: only one instant was solved; a motion has two at least")
-    joint_angles = JointAngles(body)
-    joint_poses = joint_angles.poses(motion.joint_angles)
-    step_ns = _own_step_ns(stamps)
-    longest_ns = GAP_FRAMES * step_ns
-    _tell_gaps(solved, longest_ns)
-    if rate is None and not even:
-        everywhere = np.ones(len(stamps), bool)
-        return SampledMotion(
-            _name(solved), body, stamps, everywhere, solved.placed, None, motion.world_T_root, joint_poses,
-            motion.joint_angles,
-        )  # fmt: skip
-    at_ns = _even_stamps(solved, 1e9 / rate if rate else step_ns)
-    nearest = _nearest(stamps, at_ns)
-    joints = [interpolated(stamps, joint_poses[:, row], at_ns) for row in range(joint_poses.shape[1])]
+        raise RecordingError(f"{solved.path}: only one frame was solved; a motion has two or more")
+    steps = np.diff(stamps)
+    step_ns = float(steps[steps <= GAP_FRAMES * np.median(steps)].mean())
+    _warn_of_gaps(solved, GAP_FRAMES * step_ns)
+    as_solved = rate is None and not even
+    at_ns = stamps if as_solved else _even_stamps(solved, 1e9 / rate if rate else step_ns)
+    joint_angles = JointAngles(solved.body)
+    solved_poses = joint_angles.poses(motion.joint_angles)
+    joints = [interpolated(stamps, solved_poses[:, row], at_ns) for row in range(solved_poses.shape[1])]
     poses = np.stack(joints, axis=1) if joints else np.zeros((len(at_ns), 0, 4, 4))
+    angles = joint_angles.angles(poses, motion.joint_angles[_nearest(stamps, at_ns)])
+    before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
     return SampledMotion(
-        name=_name(solved),
-        body=body,
+        name="_".join(plain_name(solved.path).split()),  # one word: headers go by lines and columns
+        body=solved.body,
         stamps_ns=at_ns,
-        known=between_neighbours(stamps, at_ns, longest_ns) | np.isin(at_ns, stamps),
-        placed=_on_both_sides(solved.placed, stamps, at_ns),
+        known=between_neighbours(stamps, at_ns, GAP_FRAMES * step_ns) | np.isin(at_ns, stamps),
+        placed=np.asarray(solved.placed[before] & solved.placed[after]),
         rate=rate or 1e9 / step_ns,
         world_T_root=interpolated(stamps, motion.world_T_root, at_ns),
         joint_poses=poses,
-        angles=joint_angles.angles(poses, motion.joint_angles[nearest]),
+        angles=motion.joint_angles if as_solved else angles,
     )
 
 
-def _own_step_ns(stamps: NDArray[np.int64]) -> float:
-    """Time between two instants where none is left out, as the whole recording has it [ns]."""
-    steps = np.diff(stamps)
-    neighbours = steps[steps <= GAP_FRAMES * np.median(steps)]
-    return float(neighbours.mean())
+def change_axes(program_R_world: Array, rotations: Array) -> Array:
+    """Rotations (..., 3, 3) as they are about a program's axes."""
+    changed: Array = program_R_world @ rotations @ program_R_world.T
+    return changed
 
 
 def _even_stamps(solved: SolvedBody, step_ns: float) -> NDArray[np.int64]:
-    """(T,) from the first solved instant on; those that fall on a solved one are it."""
+    """(T,) from the first solved frame on; those within rounding of a solved one are it."""
     stamps = solved.motion.stamps_ns
     count = int((stamps[-1] - stamps[0] + _SAME_NS) / step_ns) + 1
     if count < 2:
@@ -150,21 +193,12 @@ def _even_stamps(solved: SolvedBody, step_ns: float) -> NDArray[np.int64]:
             f"{solved.path}: lasts {1e-9 * (stamps[-1] - stamps[0]):.2f} s, too short for a second frame "
             f"{1e-9 * step_ns:.3g} s after the first; choose a higher --rate"
         )
-    if count > _MOST_INSTANTS:
-        raise RecordingError(
-            f"{solved.path}: {count} instants would be written, more than {_MOST_INSTANTS}; choose a lower --rate"
-        )
+    if count > _MAX_FRAMES:
+        raise RecordingError(f"{solved.path}: {count} frames are more than {_MAX_FRAMES}; choose a lower --rate")
     at_ns = stamps[0] + np.round(np.arange(count) * step_ns).astype(np.int64)
     nearest = stamps[_nearest(stamps, at_ns)]
     even: NDArray[np.int64] = np.where(np.abs(nearest - at_ns) <= _SAME_NS, nearest, at_ns)
     return even
-
-
-def _on_both_sides(placed: NDArray[np.bool_], stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """(T,) whether so said of both solved instants around each; of a solved one itself."""
-    before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
-    both: NDArray[np.bool_] = placed[before] & placed[after]
-    return both
 
 
 def _nearest(stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
@@ -172,7 +206,7 @@ def _nearest(stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.
     return np.where(at_ns - stamps[after - 1] < stamps[after] - at_ns, after - 1, after)
 
 
-def _tell_gaps(solved: SolvedBody, longest_ns: float) -> None:
+def _warn_of_gaps(solved: SolvedBody, longest_ns: float) -> None:
     stamps = solved.motion.stamps_ns
     steps = np.diff(stamps)
     gaps = np.flatnonzero(steps > longest_ns)
@@ -180,8 +214,8 @@ def _tell_gaps(solved: SolvedBody, longest_ns: float) -> None:
         return
     worst = gaps[np.argmax(steps[gaps])]
     logger.warning(
-        "%s: %d gap%s without solved instants, %.2f s together, the longest of %.2f s at %.2f s: left empty by formats "
-        "that can say so, crossed straight by others",
+        "%s: %d gap%s without solved frames, %.2f s in total, the longest of %.2f s at %.2f s: left empty by formats "
+        "with missing values, interpolated by others",
         solved.path,
         len(gaps),
         "" if len(gaps) == 1 else "s",
@@ -189,8 +223,3 @@ def _tell_gaps(solved: SolvedBody, longest_ns: float) -> None:
         1e-9 * steps[worst],
         1e-9 * (stamps[worst] - stamps[0]),
     )
-
-
-def _name(solved: SolvedBody) -> str:
-    """Of the recording, in one word: it stands in headers that go by lines and columns."""
-    return "_".join(plain_name(solved.path).split())

@@ -1,7 +1,6 @@
-"""TRC: virtual markers over time, in millimetres with y up, as OpenSim wants them, with a model that carries them.
+"""TRC: virtual markers over time, in millimetres with y up, for OpenSim, with a model that carries them.
 
-A gap is crossed straight, as in MOT: OpenSim's inverse kinematics gives up at an instant without any marker. C3D leaves
-it empty.
+A gap is interpolated, as in MOT: OpenSim's inverse kinematics fails at a frame without any marker. C3D leaves it empty.
 """
 
 import math
@@ -10,26 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.formats.axes import OPENSIM_R_OURS
-from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion
-from bodycam_ros.formats.markers import marker_places, markers_on
-from bodycam_ros.formats.mot import OSIM_SUFFIX
-from bodycam_ros.formats.motion_text import checked_stamps, read_motion_text
-from bodycam_ros.formats.options import MotionOptions
-from bodycam_ros.formats.osim import osim
-from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, read_motion_text
+from bodycam_ros.formats.markers import marker_positions, place_markers
+from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.shown import shown
 
 MARK = "PathFileType"
 _TO_MM = 1000.0
 
 
-def trc(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
+def write_trc(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     """The motion as a TRC file, and the model whose markers these are."""
-    markers = markers_on(motion)
+    markers = place_markers(motion)
     count, frames = len(markers), len(motion.stamps_ns)
-    places = _TO_MM * marker_places(motion, markers) @ OPENSIM_R_OURS.T
-    assert motion.rate is not None  # of a format that is even
+    positions = _TO_MM * marker_positions(motion, markers) @ OPENSIM_R_OURS.T
     rate = f"{motion.rate:.6f}"
     lines = [
         f"{MARK}\t4\t(X/Y/Z)\t{motion.name}.trc",
@@ -39,23 +33,21 @@ def trc(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
         "\t".join(["", "", *(f"X{row}\tY{row}\tZ{row}" for row in range(1, count + 1))]),
         "",
     ]
-    rows = zip(motion.seconds.tolist(), places.reshape(frames, -1).tolist(), strict=True)
+    rows = zip(motion.seconds.tolist(), positions.reshape(frames, -1).tolist(), strict=True)
     for number, (second, row) in enumerate(rows, start=1):
-        shown = "\t".join(map("{:.5f}".format, row))
-        lines.append(f"{number}\t{second:.9f}\t{shown}")
-    return {"": "\n".join(lines) + "\n", OSIM_SUFFIX: osim(motion.body, motion.people, markers)}
+        lines.append("\t".join([str(number), f"{second:.9f}", *map("{:.5f}".format, row)]))
+    return {"": "\n".join(lines) + "\n", MODEL_SUFFIX: model_text(motion, markers)}
 
 
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254}
+_UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254}
 _TYPE, _KEYS, _VALUES, _NAMES, _FIRST_ROW = 0, 1, 2, 3, 5
 _AXES = 3
 _MOST_CELLS, _SMALL = 20, 1_000_000
-"""Of a table, for each letter of the file: cells that are missing at the end of a row take a tab less, but as much
-memory. A small table may be as it likes."""
+"""Of a table per character of the file: cells missing at the end of a row take memory too. Small tables are exempt."""
 
 
-def captured_trc(path: Path) -> CapturedMotion:
-    """Markers by name; the world of a TRC has y up. Empty cells are times at which a marker was not seen.
+def read_trc(path: Path) -> CapturedMotion:
+    """Markers by name; the world of a TRC has y up. Empty cells are missing values.
 
     Raises:
         RecordingError: it cannot be read, or is no TRC.
@@ -63,11 +55,11 @@ def captured_trc(path: Path) -> CapturedMotion:
     lines = read_motion_text(path, "TRC").splitlines()
     try:
         if len(lines) <= _FIRST_ROW or not lines[_TYPE].startswith("PathFileType"):
-            raise ValueError("expected 'PathFileType' on the first line, four lines that say what is in it, and rows")
+            raise ValueError("expected 'PathFileType' on the first line, four header lines, and rows")
         header = dict(zip(lines[_KEYS].split(), lines[_VALUES].split(), strict=False))
-        unit = _METRES.get(header.get("Units", "mm").lower())
+        unit = _UNITS_M.get(header.get("Units", "mm").lower())
         if unit is None:
-            raise ValueError(f"line 3: unknown unit {shown(header['Units'])}; known are {', '.join(_METRES)}")
+            raise ValueError(f"line 3: unknown unit {shown(header['Units'])}; known are {', '.join(_UNITS_M)}")
         names = [name.strip() for name in lines[_NAMES].split("\t")[2:]]
         columns = {name: 2 + column for column, name in enumerate(names) if name}
         if not columns:
@@ -77,7 +69,7 @@ def captured_trc(path: Path) -> CapturedMotion:
         listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
         width = max(columns.values()) + _AXES
         if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):
-            raise ValueError(f"line 4 names {len(columns)} markers, of which next to none is in the {len(listed)} rows")
+            raise ValueError(f"line 4 names {len(columns)} markers, of which almost none is in the {len(listed)} rows")
         rows = [_numbers(line, number, width) for number, line in listed]
         table = np.array(rows)
         stamps_ns = checked_stamps(table[:, 1] if len(table) else np.zeros(0))

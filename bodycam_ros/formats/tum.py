@@ -1,7 +1,7 @@
-"""TUM: the trajectory of the root, of a segment or of a camera, for evo and what else scores SLAM.
+"""TUM: the trajectory of the root, of a segment or of a camera, for evo and other evaluations of SLAM.
 
-A line is the stamp [s], the place [m] and the quaternion x y z w, in the world. ``--segment all`` writes every
-segment, each into a file beside the root's. Where nothing is known, in a gap, there is no line.
+A line is the stamp [s], the position [m] and the quaternion x y z w, in the world. ``--segment all`` writes every
+segment, each to a file beside the root's. In a gap there is no line.
 """
 
 from decimal import Decimal, DecimalException
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.formats.options import MotionOptions
-from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.yaml_file import read_text
@@ -22,7 +21,7 @@ MARK = "# time x y z qx qy qz qw"
 ALL = "all"
 
 
-def tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
+def write_tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     """Trajectories, by the suffixes of their files.
 
     Raises:
@@ -31,7 +30,7 @@ def tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     body, wanted = motion.body, options.segment or motion.body.root
     if wanted == ALL:
         others = [segment for segment in body.segments if segment != body.root]
-        return {"": _lines(motion, body.root), **{f".{_in_a_path(s)}.tum": _lines(motion, s) for s in others}}
+        return {"": _lines(motion, body.root), **{f".{_path_part(s)}.tum": _lines(motion, s) for s in others}}
     if wanted in body.segments:
         return {"": _lines(motion, wanted)}
     if wanted in body.mounts:
@@ -43,16 +42,16 @@ def tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     )
 
 
-def _in_a_path(segment: str) -> str:
+def _path_part(segment: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in segment)
 
 
 def _lines(motion: SampledMotion, segment: str, segment_T_camera: Array | None = None) -> str:
-    poses = motion.poses_of(segment)
+    poses = motion.segment_poses(segment)
     if segment_T_camera is not None:
         poses = poses @ segment_T_camera
     numbers = np.concatenate([poses[:, :3, 3], quaternion_xyzw(poses[:, :3, :3])], axis=1)
-    known = motion.knows(segment)
+    known = motion.known_frames(segment)
     rows = zip(motion.stamps_ns[known].tolist(), numbers[known].tolist(), strict=True)
     lines = [f"{ns // 10**9}.{ns % 10**9:09d} {' '.join(map('{:.9f}'.format, row))}" for ns, row in rows]
     return "\n".join([MARK, *lines]) + "\n"
@@ -60,7 +59,7 @@ def _lines(motion: SampledMotion, segment: str, segment_T_camera: Array | None =
 
 _NANOSECONDS = Decimal(10**9)
 _COLUMNS = 8
-_LONGEST_TOLD = 200
+_MAX_QUOTE = 200
 
 
 def read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
@@ -82,13 +81,14 @@ def read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
             raise ValueError("expected two lines or more, finite, with increasing stamps")
         return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
     except (ValueError, DecimalException, OverflowError) as error:
-        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {_told(error)}") from error
+        text = str(error)[:_MAX_QUOTE]  # it may quote a damaged line
+        raise RecordingError(f"{path}: cannot be read as a trajectory in TUM format: {text}") from error
 
 
-def captured_tum(path: Path) -> CapturedMotion:
+def read_captured_tum(path: Path) -> CapturedMotion:
     """The bodies of a TUM file, or of all ``*.tum`` in a folder: each is named after its file.
 
-    All are brought to the stamps of the first; where one is not known its point is NaN.
+    All are interpolated at the stamps of the first; NaN outside of a file's own stamps.
 
     Raises:
         RecordingError: a file cannot be read, or there is none.
@@ -105,9 +105,3 @@ def captured_tum(path: Path) -> CapturedMotion:
         points[name] = np.where((at_ns == stamps_ns)[:, None], brought[:, :3, 3], np.nan)
         rotations[name] = np.ascontiguousarray(brought[:, :3, :3])
     return CapturedMotion(path, "TUM", stamps_ns, points, rotations)
-
-
-def _told(error: Exception) -> str:
-    """What an error says, but not the whole of a damaged line, which it may quote."""
-    text = str(error)
-    return text if len(text) <= _LONGEST_TOLD else f"{text[:_LONGEST_TOLD]}..."

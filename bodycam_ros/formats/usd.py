@@ -1,7 +1,7 @@
-"""USD: a skinned skeleton that moves (UsdSkel), for Omniverse, Houdini, Maya, Unreal and Apple's viewers.
+"""USD: a moving skinned skeleton (UsdSkel), for Omniverse, Houdini, Maya, Unreal and Apple's viewers.
 
-It is a text, which every reader of ``.usd`` and ``.usda`` takes. Metres, z up; a frame is a time code. Where nobody
-solved, in a gap, there are no samples, and readers turn the bones straight across.
+It is a text file, for every reader of ``.usd`` and ``.usda``. Metres, z up; a frame is a time code. In a gap there are
+no samples, and readers interpolate.
 """
 
 import json
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
-from bodycam_ros.formats.glb import Skin, skin_of
-from bodycam_ros.formats.options import MotionOptions
-from bodycam_ros.formats.sampled_motion import SampledMotion
+from bodycam_ros.formats.glb import Skin, make_skin
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid
 
 MARK = "#usda 1.0"
@@ -23,17 +22,16 @@ _UP = "z"
 _SKIN_COLOUR = "(0.85, 0.68, 0.56)"
 
 
-def usd(motion: SampledMotion, options: MotionOptions) -> str:
+def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     """The motion as a USD document.
 
     Raises:
         BodyError: two bones would have the same name.
     """
-    figure = Figure.of(motion, options, _UP)
+    figure = Figure.from_motion(motion, options, _UP)
     if len(set(_paths(figure))) < len(figure.names):
         raise BodyError(f"{motion.name}: two bones would have the same name, which in USD has letters and digits alone")
-    skin = skin_of(figure, motion.body)
-    assert motion.rate is not None  # of a format that is even
+    skin = make_skin(figure, motion.body)
     last = len(motion.stamps_ns) - 1
     parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
     if skin is not None:
@@ -75,9 +73,9 @@ def _skeleton(figure: Figure) -> str:
 
 
 def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
-    quaternions = quaternion_xyzw(figure.local_turns[frames])[..., [3, 0, 1, 2]]
-    places = np.tile(figure.offsets, (len(frames), 1, 1))
-    places[:, 0] = figure.places[frames, 0]
+    quaternions = quaternion_xyzw(figure.local_rotations[frames])[..., [3, 0, 1, 2]]
+    positions = np.tile(figure.offsets, (len(frames), 1, 1))
+    positions[:, 0] = figure.positions[frames, 0]
     ones = ", ".join(["(1, 1, 1)"] * len(figure.names))
     return f"""    def SkelAnimation "motion"
     {{
@@ -86,7 +84,7 @@ def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
 {_samples(frames, quaternions)}        }}
         half3[] scales = [{ones}]
         float3[] translations.timeSamples = {{
-{_samples(frames, places)}        }}
+{_samples(frames, positions)}        }}
     }}
 
 """
@@ -126,7 +124,7 @@ def _mesh(skin: Skin) -> str:
 
 
 def _paths(figure: Figure) -> list[str]:
-    """Each bone after those that it hangs on, as USD names joints."""
+    """Each bone after its parents, as USD names joints."""
     paths: list[str] = []
     for name, parent in zip(figure.names, figure.parents, strict=True):
         own = _identifier(name)

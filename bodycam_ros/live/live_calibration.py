@@ -17,7 +17,7 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
-from bodycam_ros.formats.joint_points import read_joint_points
+from bodycam_ros.formats.read_captured import read_joint_points
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.health import Health, HealthLevel, equipment_health, verdict_health
 from bodycam_ros.pipeline import SkeletonPipeline

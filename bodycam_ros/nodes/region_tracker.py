@@ -11,7 +11,7 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.body_state import BodyNow, SaidSegments
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import StationError
-from bodycam_ros.formats.joint_points import read_joint_points
+from bodycam_ros.formats.read_captured import read_joint_points
 from bodycam_ros.live.flow_of_frames import AnsweredFrames, Ordered
 from bodycam_ros.live.image_queue import ImageHealth, ImageQueue, QueuedImage
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters

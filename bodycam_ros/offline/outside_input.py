@@ -15,7 +15,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.formats.joint_points import read_joint_points
+from bodycam_ros.formats.read_captured import read_joint_points
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap

@@ -12,7 +12,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, sole_points
 from bodycam_ros.errors import BodyError
-from bodycam_ros.formats.tips import bone_tip
+from bodycam_ros.formats.markers import bone_tip
 from bodycam_ros.geometry import Array, rigid, transform_points
 from bodycam_ros.robot.mapping import SIDES
 from bodycam_ros.robot.robot_model import Robot

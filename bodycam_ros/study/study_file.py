@@ -204,7 +204,7 @@ class _StudyReader:
         return self._existing(key, text)
 
     def _exports(self, names: list[str]) -> tuple[str, ...]:
-        from bodycam_ros.formats.formats import FORMATS
+        from bodycam_ros.formats.export import FORMATS
 
         for number, name in enumerate(names):
             if name not in FORMATS:

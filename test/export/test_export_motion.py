@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.formats.axes import UP_AXES
-from bodycam_ros.formats.bone_names import BONE_NAMES, bone_names
+from bodycam_ros.formats.figure import BONE_NAMES, bone_names
+from bodycam_ros.formats.sampled_motion import UP_AXES
 
 PEOPLE = ("pelvis", "torso", "head", "upper_arm_left", "forearm_left", "thigh_right", "shin_right", "foot_right")
 

@@ -15,7 +15,7 @@ from bodycam_ros.body.body_file import write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.cli.main import main
-from bodycam_ros.formats.formats import FORMATS
+from bodycam_ros.formats.export import FORMATS
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.health import equipment_message
@@ -90,11 +90,11 @@ def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(
         ("--to bvh --rate 1e9", "--rate must be above 0 and at most 1000"),
         ("--to bvh --rate 1e-9", "{out}: lasts 1.97 s, too short for a second frame"),
         ("--to bvh --scale -1", "--scale must be above 0"),
-        ("--to csv --up y", "--up says nothing to csv; bvh, c3d heed it"),
-        ("--to glb --scale 100", "--scale says nothing to glb; bvh heeds it"),
-        ("--to mjcf --mass 70", "--mass says nothing to mjcf; urdf heeds it"),
+        ("--to csv --up y", "--up has no effect on csv; bvh, c3d use it"),
+        ("--to glb --scale 100", "--scale has no effect on glb; bvh uses it"),
+        ("--to mjcf --mass 70", "--mass has no effect on mjcf; urdf uses it"),
         ("--to urdf --mass 0", "--mass must be above 0 and at most 1000 kg, not 0"),
-        ("--to urdf --rate 30", "--rate says nothing to urdf; bvh, trc"),
+        ("--to urdf --rate 30", "--rate has no effect on urdf; bvh, trc"),
         ("--to tum --segment tail", "--segment tail: the body has no such segment or camera; there are pelvis, torso"),
     ],
 )
@@ -123,7 +123,7 @@ def test_a_body_file_and_a_bag_that_nobody_solved_are_refused(
 ) -> None:
     output = tmp_path / "motion"
     for source, complaint in (
-        (sample / "body.yaml", "body.yaml: holds no motion; give a bag that 'bodycam replay' wrote"),
+        (sample / "body.yaml", "body.yaml: has no motion; give a bag that 'bodycam replay' wrote"),
         (tiny_bag, "/robot_description (std_msgs/msg/String) is missing: there is no such topic; expected a bag that"),
         (tmp_path / "none", "none"),
     ):
@@ -142,7 +142,7 @@ def test_a_bag_without_motion_is_refused(
     assert f"out: {missing} (" in capsys.readouterr().err
     alone = write_solved(walk.without(list(range(1, 60))), tmp_path / "alone")
     assert main(["export", str(alone), "--to", "bvh", "-o", str(tmp_path / "a.bvh")]) == 1
-    assert "only one instant was solved" in capsys.readouterr().err
+    assert "only one frame was solved" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("to", MOTION)

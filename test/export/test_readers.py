@@ -14,7 +14,7 @@ import pytest
 from exported import JOINT_M, Exported
 from known_walk import Walk, write_solved
 
-from bodycam_ros.formats.axes import OPENSIM_R_OURS
+from bodycam_ros.formats.opensim import OPENSIM_R_OURS
 
 REPOSITORY = Path(__file__).parent.parent.parent
 SCRIPTS = Path(__file__).parent / "readers"

@@ -8,7 +8,7 @@ from known_walk import FRAME_NS, Walk, write_solved
 from scipy.spatial.transform import Rotation, Slerp
 from unshown_progress import Unshown
 
-from bodycam_ros.formats.sampled_motion import SampledMotion, sampled
+from bodycam_ros.formats.sampled_motion import SampledMotion, sample_motion
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 
 RATE = 97.0
@@ -28,7 +28,7 @@ def gappy(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> SolvedBody:
 
 
 def test_joints_turn_as_scipy_interpolates_rotations(solved: SolvedBody) -> None:
-    motion, own = sampled(solved, RATE, even=True), sampled(solved, None, even=False)
+    motion, own = sample_motion(solved, RATE, even=True), sample_motion(solved, None, even=False)
     assert motion.rate == RATE and len(motion.stamps_ns) > 150
     times = own.seconds
     for row in range(own.joint_poses.shape[1]):
@@ -41,13 +41,13 @@ def test_joints_turn_as_scipy_interpolates_rotations(solved: SolvedBody) -> None
 
 
 def bone_lengths(motion: SampledMotion) -> np.ndarray:
-    knee, ankle = motion.poses_of("shin_left")[:, :3, 3], motion.poses_of("foot_left")[:, :3, 3]
+    knee, ankle = motion.segment_poses("shin_left")[:, :3, 3], motion.segment_poses("foot_left")[:, :3, 3]
     return np.linalg.norm(ankle - knee, axis=1)
 
 
 @pytest.mark.parametrize("rate", [7.3, 30.0, RATE, 240.0])
 def test_nothing_is_extrapolated_and_bones_keep_their_length(solved: SolvedBody, rate: float) -> None:
-    motion = sampled(solved, rate, even=True)
+    motion = sample_motion(solved, rate, even=True)
     first, last = solved.motion.stamps_ns[[0, -1]]
     assert motion.stamps_ns[0] == first and last - 1e9 / rate < motion.stamps_ns[-1] <= last
     assert motion.known.all()
@@ -58,7 +58,7 @@ def test_nothing_is_extrapolated_and_bones_keep_their_length(solved: SolvedBody,
 def test_instants_that_were_solved_are_as_they_were(solved: SolvedBody) -> None:
     """The recording's own rate, and one of which every second instant is solved."""
     for rate, every in ((None, 1), (2e9 / FRAME_NS, 2)):
-        motion = sampled(solved, rate, even=True)
+        motion = sample_motion(solved, rate, even=True)
         assert len(motion.stamps_ns[::every]) == len(solved.motion.stamps_ns)
         np.testing.assert_array_equal(motion.stamps_ns[::every], solved.motion.stamps_ns)
         np.testing.assert_allclose(motion.angles[::every], solved.motion.joint_angles, atol=1e-9)
@@ -69,16 +69,16 @@ def test_angles_stay_near_those_that_were_solved(solved: SolvedBody) -> None:
     angles = solved.motion.joint_angles.copy()
     angles[:, 1] += 4.0 * np.pi
     turned = replace(solved, motion=replace(solved.motion, joint_angles=angles))
-    motion, unturned = sampled(turned, RATE, even=True), sampled(solved, RATE, even=True)
+    motion, unturned = sample_motion(turned, RATE, even=True), sample_motion(solved, RATE, even=True)
     np.testing.assert_allclose(motion.angles[:, 1], unturned.angles[:, 1] + 4.0 * np.pi, atol=1e-6)
     np.testing.assert_allclose(motion.world_T_segment, unturned.world_T_segment, atol=1e-9)
 
 
 def test_a_gap_is_told_and_is_not_known(gappy: SolvedBody, caplog: pytest.LogCaptureFixture) -> None:
-    even = sampled(gappy, None, even=True)
-    assert "1 gap without solved instants, 0.37 s together, the longest of 0.37 s at 0.63 s" in caplog.text
+    even = sample_motion(gappy, None, even=True)
+    assert "1 gap without solved frames, 0.37 s in total, the longest of 0.37 s at 0.63 s" in caplog.text
     assert len(even.stamps_ns) == 60
     np.testing.assert_array_equal(np.flatnonzero(~even.known), np.arange(20, 30))
     assert np.isfinite(even.world_T_segment).all()
-    as_solved = sampled(gappy, None, even=False)
+    as_solved = sample_motion(gappy, None, even=False)
     assert len(as_solved.stamps_ns) == 50 and as_solved.known.all()

@@ -31,7 +31,7 @@ def test_a_trc_has_its_markers_unit_and_gaps(walk: Walk, tmp_path: Path) -> None
         for name, of in points.items():
             np.testing.assert_allclose(captured.points[name], of, atol=1e-6)
         np.testing.assert_allclose(1e-9 * captured.stamps_ns, 5.0 + seconds(walk), atol=1e-9)
-        assert captured.kind == "TRC" and captured.knows_unit
+        assert captured.kind == "TRC" and captured.has_unit
 
 
 def test_a_c3d_has_its_markers_and_what_nobody_saw(walk: Walk, tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_a_c3d_has_its_markers_and_what_nobody_saw(walk: Walk, tmp_path: Path) -
 def test_a_bvh_stands_where_another_reader_has_it(walk: Walk, tmp_path: Path, orders: tuple[str, ...]) -> None:
     path = write_bvh(tmp_path / "walk.bvh", walk, FRAME_S, orders=orders)
     captured = read_captured(path)
-    assert not captured.knows_unit
+    assert not captured.has_unit
     assert_has(captured.scaled(0.01), walk, MIXAMO, 1e-6)
     for segment, row in walk.body.segment_index.items():
         np.testing.assert_allclose(
@@ -137,7 +137,7 @@ TRC = "PathFileType\t4\t(X/Y/Z)\ta\nUnits\n{units}\nFrame#\tTime\t{names}\n\tX1\
         ),
         ("a.tum", "1e9999999 0 0 0 0 0 0 1\n", "TUM format"),
         ("a.tum", "1 2 3", "TUM format: expected 8 numbers"),
-        ("a.fbx", "", "of no format that is known"),
+        ("a.fbx", "", "unknown format"),
     ],
 )
 def test_what_is_damaged_is_named(tmp_path: Path, name: str, content: str, told: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.formats.names_file import places_of
+from bodycam_ros.formats.point_sites import locate_points
 
 SIDED = ("thigh", "shin", "foot", "upper_arm", "forearm")
 LINKS = ("pelvis", "torso", "head", *(f"{kind}_{side}" for side in ("left", "right") for kind in SIDED))
@@ -22,7 +22,7 @@ def captured(*names: str) -> CapturedMotion:
 
 def found(*names: str, table: Path | None = None, turning: str = "") -> dict[str, tuple[str, bool]]:
     motion = replace(captured(*names), rotations={turning: np.tile(np.eye(3), (2, 1, 1))})
-    places = places_of(motion, [*LINKS, "waist_optical_frame"], JOINTS, table)
+    places = locate_points(motion, [*LINKS, "waist_optical_frame"], JOINTS, table)
     return {name: (place.link, place.is_fitted) for name, place in places.items()}
 
 
@@ -94,7 +94,7 @@ def test_a_table_says_otherwise(tmp_path: Path) -> None:
     table.write_text(
         "M1: knee_left\nLKNE: {segment: shin_left, at: [10, 0, -5]}\nM2: {segment: head, at: fitted}\nC7:\n"
     )
-    places = places_of(captured("M1", "M2", "M3", "LKNE", "C7", "RKNE"), LINKS, JOINTS, table)
+    places = locate_points(captured("M1", "M2", "M3", "LKNE", "C7", "RKNE"), LINKS, JOINTS, table)
     assert {name: place.link for name, place in places.items()} == {
         "M1": "shin_left",
         "M2": "head",

@@ -9,7 +9,7 @@ from static_cameras.dressed_body import stations_around
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.formats.joint_points import read_joint_points
+from bodycam_ros.formats.read_captured import read_joint_points
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station_watch import with_hands

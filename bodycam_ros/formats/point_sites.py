@@ -1,7 +1,7 @@
-"""Which point of another system is where on our body: what is known by name, and what a user's file says instead.
+"""Points of another system on our body: by well-known names, or by a user's file.
 
-A joint's centre is the origin of the segment that hangs on it. What the word means differs from system to system on the
-trunk, and a marker lies on the skin: of those only the segment is known, and where on it they are is fitted.
+A joint's centre is the origin of its child segment. On the trunk joints differ from system to system, and markers lie
+on the skin: of those only the segment is known, and their position on it is fitted.
 """
 
 import re
@@ -28,7 +28,7 @@ _SIDED_CENTRES: Mapping[str, str] = {
     "forearm": "forearm elbow lowerarm radius ulna ejc",
     "hand": "hand wrist wjc",
 }
-"""Kind of segment -> words for the joint that it hangs on, without the side."""
+"""Kind of segment -> words for the joint to its parent, without the side."""
 
 _SIDED_MARKERS: Mapping[str, str] = {
     "pelvis": "asi psi asis psis ilcrest pelvis",
@@ -50,16 +50,22 @@ _CENTRAL: Mapping[str, str] = {
     "head": "head tophead nose headtop lhead skull",
 }
 
-_LEFT, _RIGHT = ("left", "l"), ("right", "r")
+_WORDS = {
+    word: (kind, is_centre)
+    for table, is_centre in ((_SIDED_CENTRES, True), (_SIDED_MARKERS, False))
+    for kind, words in table.items()
+    for word in words.split()
+}
+_CENTRAL_WORDS = {word: kind for kind, words in _CENTRAL.items() for word in words.split()}
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """Where on the solved body a point of another system is.
+class PointSite:
+    """Position of another system's point on the solved body.
 
     Attributes:
         link: the segment, or the optical frame of a camera.
-        at: (3,) in the link's axes [m]; None: nobody knows, it is fitted.
+        at: (3,) in the link's axes [m]; None: unknown, it is fitted.
     """
 
     link: str
@@ -67,115 +73,107 @@ class Place:
 
     @property
     def is_fitted(self) -> bool:
-        """Whether where on its segment the point is has to be found."""
+        """Whether the point's position on its segment is fitted."""
         return self.at is None
 
 
-def known_link(
-    name: str, links: Collection[str], joints: Mapping[str, str], turns: bool, others: Collection[str]
+def _known_link(
+    name: str, links: Collection[str], joints: Mapping[str, str], has_rotation: bool, others: Collection[str]
 ) -> tuple[str, bool] | None:
-    """The link that a name means, and whether it is its origin; None of names that nobody knows.
+    """The link of a well-known name, and whether the point is its origin; None of unknown names.
 
     Args:
         name: in the file.
         links: of the solved body.
-        joints: our joint -> the segment that hangs on it.
-        turns: the file knows how it turns: so it may be a camera, where a marker of the same name is none.
-        others: all names in the file: who has both a shoulder and an arm means the collar bone by the first.
+        joints: our joint -> its child segment.
+        has_rotation: the file has its rotation: so it may be a camera, and not a marker of the same name.
+        others: all names in the file: beside an arm, the shoulder is the collar bone.
     """
     if (link := joints.get(name, name)) in links:
         return link, True
-    if turns and (camera := optical_frame(name)) in links:
+    if has_rotation and (camera := optical_frame(name)) in links:
         return camera, True
     if on := [link for link in links if name.startswith(f"{link}_")]:
         return max(on, key=len), False
-    word = _plain(name)
-    if word in {w for words in _CENTRAL.values() for w in words.split()}:
-        for kind, words in _CENTRAL.items():
-            if word in words.split() and kind in links:
-                return kind, False
+    word = _plain_word(name)
+    if word in _CENTRAL_WORDS:
+        return (_CENTRAL_WORDS[word], False) if _CENTRAL_WORDS[word] in links else None
+    side, stem = _split_side(word)
+    if not side or (stem == "shoulder" and any(_split_side(_plain_word(o)) == (side, "arm") for o in others)):
         return None
-    side, stem = _sided(word)
-    if side is None:
-        return None
-    if stem == "shoulder" and any(_sided(_plain(other)) == (side, "arm") for other in others):
-        return None
-    for table, is_centre in ((_SIDED_CENTRES, True), (_SIDED_MARKERS, False)):
-        for kind, words in table.items():
-            if stem in words.split():
-                segment = next((s for s in (f"{kind}_{side}", kind) if s in links), None)
-                return None if segment is None else (segment, is_centre)
-    return None
+    kind, is_centre = _WORDS[stem]
+    segment = next((s for s in (f"{kind}_{side}", kind) if s in links), None)
+    return None if segment is None else (segment, is_centre)
 
 
-def _plain(name: str) -> str:
-    """Lower case, without what separates words and without the name of the subject before a colon."""
+def _plain_word(name: str) -> str:
+    """Lower case, without separators and without the subject's name before a colon."""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"^.*:", "", name).lower().removeprefix("mixamorig"))
 
 
-def _sided(word: str) -> tuple[str | None, str]:
-    """Side and the rest of a plain word; the side may stand before or after, whole or as a letter."""
-    known = {w for table in (_SIDED_CENTRES, _SIDED_MARKERS) for words in table.values() for w in words.split()}
-    for side, marks in (("left", _LEFT), ("right", _RIGHT)):
-        for mark in marks:
+def _split_side(word: str) -> tuple[str, str]:
+    """Side and the known rest of a plain word, or "" twice; the side is first or last, whole or a letter."""
+    for side in ("left", "right"):
+        for mark in (side, side[0]):
             for stem in (word.removeprefix(mark), word.removesuffix(mark)):
-                if stem != word and stem in known:
+                if stem != word and stem in _WORDS:
                     return side, stem
-    return None, word
+    return "", ""
 
 
 _FITTED = "fitted"
 _MM_PER_M = 1000.0
 
 
-def places_of(
+def locate_points(
     captured: CapturedMotion, links: Collection[str], joints: Mapping[str, str], names: Path | None
-) -> dict[str, Place]:
-    """Name of a point -> where it is on the body, of all points that are known or that a user's file names.
+) -> dict[str, PointSite]:
+    """Name of a point -> its site on the body, of all points with well-known names or in a user's file.
 
     The file is a table: name in the other system -> our segment, joint or camera (its centre), or
-    ``{segment: S, at: [x, y, z]}`` (in the segment's axes [mm]), or ``{segment: S, at: fitted}`` (of a marker on it
-    whose place nobody measured), or null (left out).
+    ``{segment: S, at: [x, y, z]}`` (in the segment's axes [mm]), or ``{segment: S, at: fitted}`` (a marker at an
+    unknown position on it), or null (left out).
 
     Args:
         captured: the other system's motion.
         links: of the solved body.
-        joints: our joint -> the segment that hangs on it.
+        joints: our joint -> its child segment.
         names: the user's file, if there is one.
 
     Raises:
-        RecordingError: the file is malformed or names what is not there, or no point is known.
+        RecordingError: the file is malformed or has unknown names, or no point is known.
     """
-    found: dict[str, Place] = {}
+    found: dict[str, PointSite | None] = {}
     for name in captured.points:
-        if (known := known_link(name, links, joints, name in captured.rotations, captured.points)) is not None:
+        if (known := _known_link(name, links, joints, name in captured.rotations, captured.points)) is not None:
             link, is_centre = known
-            found[name] = Place(link, np.zeros(3) if is_centre else None)
+            found[name] = PointSite(link, np.zeros(3) if is_centre else None)
     if names is not None:
-        found = {name: place for name, place in (found | _told(names, captured, links, joints)).items() if place}
-    if not found:
+        found |= _read_names(names, captured, links, joints)
+    sites = {name: site for name, site in found.items() if site}
+    if not sites:
         raise RecordingError(
             f"{captured.path}: none of its names is known ({_some(captured.points)}); --points POINTS.yaml says which "
             f"of our segments each is: {_some(link for link in links if not link.endswith(CAMERA_SUFFIX))}"
         )
-    return found
+    return sites
 
 
-def _told(
+def _read_names(
     path: Path, captured: CapturedMotion, links: Collection[str], joints: Mapping[str, str]
-) -> dict[str, Place | None]:
+) -> dict[str, PointSite | None]:
     document = read_yaml(path, "table of names", RecordingError)
     if not isinstance(document, dict):
         raise RecordingError(f"{path}: expected a table, name in the other system -> our segment, joint or camera")
-    told: dict[str, Place | None] = {}
+    sites: dict[str, PointSite | None] = {}
     for name, value in document.items():
         if name not in captured.points:
             raise RecordingError(f"{path}: {captured.path.name} has no {shown(name)}; it has {_some(captured.points)}")
-        told[str(name)] = None if value is None else _place(path, str(name), value, links, joints)
-    return told
+        sites[str(name)] = None if value is None else _site(path, str(name), value, links, joints)
+    return sites
 
 
-def _place(path: Path, name: str, value: Any, links: Collection[str], joints: Mapping[str, str]) -> Place:
+def _site(path: Path, name: str, value: Any, links: Collection[str], joints: Mapping[str, str]) -> PointSite:
     table = value if isinstance(value, dict) else {"segment": value}
     if not {"segment"} <= set(table) <= {"segment", "at"}:
         raise RecordingError(f"{path}: {shown(name)}: expected a segment, or a table of segment and at")
@@ -186,10 +184,10 @@ def _place(path: Path, name: str, value: Any, links: Collection[str], joints: Ma
             f"{path}: {shown(name)}: the body has no segment, joint or camera {shown(word)}; it has {_some(joints)}, "
             f"{_some(set(links) - set(joints.values()))}"
         )
-    return Place(link, None if table.get("at") == _FITTED else _at(path, name, table.get("at", [0, 0, 0])))
+    return PointSite(link, None if table.get("at") == _FITTED else _position(path, name, table.get("at", [0, 0, 0])))
 
 
-def _at(path: Path, name: str, value: Any) -> Array:
+def _position(path: Path, name: str, value: Any) -> Array:
     try:
         at = np.array(value, np.float64) / _MM_PER_M
         if at.shape != (3,) or not np.isfinite(at).all():

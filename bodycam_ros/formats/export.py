@@ -1,0 +1,241 @@
+"""``bodycam export``: the table of its formats, and files that are written whole or not at all."""
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bodycam_ros.errors import OutputError, RecordingError, SettingsError
+from bodycam_ros.formats import bvh, c3d, csv, glb, mjcf, npz, opensim, ply, trc, tum, urdf, usd
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion, sample_motion
+from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.results.solved_body import plain_name, read_solved_body
+from bodycam_ros.whole_file import whole_files
+
+logger = logging.getLogger(__name__)
+
+Content = Mapping[str, str | bytes]
+"""Content of a file, under "", and of files beside it, under the suffix that they have instead of the file's own."""
+
+Make = Callable[[Path, MotionOptions, Progress], Content]
+"""Makes the content from a solved bag or, of formats without motion, from a body file."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format.
+
+    Attributes:
+        what: what it contains, and for which programs.
+        mark: what every such file has near its beginning.
+        content: makes it.
+        options: fields of ``MotionOptions`` that it uses.
+        beside: end of the names of files beside it -> the mark of such a file, and what it is.
+    """
+
+    what: str
+    mark: bytes
+    content: Make
+    options: frozenset[str] = frozenset()
+    beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
+
+
+def _motion(
+    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content], even: bool, with_equipment: bool = False
+) -> Make:
+    """Makes the content of the motion in a solved bag.
+
+    Args:
+        write: makes it of the sampled motion.
+        even: the file has a rate and no times.
+        with_equipment: it contains the equipment beside the body.
+    """
+
+    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
+        motion = sample_motion(read_solved_body(source, progress), options.rate, even)
+        if not with_equipment and motion.body.equipment_segments:
+            logger.warning(
+                "%s: %s, which are no part of the body, are left out; csv, npz, tum and ply have them",
+                source,
+                ", ".join(sorted(motion.body.equipment_segments)),
+            )
+        written = write(motion, options)
+        return {"": written} if isinstance(written, str | bytes) else written
+
+    return _bag_only(content)
+
+
+def _bag_only(make: Make) -> Make:
+    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
+        if source.is_file() and not urdf.is_bag(source):
+            raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
+        return make(source, options, progress)
+
+    return content
+
+
+_RATE = frozenset({"rate"})
+_FIGURE = frozenset({"rate", "pose", "names"})
+_MODEL = {opensim.MODEL_SUFFIX: (opensim.MODEL_MARK.encode(), "OpenSim model")}
+
+FORMATS: Mapping[str, Format] = {
+    "urdf": Format(
+        "the body, for RViz and every tool that reads robots",
+        b"<robot",
+        lambda source, options, progress: urdf.robot_description(source, options.mass),
+        options=frozenset({"mass"}),
+        beside={urdf.LOOPS_SUFFIX: (urdf.LOOPS_HEADER.encode(), "loops of a URDF")},
+    ),
+    "mjcf": Format(
+        "the body with its loops closed, for MuJoCo",
+        b"<mujoco",
+        lambda source, options, progress: {"": urdf.convert_body(source, mjcf.mjcf_text)},
+    ),
+    "bvh": Format(
+        "the motion as bones, for Blender, MotionBuilder, Maya",
+        bvh.MARK.encode(),
+        _motion(bvh.write_bvh, even=True),
+        options=_FIGURE | {"up", "scale"},
+    ),
+    "trc": Format(
+        "virtual markers, with a model (.osim) beside them, for OpenSim",
+        trc.MARK.encode(),
+        _motion(trc.write_trc, even=True),
+        options=_RATE,
+        beside=_MODEL,
+    ),
+    "mot": Format(
+        "joint angles, with the model (.osim) that they move beside them, for OpenSim",
+        opensim.MOTION_MARK.encode(),
+        _motion(opensim.write_mot, even=True),
+        options=_RATE,
+        beside=_MODEL,
+    ),
+    "c3d": Format(
+        "virtual markers, for the programs of motion laboratories",
+        c3d.SOFTWARE.encode(),
+        _motion(c3d.write_c3d, even=True),
+        options=_RATE | {"up"},
+    ),
+    "glb": Format(
+        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web",
+        glb.MARK.encode(),
+        _motion(glb.write_glb, even=False),
+        options=_FIGURE,
+    ),
+    "csv": Format(
+        "positions, quaternions and joint angles, a row per frame, for spreadsheets",
+        csv.MARK.encode(),
+        _motion(csv.write_csv, even=False, with_equipment=True),
+        options=_RATE,
+    ),
+    "tum": Format(
+        "the trajectory of the root, a segment or a camera, for evo",
+        tum.MARK.encode(),
+        _motion(tum.write_tum, even=False, with_equipment=True),
+        options=_RATE | {"segment"},
+        beside={".tum": (tum.MARK.encode(), "trajectory")},
+    ),
+    "npz": Format(
+        "everything as NumPy arrays",
+        npz.MARK,
+        _motion(npz.write_npz, even=False, with_equipment=True),
+        options=_RATE,
+    ),
+    "ply": Format(
+        "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare",
+        ply.MARK.encode(),
+        _bag_only(ply.write_ply),
+        options=_RATE,
+    ),
+    "usd": Format(
+        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya",
+        usd.MARK.encode(),
+        _motion(usd.write_usd, even=True),
+        options=_FIGURE,
+    ),
+}
+
+
+def export(
+    sources: Sequence[Path], format_name: str, output: Path, force: bool, options: MotionOptions, progress: Progress
+) -> list[Path]:
+    """Write solved bags or body files in a format, all files or none.
+
+    Args:
+        sources: what to export.
+        format_name: key of ``FORMATS``.
+        output: file to write; of several sources the folder, which is made, for a file each that is named after it.
+        force: replace earlier files of the same kind.
+        options: how motion is written.
+        progress: of reading.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        BodycamError: a source cannot be read or lacks what the format needs, the format does not use an option, two
+            sources have the same name, or the output cannot be written.
+    """
+    chosen = FORMATS[format_name]
+    _check_options(format_name, options)
+    outputs, folder = {output: sources[0]}, output.parent
+    if len(sources) > 1:
+        if output.exists() and not output.is_dir():
+            raise OutputError(f"{output}: is a file; several recordings are written into a folder")
+        outputs = {output / f"{name}.{format_name}": source for name, source in _unique_names(sources).items()}
+        folder = output
+    for path in outputs:
+        check_file(path, force, chosen.mark, format_name)
+    contents: dict[Path, bytes] = {}
+    for path, source in outputs.items():
+        contents |= _contents(source, path, chosen, options, progress)
+    unchanged = {path for path, content in contents.items() if path not in outputs and _is_same(path, content)}
+    for path in contents.keys() - outputs.keys() - unchanged:
+        check_output(path, sources, makes_folders=len(sources) > 1)
+        check_file(path, force, *next(beside for end, beside in chosen.beside.items() if path.name.endswith(end)))
+    stale = [urdf.find_stale_loops(path, contents) for path in outputs] if force and format_name == "urdf" else []
+    with whole_files(folder) as scratch:
+        for path in contents.keys() - unchanged:
+            (scratch / path.name).write_bytes(contents[path])
+    for loops in filter(None, stale):
+        urdf.remove_stale_loops(loops)
+    return list(contents)
+
+
+def _check_options(format_name: str, options: MotionOptions) -> None:
+    if unused := [option for option in options.given if option not in FORMATS[format_name].options]:
+        able = [name for name, form in FORMATS.items() if set(unused) <= form.options]
+        flags = ", ".join(f"--{option}" for option in unused)
+        hint = f"; {', '.join(able)} {'uses' if len(able) == 1 else 'use'} it" if able else ""
+        raise SettingsError(f"{flags} has no effect on {format_name}{hint}")
+
+
+def _contents(
+    source: Path, output: Path, chosen: Format, options: MotionOptions, progress: Progress
+) -> dict[Path, bytes]:
+    made = chosen.content(source, options, progress)
+    paths = {suffix: output.with_suffix(suffix) if suffix else output for suffix in made}
+    if twice := [path for path, count in Counter(paths.values()).items() if count > 1]:
+        raise OutputError(
+            f"{twice[0]}: would be two of the files to write; choose another name, or rename the segments"
+        )
+    return {
+        paths[suffix]: content.encode() if isinstance(content, str) else content for suffix, content in made.items()
+    }
+
+
+def _is_same(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+
+
+def _unique_names(sources: Sequence[Path]) -> Mapping[str, Path]:
+    """Name -> source; with as many of its folders as make all names differ."""
+    places = [source.resolve().with_name(plain_name(source)) for source in sources]
+    for length in range(1, 1 + max(len(place.parts) for place in places)):
+        names = ["_".join(place.parts[1:][-length:]) for place in places]
+        if len(set(names)) == len(names):
+            return dict(zip(names, sources, strict=True))
+    raise OutputError(f"{', '.join(map(str, sources))}: the same recording is given twice; give each once")

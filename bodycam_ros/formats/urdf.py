@@ -1,0 +1,126 @@
+"""URDF of a solved bag or a body file, and beside it the joints that close loops."""
+
+import logging
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from textwrap import indent
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_yaml import joints_text
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.body.urdf_document import BODY
+from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.errors import BodyError, OutputError, RecordingError
+from bodycam_ros.kinematics.joint import Joint, default_sigmas
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.results.topics import ROBOT, ROBOT_TYPE, published_robot
+from bodycam_ros.static_cameras.body_from_outside import person_masses
+
+logger = logging.getLogger(__name__)
+
+LOOPS_SUFFIX = ".loops.yaml"
+"""Of the file beside a URDF that has the joints that close loops."""
+
+LOOPS_HEADER = "# Joints that close loops, which the URDF beside this leaves open, as in a body file of bodycam.\n"
+
+_BAG_SUFFIXES = (".mcap", ".db3")
+
+
+def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, str]:
+    """The URDF of a source, from ``/robot_description`` of a bag or made of a body file, and its loops.
+
+    A warning names what URDF cannot represent.
+
+    Args:
+        source: bag or body file.
+        mass_kg: of the whole person [kg], for links with ``<inertial>``; None: there are none.
+
+    Raises:
+        BodyError: a body file that is missing or describes no body, or a body without a person's segments.
+        RecordingError: a bag that cannot be read, or that was not solved.
+    """
+    if is_bag(source):
+        text = _published(source)
+        with _source_named(source):
+            loops = body_from_urdf(text).loop_joints if f"<{BODY}>" in text else ()
+            text = text if mass_kg is None else _text(body_from_urdf(text), mass_kg)
+            return {"": text, **_loops_file(loops, source)}
+    body = read_body(source)
+    if own := [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]:
+        logger.warning("%s: joints %s have sigmas of their own, which no URDF carries", source, ", ".join(own))
+    with _source_named(source):
+        return {"": _text(body, mass_kg), **_loops_file(body.loop_joints, source)}
+
+
+def convert_body(source: Path, write: Callable[[BodyModel], str]) -> str:
+    """The text of the body of a bag or a body file; raises as ``robot_description`` does."""
+    body = None if is_bag(source) else read_body(source)
+    text = _published(source) if body is None else ""
+    with _source_named(source):
+        return write(body or body_from_urdf(text))
+
+
+def is_bag(source: Path) -> bool:
+    """Whether a source is a bag, and not a body file."""
+    return source.is_dir() or source.suffix in _BAG_SUFFIXES
+
+
+def find_stale_loops(output: Path, written: Collection[Path]) -> Path | None:
+    """The loops of an earlier URDF of this name, if the new one has none: they would be taken for its own."""
+    path = output.with_suffix(LOOPS_SUFFIX)
+    try:
+        is_ours = path not in written and path.is_file() and path.read_bytes().startswith(LOOPS_HEADER.encode())
+    except OSError:
+        return None
+    return path if is_ours else None
+
+
+def remove_stale_loops(path: Path) -> None:
+    """Remove the loops of an earlier URDF.
+
+    Raises:
+        OutputError: they cannot be removed.
+    """
+    try:
+        path.unlink()
+    except OSError as error:
+        raise OutputError(f"{path}: is of an earlier URDF, and cannot be removed: {error.strerror or error}") from error
+    logger.warning("%s: removed; it was of an earlier URDF, and the one beside it closes no loops", path)
+
+
+def _text(body: BodyModel, mass_kg: float | None) -> str:
+    return urdf_text(body, None if mass_kg is None else person_masses(body, mass_kg))
+
+
+def _published(path: Path) -> str:
+    with BagFile(path) as bag:
+        if text := published_robot(bag):
+            return text
+        raise RecordingError(
+            f"{path}: nothing on {ROBOT} ({ROBOT_TYPE}); expected a bag that 'bodycam replay' wrote, or a body YAML; "
+            f"there are: {', '.join(bag.topics) or 'no topics at all'}"
+        )
+
+
+@contextmanager
+def _source_named(source: Path) -> Iterator[None]:
+    try:
+        yield
+    except BodyError as error:
+        raise BodyError(f"{source}: {error}") from error
+
+
+def _loops_file(loops: Sequence[Joint], source: Path) -> dict[str, str]:
+    if not loops:
+        return {}
+    logger.warning(
+        "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which other "
+        "programs ignore, and in a file *%s beside it",
+        source,
+        ", ".join(joint.name for joint in loops),
+        BODY,
+        LOOPS_SUFFIX,
+    )
+    return {LOOPS_SUFFIX: f"{LOOPS_HEADER}joints:\n{indent(joints_text(loops), '  ')}"}
