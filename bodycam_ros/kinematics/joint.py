@@ -1,8 +1,7 @@
 """A joint: where it sits on two segments, and what it lets them do as one 6-vector of sigmas (DESIGN 4.2).
 
 A joint has a frame on each of its two segments. Ball, hinge, weld and free differ only in which of the six sigmas
-between those frames are loose, so the solver needs no code of its own for any of them: ``measured_relative_pose`` and
-``information`` are the two arguments of a ``BetweenFactorPose3``.
+between those frames are loose, so the estimator needs no code of its own for any of them.
 """
 
 from dataclasses import dataclass, field
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, adjoint, hat, inverse, rigid
+from bodycam_ros.geometry import Array, adjoint, hat, inverse
 from bodycam_ros.shown import shown
 
 JointType = Literal["ball", "hinge", "weld", "free"]
@@ -146,29 +145,13 @@ class Joint:
     def information(self) -> Array:
         """(6, 6) Ad' diag(1 / sigma^2) Ad with Ad = Ad(child_T_joint^-1) (DESIGN 4.2), of the joint's residual.
 
-        The residual is ``log_se3(inverse(measured) @ parent_T_child)``, a tangent of the child segment: rotation first,
-        gtsam's ``BetweenFactorPose3``. A hinge's sigmas are along its axis first, then across.
+        The residual is a tangent of the child segment, rotation first. A hinge's sigmas are along its axis, then across.
         """
         along_axis = np.eye(6)
         along_axis[:3, :3] = self.axes_of_rotation
         whitened = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ adjoint(self.joint_T_child)
         information: Array = whitened.T @ whitened
         return information
-
-    def measured_relative_pose(self, parent_T_child: Array) -> Array:
-        """The pose (..., 4, 4) of the child in the parent that closes the joint and keeps its present rotation.
-
-        measured = parent_T_joint R child_T_joint^-1, where R is the part of the present joint rotation that the type
-        permits (DESIGN 4.2). Its residual against ``parent_T_child`` holds the gap and the forbidden rotation only.
-
-        Args:
-            parent_T_child: (..., 4, 4) present estimate; its rotation must be orthonormal.
-        """
-        if self.type == "free":
-            return parent_T_child.copy()
-        rotation = self.permitted_rotation(self.joint_rotation(parent_T_child[..., :3, :3]))
-        measured: Array = self.parent_T_joint @ rigid(rotation, np.zeros(3)) @ self.joint_T_child
-        return measured
 
     def joint_rotation(self, parent_R_child: Array) -> Array:
         """Joint rotation (..., 3, 3) of a rotation of the child segment in the parent segment (..., 3, 3)."""

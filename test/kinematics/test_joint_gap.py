@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from closed_joint import closed_pose
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.joint import Joint, JointType
@@ -16,7 +17,7 @@ def test_a_gap_is_zero_for_what_the_type_permits_and_only_then(kind: JointType) 
     random = np.random.default_rng(2)
     joint = any_joint(kind, random)
     world_T_parent = exp_se3(random.normal(size=6))
-    closed = world_T_parent @ joint.measured_relative_pose(exp_se3(random.normal(size=6)))
+    closed = world_T_parent @ closed_pose(joint, exp_se3(random.normal(size=6)))
     np.testing.assert_allclose(joint_gap(joint, world_T_parent, closed), 0.0, atol=1e-12)
     shifted = closed.copy()
     shifted[:3, 3] += [0.0, 0.03, 0.04]
