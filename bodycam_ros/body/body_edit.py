@@ -3,7 +3,6 @@
 In the N-pose a correction moves one thing and leaves everything else where it was, whatever hangs on it.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -50,27 +49,29 @@ def move_joint(body: BodyModel, name: str, parent_T_joint: Array) -> BodyModel:
     # In the N-pose all joint rotations are the identity.
     parent_T_child = joint.parent_T_joint @ joint.joint_T_child
     if joint in body.loop_joints:
-        child_T_joint = inverse(parent_T_child) @ parent_T_joint
-        return _with_joints(body, lambda other: _placed(other, parent_T_joint, child_T_joint, other is joint))
+        moved = replace(joint, parent_T_joint=parent_T_joint, child_T_joint=inverse(parent_T_child) @ parent_T_joint)
+        return replace(body, joints=tuple(moved if other is joint else other for other in body.joints))
 
-    shift = parent_T_child[:3, :3].T @ (parent_T_joint[:3, 3] - joint.parent_T_joint[:3, 3])
+    child_R_parent = parent_T_child[:3, :3].T
+    shift = child_R_parent @ (parent_T_joint[:3, 3] - joint.parent_T_joint[:3, 3])
     moved_T_child = rigid(np.eye(3), -shift)  # the child's frame after the correction, and before
-    child_R_joint = parent_T_child[:3, :3].T @ parent_T_joint[:3, :3]
-    moved_T_joint = rigid(child_R_joint, joint.child_T_joint[:3, 3])
+    moved_T_joint = rigid(child_R_parent @ parent_T_joint[:3, :3], joint.child_T_joint[:3, 3])
 
     def corrected(other: Joint) -> Joint:
         if other is joint:
-            return _placed(other, parent_T_joint, moved_T_joint)
-        other = _placed(other, moved_T_child @ other.parent_T_joint, other.child_T_joint, other.parent == joint.child)
-        return _placed(other, other.parent_T_joint, moved_T_child @ other.child_T_joint, other.child == joint.child)
+            return replace(joint, parent_T_joint=parent_T_joint, child_T_joint=moved_T_joint)
+        if other.parent == joint.child:
+            return replace(other, parent_T_joint=moved_T_child @ other.parent_T_joint)
+        if other.child == joint.child:
+            return replace(other, child_T_joint=moved_T_child @ other.child_T_joint)
+        return other
 
     mounts = {
         camera: replace(mount, segment_T_camera=moved_T_child @ mount.segment_T_camera)
-        if mount.segment == joint.child
-        else mount
         for camera, mount in body.mounts.items()
+        if mount.segment == joint.child
     }
-    return replace(_with_joints(body, corrected), mounts=mounts)
+    return replace(body, joints=tuple(map(corrected, body.joints)), mounts={**body.mounts, **mounts})
 
 
 def joint_named(body: BodyModel, name: str) -> Joint:
@@ -83,15 +84,3 @@ def joint_named(body: BodyModel, name: str) -> Joint:
         if joint.name == name:
             return joint
     raise BodyError(f"no joint {name} in this body; there are {', '.join(j.name for j in body.joints) or 'none'}")
-
-
-def _with_joints(body: BodyModel, corrected: Callable[[Joint], Joint]) -> BodyModel:
-    return replace(body, joints=tuple(corrected(joint) for joint in body.joints))
-
-
-def _placed(joint: Joint, parent_T_joint: Array, child_T_joint: Array, concerned: bool = True) -> Joint:
-    """The joint at another place if it is concerned."""
-    if not concerned:
-        return joint
-    # A new joint, because the old one remembers what it derived from its place.
-    return replace(joint, parent_T_joint=parent_T_joint, child_T_joint=child_T_joint)

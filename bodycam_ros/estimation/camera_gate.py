@@ -15,7 +15,7 @@ from bodycam_ros.estimation.measurements import SegmentPoses
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
-GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
+_GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
 _UNOBSERVED = 1.0  # [rad], [m] sigma of a predicted limb without measurements: no reason to reject its camera
 _DOWN_WEIGHT = 0.006  # of a camera that errs by more than ten times its sigmas
@@ -64,7 +64,7 @@ def gate_cameras(
             break
         off, known = r[kept] - J[kept] @ step, J[kept] @ C @ np.swapaxes(J[kept], 1, 2)
         squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread[kept] - known, off[..., None])[..., 0])
-        if squared.max() < GATE:
+        if squared.max() < _GATE:
             break
         worst = kept[int(np.argmax(squared))]
         weights[worst] = _DOWN_WEIGHT if weights[worst] == 1.0 else 0.0

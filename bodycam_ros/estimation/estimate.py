@@ -1,4 +1,4 @@
-"""The body at one instant as coordinates, their velocities and one covariance; and how two instants hang together.
+"""The body in one state as coordinates, their velocities and one covariance; and the covariance of two states.
 
 The coordinates are those of ``kinematics``: the pose of the root and the motion of every joint. So joints are closed in
 every state, and the covariance of any segment follows from the same matrix.
@@ -54,10 +54,10 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """Two instants that follow each other, both as they were known before the later one was measured.
+    """Two states that follow each other, both given all but the later one's measurements.
 
     Attributes:
-        before, after: of the earlier and of the later instant.
+        before, after: the earlier and the later state.
         cross: (2K, 2K) covariance of the later with the earlier.
     """
 
@@ -70,13 +70,13 @@ class Transition:
         return np.asarray(np.linalg.solve(self.after.covariance, self.cross).T, np.float64)
 
     def fitted(self, tangent: TreeTangent, after: Estimate) -> "Transition":
-        """The same two instants when the later one was measured."""
+        """The same two states given the later one's measurements."""
         return Transition(self.smoothed(tangent, after), after, after.covariance @ self._gain.T)
 
     def smoothed(self, tangent: TreeTangent, after: Estimate, covariance: bool = True) -> Estimate:
-        """The earlier instant given what is known of the later one by now (Rauch, Tung, Striebel 1965).
+        """The earlier state given another estimate of the later one (Rauch, Tung, Striebel 1965).
 
-        It is the back-substitution of a factor graph that is a chain of instants.
+        It is the back-substitution of a factor graph that is a chain of states.
         """
         step = self._gain @ self.after.at.step_to(tangent, after.at)
         at = self.before.at.moved(tangent, step)
@@ -86,21 +86,18 @@ class Transition:
         return Estimate(at, self.before.covariance + change)
 
 
-_ALIKE_S = 0.3
-"""Errors of registrations fade so slowly (0.9 from image to image at 30 Hz), so that differences err far less."""
-
-_BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)
-"""[rad], [m] error of the calibrated body itself, which no registration knows of, the same at all instants."""
+_CORRELATED_S = 0.3  # errors of registrations last so long (0.9 from image to image at 30 Hz): differences err less
+_BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)  # [rad], [m] of the calibrated body, the same in all states
 
 
-def body_uncertainty(estimate: Estimate, tangent: TreeTangent, dt_s: float, root_seen: bool) -> BodyUncertainty:
-    """Covariances of a estimate.
+def body_uncertainty(estimate: Estimate, tangent: TreeTangent, dt_s: float, root_observed: bool) -> BodyUncertainty:
+    """Covariances of an estimate.
 
     Args:
-        estimate: of the instant.
+        estimate: of the state.
         tangent: its coordinates.
-        dt_s: since the instant before [s]; 0 where there is none.
-        root_seen: whether a camera on the root is believed.
+        dt_s: since the state before [s]; 0 where there is none.
+        root_observed: whether a camera observes the root.
     """
     K, P = tangent.count, estimate.covariance
     J = tangent.segment_jacobians(estimate.at.poses(tangent))
@@ -111,7 +108,7 @@ def body_uncertainty(estimate: Estimate, tangent: TreeTangent, dt_s: float, root
         joints[row] = turns @ P[columns, columns] @ turns.T
     root = segments[tangent.tree.segment_index[tangent.tree.root]]
     twist = P[K : K + 6, K : K + 6].copy()
-    if root_seen and dt_s > 0.0:
+    if root_observed and dt_s > 0.0:
         # The difference of two poses whose errors are nearly the same.
-        twist = 2.0 * (1.0 - np.exp(-dt_s / _ALIKE_S)) / dt_s**2 * root
+        twist = 2.0 * (1.0 - np.exp(-dt_s / _CORRELATED_S)) / dt_s**2 * root
     return BodyUncertainty(root, twist, joints, segments)

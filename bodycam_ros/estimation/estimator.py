@@ -18,7 +18,7 @@ from bodycam_ros.body_state import BodyFrame, BodyNow, BodyState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, measured_turns
-from bodycam_ros.estimation.camera_gate import GATE, gate_cameras
+from bodycam_ros.estimation.camera_gate import gate_cameras
 from bodycam_ros.estimation.chain import ChainState, Step, first_poses, predict_step, smooth
 from bodycam_ros.estimation.contact import ContactSettings, FootContacts
 from bodycam_ros.estimation.coupling import Coupling
@@ -178,7 +178,7 @@ class BodyEstimator:
     ) -> ChainState:
         """One state: gate the cameras, collect the other measurements, fit, then add contacts."""
         static, tangent, ends = self._static, self._tangent, self.body.joint_ends
-        accepted, step, start = self._gate(registered, step)
+        accepted, start = self._gate(registered, step)
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
         step, poses, start = self._add_static_cameras(frame, step, start, known, on_body)
@@ -215,17 +215,10 @@ class BodyEstimator:
         self.lately = [*self.lately[-1:], now]
         return state
 
-    def _gate(
-        self, registered: Mapping[str, SegmentPose], step: Step
-    ) -> tuple[Mapping[str, SegmentPose], Step, Coordinates]:
-        """The cameras that pass the chi-square gate, and the coordinates that fit them.
-
-        A joint that was unobserved, and is measured far from its prediction, did not move so in one frame: its motion
-        restarts.
-        """
-        unobserved = self._unobserved_columns()
+    def _gate(self, registered: Mapping[str, SegmentPose], step: Step) -> tuple[dict[str, SegmentPose], Coordinates]:
+        """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        gated = gate_cameras(step.after, poses, self._tangent, unobserved)
+        gated = gate_cameras(step.after, poses, self._tangent, self._unobserved_columns())
         weights = dict(zip(registered, gated.weights.tolist(), strict=True))
         self.refused.update(name for name, weight in weights.items() if weight < 1.0)
         accepted = {
@@ -233,14 +226,7 @@ class BodyEstimator:
             for name, pose in registered.items()
             if weights[name] > 0.0
         }
-        apart = step.after.at.step_to(self._tangent, gated.at)
-        restarted, motion = np.zeros(self._tangent.count, bool), step.after.at.motion.copy()
-        both_ends = self.body.named(pose.segment for pose in accepted.values())[self.body.joint_ends].all(axis=1)
-        for row in np.flatnonzero(both_ends):
-            at = self._tangent.columns[row]
-            if unobserved[at].any() and apart[at] @ np.linalg.solve(step.after.covariance[at, at], apart[at]) > GATE:
-                restarted[at], motion[row] = True, gated.at.motion[row]
-        return accepted, self._restart_columns(step, replace(step.after.at, motion=motion), restarted), gated.at
+        return accepted, gated.at
 
     def _unobserved_columns(self) -> Mask:
         """(K,) coordinates that nothing measured in the state before: no reason to reject a camera that does now."""

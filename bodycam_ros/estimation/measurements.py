@@ -268,21 +268,17 @@ class MountedCameras:
 
     def absolute_evidence(self, matches: Iterable[LandmarkMatches]) -> dict[str, SegmentPose]:
         """Camera -> measured pose of its segment, of registered cameras on the body."""
-        poses, covariances, rows = [], [], []
-        for said in matches:
-            if said.world_T_camera is not None and said.camera in self._row:
-                poses.append(said.world_T_camera)
-                covariances.append(said.pose_covariance)
-                rows.append(self._row[said.camera])
-        if not rows:
+        registered = [m for m in matches if m.world_T_camera is not None and m.camera in self._row]
+        if not registered:
             return {}
-        world_T_segment = np.array(poses) @ self._camera_T_segment[rows]
+        rows = [self._row[each.camera] for each in registered]
+        world_T_segment = np.array([each.world_T_camera for each in registered]) @ self._camera_T_segment[rows]
         Ad = self._segment_xi_camera[rows]
-        on_segment = Ad @ (np.array(covariances) + self._floor) @ np.swapaxes(Ad, -1, -2)
-        cameras = list(self._mounts)
+        covariances = np.array([each.pose_covariance for each in registered]) + self._floor
+        on_segment = Ad @ covariances @ np.swapaxes(Ad, -1, -2)
         return {
-            cameras[row]: SegmentPose(self._mounts[cameras[row]].segment, pose, covariance)
-            for row, pose, covariance in zip(rows, world_T_segment, on_segment, strict=True)
+            each.camera: SegmentPose(self._mounts[each.camera].segment, pose, covariance)
+            for each, pose, covariance in zip(registered, world_T_segment, on_segment, strict=True)
         }
 
 
@@ -291,10 +287,6 @@ def measured_poses(
 ) -> NDArray[np.float64]:
     """Poses (S, 4, 4) with segments where the camera of the least covariance measured them."""
     poses = predicted.copy()
-    surest: dict[int, float] = {}
-    for seen in evidence:
-        row, spread = body.segment_index[seen.segment], float(np.trace(seen.covariance))
-        if spread < surest.get(row, np.inf):
-            surest[row] = spread
-            poses[row] = seen.world_T_segment
+    for each in sorted(evidence, key=lambda pose: -float(np.trace(pose.covariance))):
+        poses[body.segment_index[each.segment]] = each.world_T_segment
     return poses

@@ -85,7 +85,7 @@ class MotionModel:
         return density
 
     def restarted(self, estimate: Estimate, at: Coordinates, columns: NDArray[np.bool_]) -> Estimate:
-        """The estimate about other coordinates, of which some columns (K,) begin anew."""
+        """The estimate about other coordinates, of which some columns (K,) are initial."""
         both = np.concatenate([columns, columns])
         covariance = estimate.covariance.copy()
         covariance[both], covariance[:, both] = 0.0, 0.0
@@ -93,7 +93,7 @@ class MotionModel:
         return Estimate(Coordinates(at.root, at.motion, np.where(columns, 0.0, at.velocity)), covariance)
 
     def initial(self, root: Array, motion: Array) -> Estimate:
-        """A body that begins at a pose (4, 4) and joint motions (J, 4, 4): known by its measurements alone."""
+        """The first state, at a pose (4, 4) and joint motions (J, 4, 4), which its measurements determine alone."""
         at = Coordinates(root, motion, np.zeros(self.tangent.count))
         return Estimate(at, np.diag(self._first**2))
 
@@ -114,7 +114,7 @@ class MotionModel:
 
 
 def predict(world_T_segment_before: Array, world_T_segment: Array, before_s: float, ahead_s: float) -> Array:
-    """Poses (S, 4, 4) at the fading velocity of poses at two instants.
+    """Poses (S, 4, 4) at the fading velocity of two states.
 
     Args:
         world_T_segment_before: (S, 4, 4) the earlier poses.

@@ -135,7 +135,7 @@ class SmootherSettings:
         1.0,
         unit="s",
         limits=(0.05, 10.0),
-        reason="a silence of all cameras up to this long is bridged; after a longer one the body begins anew",
+        reason="a gap without images up to this long is filled; after a longer one the body is initialised again",
     )
 
     @property

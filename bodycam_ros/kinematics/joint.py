@@ -145,7 +145,7 @@ class Joint:
     def information(self) -> Array:
         """(6, 6) Ad' diag(1 / sigma^2) Ad with Ad = Ad(child_T_joint^-1) (DESIGN 4.2), of the joint's residual.
 
-        The residual is a tangent of the child segment, rotation first. A hinge's sigmas are along its axis, then across.
+        The residual is a tangent of the child segment, rotation first. A hinge's sigmas are along its axis first.
         """
         along_axis = np.eye(6)
         along_axis[:3, :3] = self.axes_of_rotation
