@@ -15,7 +15,7 @@ from bodycam_ros.errors import RecordingError, StationError
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.agree import AgreementOptions
+    from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.evaluate.evaluation import Evaluation
     from bodycam_ros.evaluate.outside_picture import OutsideFiles
     from bodycam_ros.mapping.progress import Progress
@@ -141,7 +141,7 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
     Raises:
         RecordingError: an option of the truth is given without one.
     """
-    from bodycam_ros.evaluate.agree import AgreementOptions
+    from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.formats.read_captured import is_captured
 
     if arguments.truth is None:

@@ -1,37 +1,70 @@
-"""A solved recording beside what another system captured of the same motion."""
+"""Comparison of a solved recording with what another system captured of the same motion (A section 5.1)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.urdf import CAMERA_SUFFIX
+from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.alignment import (
+    NONE,
+    SIMILARITY,
+    Alignment,
+    BodyPoints,
+    align_worlds,
+    alignment_error,
+    find_motion_clock,
+    rate_shared_clock,
+)
+from bodycam_ros.evaluate.angle_agreement import AngleAgreement, compare_centre_angles, compare_rotations
 from bodycam_ros.evaluate.clock_search import Clock
+from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_camera
+from bodycam_ros.formats.captured_motion import CapturedMotion
+from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array
+from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.results.topics import read_published_body
 
-SIMILARITY, RIGID, NONE = ALIGNMENTS = ("similarity", "rigid", "none")
-"""How our world is brought to the other system's: with a scale (A section 5.1), without, or not at all."""
+_UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
+"""Metres, centimetres, millimetres, inches, and the unit of the motions of Carnegie Mellon University."""
 
-_LEAST_LEAD = 2.5
-"""Of a match that is none of chance: one search in fifty reaches it by chance, by nine rates and some 20 offsets."""
+_MIN_LEAD = 2.5
+"""Of a clock offset; by nine rates and some 20 offsets, one search in fifty reaches it by chance."""
 
-_LARGEST_SIGMA_S = 0.05
-"""Of the clock offset: joints that move alike leave some milliseconds, noisy markers 20 ms."""
+_MAX_SIGMA_S = 0.05
+"""Of the clock offset: joints leave some milliseconds, noisy markers 20 ms."""
 
-_LARGEST_SCALE = 0.05
+_MAX_SCALE = 0.05
 """Two systems that measured one person differ by less: a board printed wrong by 1 or 2 %."""
+
+
+@dataclass(frozen=True)
+class AgreementOptions:
+    """How another system's motion is compared.
+
+    Attributes:
+        align: which of ``ALIGNMENTS`` aligns our world with theirs.
+        shares_clock: its stamps are of our clock; else offset and rate are found.
+        names: the user's table of names.
+    """
+
+    align: str = SIMILARITY
+    shares_clock: bool = False
+    names: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class PointAgreement:
-    """A joint, a marker or a camera over T instants, in the other system's world.
+    """A joint, a marker or a camera over T frames, in the other system's world.
 
     Attributes:
         name: in the other system.
         link: of ours that it is on.
-        is_fitted: where on the link it is was fitted, so that no constant error shows.
-        ours, theirs: (T, 3) [m]; theirs NaN where it was not seen.
+        is_fitted: its offset on the link was fitted, so that no constant error shows.
+        ours, theirs: (T, 3) [m]; theirs NaN where unknown.
     """
 
     name: str
@@ -42,50 +75,31 @@ class PointAgreement:
 
     @property
     def is_camera(self) -> bool:
-        """Whether it is the centre of a worn camera."""
+        """Whether it is the centre of a body camera."""
         return self.link.endswith(CAMERA_SUFFIX)
 
     @property
     def errors(self) -> Array:
-        """(T,) [m] distance; NaN where it was not seen."""
+        """(T,) [m] distance; NaN where unknown."""
         distance: Array = np.linalg.norm(self.ours - self.theirs, axis=1)
         return distance
 
 
 @dataclass(frozen=True, eq=False)
-class AngleAgreement:
-    """A joint over T instants.
-
-    Attributes:
-        segment: that hangs on it.
-        ours, theirs: (T, 3) angles [rad] in the anatomical planes; NaN where they are not known.
-        ours_turned, theirs_turned: (T,) [rad] by how much it has turned since the first instant (A figure 7a).
-        from_points: told by centres of joints alone, not by rotations of bones.
-    """
-
-    segment: str
-    ours: Array
-    theirs: Array
-    ours_turned: Array
-    theirs_turned: Array
-    from_points: bool
-
-
-@dataclass(frozen=True, eq=False)
 class Agreement:
-    """Ours and theirs at the T instants that both have.
+    """Ours and theirs at the T frames that both have.
 
     Attributes:
         name: of what it is compared with.
         kind: its format: "TRC".
         stamps_ns: (T,) of ours [ns].
         clock: of theirs by ours.
-        align: which of ``ALIGNMENTS`` brought our world to theirs.
-        scale: of theirs over ours, as a similarity has it; errors are free of it only with that alignment.
-        unit_m: metres of the unit that the file was found to be in; None where it says.
+        align: which of ``ALIGNMENTS`` aligned our world with theirs.
+        scale: of theirs over ours, by a similarity; errors are free of it only with that alignment.
+        unit_m: estimated unit of the file [m]; None where the file declares it.
         points: joints, markers and cameras.
         angles: joints.
-        left_out: names of theirs that nobody knows.
+        left_out: unknown names of theirs.
         rigid_error: mean position error of joints [m] without a scale; NaN with ``none``.
     """
 
@@ -103,28 +117,28 @@ class Agreement:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Why the two may not be of the same motion, and what to do; empty where nothing speaks against it."""
-        found = []
-        if self.clock.start_sigma_s > 0.0 and self.clock.lead < _LEAST_LEAD:
-            found.append(
-                f"the best clock offset is hardly better than the second best (by {self.clock.lead:.1f} standard "
-                f"deviations of chance, expected {_LEAST_LEAD:g} or more)"
+        """Why the two may be of different motions, and what to do; empty where nothing indicates it."""
+        clock, doubts = self.clock, []
+        if clock.start_sigma_s > 0.0 and clock.lead < _MIN_LEAD:
+            doubts.append(
+                f"the best clock offset is hardly better than the second best (by {clock.lead:.1f} standard "
+                f"deviations of chance, expected {_MIN_LEAD:g} or more)"
             )
-        if self.clock.start_sigma_s > _LARGEST_SIGMA_S:
-            found.append(
-                f"the clock offset is known to +-{1e3 * self.clock.start_sigma_s:.0f} ms only, expected "
-                f"{1e3 * _LARGEST_SIGMA_S:.0f} ms or less"
+        if clock.start_sigma_s > _MAX_SIGMA_S:
+            doubts.append(
+                f"the clock offset is known to +-{1e3 * clock.start_sigma_s:.0f} ms only, expected "
+                f"{1e3 * _MAX_SIGMA_S:.0f} ms or less"
             )
-        if abs(self.scale - 1.0) > _LARGEST_SCALE:
-            found.append(
-                f"the scale is {100.0 * (self.scale - 1.0):+.1f} %, expected {100.0 * _LARGEST_SCALE:.0f} % or less"
+        if abs(self.scale - 1.0) > _MAX_SCALE:
+            doubts.append(
+                f"the scale is {100.0 * (self.scale - 1.0):+.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less"
             )
         remedy = "is it of the same recording and person, and is each point the right one (--points)?"
-        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in found)
+        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in doubts)
 
     @property
     def joints(self) -> tuple[PointAgreement, ...]:
-        """Centres of joints, of which constant errors show, too; without any, markers, and without these cameras."""
+        """Joint centres, whose constant errors show; without any, markers, and without these cameras."""
         body = tuple(point for point in self.points if not point.is_camera)
         return tuple(point for point in body if not point.is_fitted) or body or self.points
 
@@ -135,65 +149,180 @@ class Agreement:
 
     @property
     def angle_errors(self) -> Mapping[str, Array]:
-        """Segment -> (T,) [rad] the paper's measure: of by how much a joint has turned since the first instant."""
+        """Segment -> (T,) [rad] the paper's measure: of the turn of a joint since the first frame."""
         return {angle.segment: np.abs(angle.ours_turned - angle.theirs_turned) for angle in self.angles}
 
 
-_WITHIN = 1.96
+def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, options: AgreementOptions) -> Agreement:
+    """Compare with what another system captured.
 
-
-@dataclass(frozen=True)
-class LimitsOfAgreement:
-    """Bland and Altman 1986: the mean difference of two ways to measure, and where 95 % of the differences lie.
-
-    Attributes:
-        bias: mean of ours less theirs.
-        low, high: bias less and more 1.96 standard deviations.
-        rmse: root of the mean square of the differences.
+    Raises:
+        RecordingError: names, times or motion do not fit each other.
     """
-
-    bias: float
-    low: float
-    high: float
-    rmse: float
-
-    @classmethod
-    def of(cls, ours: Array, theirs: Array) -> "LimitsOfAgreement":
-        """The agreement of values of the same shape; those that are NaN in either do not count."""
-        difference = (ours - theirs)[np.isfinite(ours - theirs)]
-        if not difference.size:
-            return cls(*[np.nan] * 4)
-        bias, sd = float(difference.mean()), float(difference.std())
-        return cls(bias, bias - _WITHIN * sd, bias + _WITHIN * sd, float(np.sqrt((difference**2).mean())))
-
-
-_UNITS = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inches"}
-
-
-def agreement_lines(agreement: Agreement) -> list[str]:
-    """How the two were compared, in sentences."""
-    clock = agreement.clock
-    when = f"Their first frame is at {clock.start_s:.3f} s of this recording"
-    if clock.start_sigma_s == 0.0:
-        when += ", as its stamps say."
+    links = [*solved.urdf.segments, *map(optical_frame, solved.urdf.cameras)]
+    joints = {joint.name: joint.child for joint in read_published_body(solved.path).tree_joints}
+    places = locate_points(captured, links, joints, options.names)
+    unit: float | None = None
+    if not captured.has_unit:
+        unit = _estimate_unit(solved, captured, places)
+        captured = captured.scaled(unit)
+    body = _body_points(solved, places)
+    if options.shares_clock:
+        clock = rate_shared_clock(body, captured, solved.start_ns)
+    elif len(solved.stamps_ns) < 2:
+        raise RecordingError(f"{solved.path}: has one frame; finding the clock offset needs two or more")
     else:
-        rate = "counts as ours"
-        if clock.rate != 1.0:
-            rate = f"counts seconds of {clock.rate:.5f} s (+-{clock.rate_sigma:.5f})"
-        when += f" (+-{1e3 * clock.start_sigma_s:.1f} ms), and their clock {rate}."
-    scale = f"{agreement.scale:.4f} ({100.0 * (agreement.scale - 1.0):+.2f} %)"
-    if agreement.align == NONE:
-        where = f"Worlds are taken to be the same; a similarity would have a scale of {scale}."
-    elif agreement.align == SIMILARITY:
-        rigid = f"{100.0 * agreement.rigid_error:.2f} cm"
-        where = f"Worlds are aligned by a similarity of scale {scale}; without it joints are {rigid} off on average."
-    else:
-        where = f"Worlds are aligned rigidly; a similarity would have a scale of {scale}."
-    lines = [f"{when} {where} {len(agreement.stamps_ns)} frames are compared."]
-    if agreement.unit_m is not None:
-        unit = _UNITS.get(agreement.unit_m, f"{agreement.unit_m:.4f} m")
-        lines.append(f"The file does not say its unit; by the size of the body it is {unit}.")
-    if agreement.left_out:
-        some = ", ".join(agreement.left_out[:12]) + (" ..." if len(agreement.left_out) > 12 else "")
-        lines.append(f"Not compared, because their names are unknown (--points maps them): {some}.")
-    return lines
+        clock = find_motion_clock(body, captured)
+    theirs = body.theirs(captured, clock)
+    known: NDArray[np.bool_] = np.any(np.isfinite(theirs).all(axis=2), axis=1)
+    if not known.any():
+        raise RecordingError(
+            f"{captured.path}: has nothing from the time of {solved.path}: by this clock it goes from "
+            f"{clock.start_s:.3f} to {clock.start_s + clock.rate * captured.duration_s:.3f} s of it; without "
+            "--clock shared the offset is found"
+        )
+    body, theirs = _body_points(solved, places, known), theirs[known]
+    try:
+        world = align_worlds(body, theirs, options.align)
+        similarity = align_worlds(body, theirs, options.align, with_scale=True)
+        rigid = align_worlds(body, theirs, options.align, with_scale=False)
+    except ValueError as error:
+        raise alignment_error(captured, body) from error
+    points = _compare_points(body, theirs, world)
+    agreement = Agreement(
+        name=captured.path.resolve().name,
+        kind=captured.kind,
+        stamps_ns=solved.stamps_ns[known],
+        clock=clock,
+        align=options.align,
+        scale=similarity.scale,
+        unit_m=unit,
+        points=points,
+        angles=_compare_angles(solved, captured, clock, places, points, known),
+        left_out=tuple(name for name in captured.points if name not in places),
+        rigid_error=np.nan,
+    )
+    if options.align == NONE:
+        return agreement
+    errors = replace(agreement, points=_compare_points(body, theirs, rigid)).position_errors
+    return replace(agreement, rigid_error=float(np.nanmean(errors)))
+
+
+def compare_with_truth(
+    solved: SolvedRecording, truth: TrueMotion, options: AgreementOptions
+) -> tuple[Agreement, TrueMotion]:
+    """Compare with a recording's truth as with any other system; also the truth with stamps of our clock.
+
+    Raises:
+        RecordingError: they share no time or too few segments, or the truth's cameras are malformed.
+    """
+    poses = dict(truth.world_T_segment)
+    for camera in solved.urdf.cameras:
+        if (camera_poses := read_true_camera(truth, camera)) is not None:
+            poses[optical_frame(camera)] = camera_poses
+    rotations = {name: np.ascontiguousarray(poses[name][:, :3, :3]) for name in truth.world_T_segment}
+    captured = _captured_truth(truth, poses, rotations)
+    agreement = replace(compare_with_captured(solved, captured, options), name=truth.recording)
+    if options.shares_clock:
+        return agreement, truth
+    start_ns = solved.start_ns + round(1e9 * agreement.clock.start_s)
+    since_ns = np.rint(agreement.clock.rate * (truth.stamps_ns - truth.stamps_ns[0])).astype(np.int64)
+    return agreement, replace(truth, stamps_ns=start_ns + since_ns)
+
+
+def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
+    """The clock of a truth with stamps of our clock, with the chance that it is of another motion.
+
+    Raises:
+        RecordingError: they agree no better than at other offsets in time.
+    """
+    segments = [segment for segment in solved.urdf.segments if segment in truth.world_T_segment]
+    captured = _captured_truth(truth, {segment: truth.world_T_segment[segment] for segment in segments}, {})
+    places = {segment: PointSite(segment, np.zeros(3)) for segment in segments}
+    return rate_shared_clock(_body_points(solved, places), captured, solved.start_ns)
+
+
+def _captured_truth(truth: TrueMotion, poses: Mapping[str, Array], rotations: Mapping[str, Array]) -> CapturedMotion:
+    points = {name: np.ascontiguousarray(each[:, :3, 3]) for name, each in poses.items()}
+    return CapturedMotion(truth.path, "truth", truth.stamps_ns, points, rotations)
+
+
+def _body_points(
+    solved: SolvedRecording, places: Mapping[str, PointSite], rows: NDArray[np.bool_] | slice = slice(None)
+) -> BodyPoints:
+    links = {place.link: solved.world_T_link[place.link][rows] for place in places.values()}
+    return BodyPoints(np.asarray(solved.seconds(solved.stamps_ns[rows])), links, places)
+
+
+def _estimate_unit(solved: SolvedRecording, captured: CapturedMotion, places: Mapping[str, PointSite]) -> float:
+    """Unit of the file [m], by distances between points of the body."""
+    exact = {name: place for name, place in places.items() if not place.is_fitted} or places
+    names = [name for name in exact if name in captured.points]
+    ratios = []
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            ours, theirs = (
+                float(np.nanmedian(np.linalg.norm(first - second, axis=1)))
+                for first, second in (
+                    (solved.world_T_link[exact[a].link][:, :3, 3], solved.world_T_link[exact[b].link][:, :3, 3]),
+                    (captured.points[a], captured.points[b]),
+                )
+            )
+            if theirs > 0.0:
+                ratios.append(ours / theirs)
+    ratio = float(np.median(ratios)) if ratios else 1.0
+    return min(_UNITS, key=lambda metres: abs(np.log(ratio / metres)))
+
+
+def _compare_points(body: BodyPoints, theirs: Array, world: Alignment) -> tuple[PointAgreement, ...]:
+    ours = world.apply(body.ours(world.offsets))
+    return tuple(
+        PointAgreement(name, place.link, place.is_fitted, ours[:, column], theirs[:, column])
+        for column, (name, place) in enumerate(body.places.items())
+    )
+
+
+def _compare_angles(
+    solved: SolvedRecording,
+    captured: CapturedMotion,
+    clock: Clock,
+    places: Mapping[str, PointSite],
+    points: tuple[PointAgreement, ...],
+    known: NDArray[np.bool_],
+) -> tuple[AngleAgreement, ...]:
+    """Joints whose bones on both sides the other system has; without any, angles between joint centres."""
+    seconds = clock.theirs(np.asarray(solved.seconds(solved.stamps_ns[known])))
+    theirs = {segment: captured.rotations_at(bone, seconds) for segment, bone in _match_bones(captured, places).items()}
+    ours = {segment: solved.world_T_link[segment][known, :3, :3] for segment in theirs}
+    found = [
+        compare_rotations(child, *(np.swapaxes(R[parent], 1, 2) @ R[child] for R in (ours, theirs)))
+        for child, parent in solved.urdf.parent_segments().items()
+        if parent in theirs and child in theirs
+    ]
+    if found:
+        return tuple(found)
+    centres = [point for point in reversed(points) if not (point.is_fitted or point.is_camera)]
+    return compare_centre_angles(
+        {point.link: point.ours for point in centres}, {point.link: point.theirs for point in centres}
+    )
+
+
+def _match_bones(captured: CapturedMotion, places: Mapping[str, PointSite]) -> dict[str, str]:
+    """Segment -> the bone with its rotation. Of a trunk of several bones it is the lowest one above both arms."""
+    found: dict[str, str] = {}
+    for name, place in places.items():
+        if name in captured.rotations and (place.link not in found or not place.is_fitted):
+            found[place.link] = name
+    arms = [found[segment] for segment in ("upper_arm_left", "upper_arm_right") if segment in found]
+    chains = [_ancestors(captured, arm) for arm in arms]
+    if len(chains) == 2 and "torso" in found and (shared := [bone for bone in chains[0] if bone in chains[1]]):
+        found["torso"] = shared[0]
+    return found
+
+
+def _ancestors(captured: CapturedMotion, bone: str) -> list[str]:
+    """Bones above a bone, the nearest first."""
+    names = []
+    while (bone := captured.parents.get(bone, "")) != "":
+        names.append(bone)
+    return names

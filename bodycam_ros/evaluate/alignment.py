@@ -1,41 +1,33 @@
-"""Our world brought to another system's, and its clock to ours, with the places of markers on the body."""
+"""Alignment of a solved body with another system's motion, in space and in time."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.agreement import NONE, SIMILARITY
-from bodycam_ros.evaluate.clock_search import Clock, Signals, fitted_clock, found_clock, rate_clock
+from bodycam_ros.evaluate.clock_search import Clock, Signals, find_clock, fit_clock, rate_clock
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite
 from bodycam_ros.geometry import Array, inverse, transform_points, umeyama
 
-_ENOUGH = 3
-"""So many centres of joints that are known say where the other's world is; with fewer, markers help."""
+SIMILARITY, RIGID, NONE = ALIGNMENTS = ("similarity", "rigid", "none")
+"""Alignment of the worlds: with a scale (A section 5.1), without, or none."""
 
-_STEPS = 300  # at most, of the alternating fit of worlds and of places on the body
-_CONVERGED_M = 1e-6
+_MIN_EXACT = 3
+"""Joint centres that are enough to align with; with fewer, markers are used too."""
+
+_STEPS, _CONVERGED_M = 300, 1e-6  # of fitting worlds and places on the body in turn
 _ROUNDS = 3  # of fitting the clock and the places of markers in turn
-_SCAN_S, _SCAN_STEP_S, _SCAN_STEPS, _FEW_INSTANTS = 0.4, 0.02, 15, 120
-_SMOOTH_S = 0.05  # of what the clock is searched by: speeds of noisy points are noise
-_MOST_PAIRS = 30
-_STILL_M = 1e-3  # a distance that changes less tells no time
-_MOST_INSTANTS = 1500
-"""That the clock is fitted by, spread over the recording."""
-
-_SPEED_S = 0.04
-"""Speeds are taken over this time."""
-
-_CHANCE_LEVEL = 0.5
-"""Clocks that are found with a greater chance are none."""
-
-_SHARED_CHANCE_LEVEL = 0.02
-"""Motions that agree as well at a greater share of other offsets are not the same."""
-
-_WORST_LEAD = -1.0  # of a shared clock over all other offsets, in their standard deviations
+_SCAN_S, _SCAN_STEP_S, _SCAN_STEPS, _SCAN_FRAMES = 0.4, 0.02, 15, 120
+_SMOOTH_S = 0.05  # of signals: speeds of noisy points are noise
+_SPEED_S = 0.04  # over which speeds are computed
+_MAX_PAIRS, _MIN_CHANGE_M = 30, 1e-3  # of points, by the standard deviation of their distance
+_MAX_FRAMES = 1500  # that the clock is fitted to, spread over the recording
+_MAX_CHANCE = 0.5  # of a clock that was found
+_MAX_SHARED_CHANCE, _MIN_SHARED_LEAD = 0.02, -1.0  # of a shared clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,64 +38,69 @@ class Alignment:
         scale: 1 unless it is a similarity.
         R: (3, 3).
         t: (3,) [m].
-        at: name -> where on its link a point is (3,) [m].
+        offsets: name -> position of a point on its link (3,) [m].
     """
 
     scale: float
     R: Array
     t: Array
-    at: Mapping[str, Array]
+    offsets: Mapping[str, Array]
+
+    def apply(self, points: Array) -> Array:
+        """Our points (..., 3) [m] in their world."""
+        moved: Array = self.scale * points @ self.R.T + self.t
+        return moved
 
 
 @dataclass(frozen=True, eq=False)
-class Tracked:
-    """Our links that points of another system are on, over T instants.
+class BodyPoints:
+    """Links of the body that points of another system lie on, over T frames.
 
     Attributes:
         seconds: (T,) since the start of our recording [s].
         world_T_link: link -> (T, 4, 4) [m].
-        places: name of theirs -> where it is on the body.
+        places: name of theirs -> its place on the body.
     """
 
     seconds: Array
     world_T_link: Mapping[str, Array]
     places: Mapping[str, PointSite]
 
-    def ours(self, at: Mapping[str, Array]) -> Array:
-        """Places (T, N, 3) [m] of all points on our body."""
-        return np.stack([self._ours(name, at[name]) for name in self.places], axis=1)
-
-    def _ours(self, name: str, at: Array) -> Array:
-        return transform_points(self.world_T_link[self.places[name].link], at[None])[:, 0]
+    def ours(self, offsets: Mapping[str, Array]) -> Array:
+        """Positions (T, N, 3) [m] of all points by their offsets on the links."""
+        links = [(self.world_T_link[place.link], offsets[name]) for name, place in self.places.items()]
+        return np.stack([transform_points(poses, at[None])[:, 0] for poses, at in links], axis=1)
 
     def theirs(self, captured: CapturedMotion, clock: Clock) -> Array:
-        """Places (T, N, 3) [m] of the same points in the other's world; NaN where they are not known."""
+        """Positions (T, N, 3) [m] of the same points in the other's world; NaN where unknown."""
         seconds = clock.theirs(self.seconds)
         return np.stack([captured.points_at(name, seconds) for name in self.places], axis=1)
 
     @property
-    def known_at(self) -> dict[str, Array]:
-        """Name -> where on its link it is, the link's origin of those that are to be fitted."""
+    def known_offsets(self) -> dict[str, Array]:
+        """Name -> offset on its link, the link's origin where it is to be fitted."""
         return {name: np.zeros(3) if place.at is None else place.at for name, place in self.places.items()}
 
-    def every(self, step: int) -> "Tracked":
-        """The same at each so-manieth instant."""
-        some = {link: poses[::step] for link, poses in self.world_T_link.items()}
-        return Tracked(self.seconds[::step], some, self.places)
+    def thinned(self, count: int) -> "BodyPoints":
+        """At most so many frames, evenly spread."""
+        step = -(-len(self.seconds) // count)
+        links = {link: poses[::step] for link, poses in self.world_T_link.items()}
+        return replace(self, seconds=self.seconds[::step], world_T_link=links)
 
-    def only(self, places: Mapping[str, PointSite]) -> "Tracked":
-        """The same with some of the points."""
-        return replace(self, places=places)
+    def as_captured(self, captured: CapturedMotion, offsets: Mapping[str, Array]) -> CapturedMotion:
+        """Our points as a captured motion."""
+        points = dict(zip(self.places, np.moveaxis(self.ours(offsets), 1, 0), strict=True))
+        return CapturedMotion(captured.path, "ours", np.rint(1e9 * self.seconds).astype(np.int64), points)
 
 
-def aligned(
-    tracked: Tracked, theirs: Array, align: str, with_scale: bool | None = None, steps: int = _STEPS
+def align_worlds(
+    body: BodyPoints, theirs: Array, align: str, with_scale: bool | None = None, steps: int = _STEPS
 ) -> Alignment:
-    """Bring our world to theirs, and find where on the body the points are that nobody measured.
+    """Align our world with theirs, and fit the offsets of markers on the body.
 
     Args:
-        tracked: our links.
-        theirs: (T, N, 3) [m] of the points; NaN where they are not known.
+        body: our links.
+        theirs: (T, N, 3) [m] of the points; NaN where unknown.
         align: one of ``ALIGNMENTS``.
         with_scale: find the scale; by default if it is a similarity.
         steps: at most, of fitting in turn.
@@ -112,122 +109,123 @@ def aligned(
         ValueError: the points share too little to be aligned.
     """
     with_scale = align == SIMILARITY if with_scale is None else with_scale
-    places = list(tracked.places.values())
-    exact = np.array([not place.is_fitted for place in places])
-    cameras = np.array([place.link.endswith(CAMERA_SUFFIX) for place in places])
-    trusted = exact & ~cameras if (exact & ~cameras).sum() >= _ENOUGH else exact
-    anchored = trusted if trusted.sum() >= _ENOUGH else np.ones(len(places), bool)
-    at = tracked.known_at
+    exact = np.array([not place.is_fitted for place in body.places.values()])
+    cameras = np.array([place.link.endswith(CAMERA_SUFFIX) for place in body.places.values()])
+    used = next((rows for rows in (exact & ~cameras, exact) if rows.sum() >= _MIN_EXACT), np.ones(len(exact), bool))
+    offsets = body.known_offsets
     scale, R, t = 1.0, np.eye(3), np.zeros(3)
     for _ in range(steps):
-        before = at
+        before = offsets
         if align != NONE:
-            scale, R, t = _umeyama(tracked.ours(at)[:, anchored], theirs[:, anchored], with_scale)
-        at = _places_fitted(tracked, (theirs - t) @ R / scale, at)
-        if max(float(np.abs(at[name] - before[name]).max()) for name in at) < _CONVERGED_M or align == NONE:
+            scale, R, t = _fit_world(body.ours(offsets)[:, used], theirs[:, used], with_scale)
+        offsets = _fit_offsets(body, (theirs - t) @ R / scale, offsets)
+        moved_m = max(float(np.abs(offsets[name] - before[name]).max()) for name in offsets)
+        if moved_m < _CONVERGED_M or align == NONE:
             break
-    return Alignment(scale, R, t, at)
+    return Alignment(scale, R, t, offsets)
 
 
-def _umeyama(ours: Array, theirs: Array, with_scale: bool) -> tuple[float, Array, Array]:
+def _fit_world(ours: Array, theirs: Array, with_scale: bool) -> tuple[float, Array, Array]:
     known = np.isfinite(theirs).all(axis=2)
     return umeyama(ours[known], theirs[known], with_scale)
 
 
-def _places_fitted(tracked: Tracked, theirs_in_ours: Array, at: Mapping[str, Array]) -> dict[str, Array]:
-    """The median place of each marker in the axes of its link, of those to be fitted."""
-    found = dict(at)
-    for column, (name, place) in enumerate(tracked.places.items()):
-        seen = np.isfinite(theirs_in_ours[:, column, 0])
-        if place.is_fitted and seen.any():
-            link_T_world = inverse(tracked.world_T_link[place.link][seen])
-            found[name] = np.median(transform_points(link_T_world, theirs_in_ours[seen, column][:, None])[:, 0], axis=0)
+def _fit_offsets(body: BodyPoints, theirs_in_ours: Array, offsets: Mapping[str, Array]) -> dict[str, Array]:
+    """Offsets with the median position of each marker in the axes of its link."""
+    found = dict(offsets)
+    for column, (name, place) in enumerate(body.places.items()):
+        known = np.isfinite(theirs_in_ours[:, column, 0])
+        if place.is_fitted and known.any():
+            link_T_world = inverse(body.world_T_link[place.link][known])
+            points = transform_points(link_T_world, theirs_in_ours[known, column][:, None])
+            found[name] = np.median(points[:, 0], axis=0)
     return found
 
 
-def clock_of(tracked: Tracked, captured: CapturedMotion) -> Clock:
-    """Find when the other's recording began and how fast its clock goes.
+def _clock_points(body: BodyPoints) -> tuple[BodyPoints, bool]:
+    """The joint centres, and True; all points, and False, where there are too few of them."""
+    exact = {name: place for name, place in body.places.items() if not place.is_fitted}
+    has_centres = len(exact) >= _MIN_EXACT
+    return replace(body, places=exact if has_centres else body.places), has_centres
 
-    Space is aligned with a scale meanwhile, however it will be aligned: else a wrong scale would bend time. Markers
-    move only about as their segments do, so where there are no more than these, times around are tried.
 
-    Args:
-        tracked: our links.
-        captured: the other's motion.
+def find_motion_clock(body: BodyPoints, captured: CapturedMotion) -> Clock:
+    """Find start and rate of the other's clock by the motion.
+
+    Space is aligned with a scale meanwhile, whatever the final alignment: a wrong scale would bend time. Markers follow
+    their segments' origins roughly, so with markers alone offsets nearby are tried, too.
 
     Raises:
         RecordingError: at no offset the two show the same motion.
     """
-    exact = {name: place for name, place in tracked.places.items() if not place.is_fitted}
-    used = tracked.only(exact if len(exact) >= _ENOUGH else tracked.places)
-    some = used.every(-(-len(tracked.seconds) // _MOST_INSTANTS))
-    has_centres = len(exact) >= _ENOUGH
-    clock = _searched(used, captured, with_distances=has_centres)
+    used, has_centres = _clock_points(body)
+    clock = find_clock(*_signals_of_both(used, captured, has_centres))
+    if clock is None or clock.chance > _MAX_CHANCE:
+        how = "" if clock is None else f" better than by chance (probability {clock.chance:.0%})"
+        raise RecordingError(
+            f"{captured.path}: at no offset in time it shows the motion of this recording{how} (of points "
+            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml maps "
+            "points to the body, --clock shared takes its stamps as they are"
+        )
     try:
         if not has_centres:
-            clock = _scanned(used.every(-(-len(tracked.seconds) // _FEW_INSTANTS)), captured, clock)
+            clock = _scan_clock(used.thinned(_SCAN_FRAMES), captured, clock)
         for _ in range(1 if has_centres else _ROUNDS):
-            clock = _fitted(used, some, captured, clock)
+            clock = fit_clock(clock, _clock_residuals(used, captured, clock))
     except ValueError as error:
-        raise too_little(captured, some) from error
+        raise alignment_error(captured, used.thinned(_MAX_FRAMES)) from error
     return clock
 
 
-def _scanned(few: Tracked, captured: CapturedMotion, around: Clock) -> Clock:
-    """The clock near one that was found by which points can be held best, wherever on their segments they are."""
+def _scan_clock(body: BodyPoints, captured: CapturedMotion, around: Clock) -> Clock:
+    """The clock near an estimate at which markers lie most constantly on their segments."""
     tried = []
     for shift in np.arange(-_SCAN_S, _SCAN_S + _SCAN_STEP_S, _SCAN_STEP_S).tolist():
         clock = replace(around, start_s=around.start_s + shift)
-        theirs = few.theirs(captured, clock)
+        theirs = body.theirs(captured, clock)
         if np.isfinite(theirs).any():
-            world = aligned(few, theirs, SIMILARITY, steps=_SCAN_STEPS)
-            off = world.scale * few.ours(world.at) @ world.R.T + world.t - theirs
-            tried.append((float(np.nanmean(np.linalg.norm(off, axis=2))) / world.scale, clock))
-    return min(tried, key=lambda of: of[0])[1]
+            world = align_worlds(body, theirs, SIMILARITY, steps=_SCAN_STEPS)
+            errors = np.linalg.norm(world.apply(body.ours(world.offsets)) - theirs, axis=2)
+            tried.append((float(np.nanmean(errors)) / world.scale, clock))
+    return min(tried, key=lambda pair: pair[0])[1]
 
 
-def _fitted(used: Tracked, some: Tracked, captured: CapturedMotion, clock: Clock) -> Clock:
-    """Offset and rate, with points held where the clock so far has them, by motions that are equally smooth."""
-    ours = _as_captured(used, captured, aligned(some, some.theirs(captured, clock), SIMILARITY).at)
-    sigma_s = _bell_s(ours, captured)
-    ours, theirs_smooth = ours.smoothed(sigma_s), captured.smoothed(sigma_s)
-    step = -(-len(used.seconds) // _MOST_INSTANTS)
-    here = np.stack([ours.points[name][::step] for name in used.places], axis=1)
+def _clock_residuals(body: BodyPoints, captured: CapturedMotion, clock: Clock) -> Callable[[Clock], Array]:
+    """Clock -> distances (T, N, 3) [m] after alignment, of equally smooth motions, offsets fitted by a first clock."""
+    thinned = body.thinned(_MAX_FRAMES)
+    offsets = align_worlds(thinned, thinned.theirs(captured, clock), SIMILARITY).offsets
+    motion = body.as_captured(captured, offsets)
+    sigma_s = _smoothing_s(motion, captured)
+    motion, smooth = motion.smoothed(sigma_s), captured.smoothed(sigma_s)
+    step = -(-len(body.seconds) // _MAX_FRAMES)
+    ours = np.stack([motion.points[name][::step] for name in body.places], axis=1)
 
     def residuals(clock: Clock) -> Array:
-        theirs = np.where(np.isfinite(here), some.theirs(theirs_smooth, clock), np.nan)
+        theirs = np.where(np.isfinite(ours), thinned.theirs(smooth, clock), np.nan)
         known = np.isfinite(theirs).all(axis=2, keepdims=True)
-        scale, R, t = _umeyama(here, theirs, with_scale=True)
-        return np.where(known, scale * np.nan_to_num(here) @ R.T + t - np.where(known, theirs, 0.0), 0.0)
+        scale, R, t = _fit_world(ours, theirs, with_scale=True)
+        return np.where(known, scale * np.nan_to_num(ours) @ R.T + t - np.where(known, theirs, 0.0), 0.0)
 
-    return fitted_clock(clock, residuals)
-
-
-def _searched(used: Tracked, captured: CapturedMotion, with_distances: bool) -> Clock:
-    """The clock by which points move most alike, markers as their segments' origins do."""
-    found = found_clock(*_both_signals(used, captured, with_distances))
-    if found is None or found.chance > _CHANCE_LEVEL:
-        how = "" if found is None else f" better than by chance (probability {found.chance:.0%})"
-        raise RecordingError(
-            f"{captured.path}: at no offset in time it shows the motion of this recording{how} (of points "
-            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml says "
-            "which point is which, --clock shared that stamps are of one clock"
-        )
-    return found
+    return residuals
 
 
-def rate_shared_clock(tracked: Tracked, captured: CapturedMotion, clock: Clock) -> Clock:
-    """A shared clock with how sure it is that the two show one motion.
+def rate_shared_clock(body: BodyPoints, captured: CapturedMotion, start_ns: int) -> Clock:
+    """The clock of stamps that are of our clock, with the chance that the two show different motions.
+
+    Args:
+        body: our links.
+        captured: the other's motion.
+        start_ns: start of our recording [ns].
 
     Raises:
         RecordingError: they agree no better than at other offsets in time.
     """
-    exact = {name: place for name, place in tracked.places.items() if not place.is_fitted}
-    used = tracked.only(exact if len(exact) >= _ENOUGH else tracked.places)
+    used, has_centres = _clock_points(body)
+    clock = Clock(1e-9 * float(captured.stamps_ns[0] - start_ns))
     if len(used.seconds) < 2 or len(captured.stamps_ns) < 2:
         return clock
-    rated = rate_clock(clock, *_both_signals(used, captured, with_distances=len(exact) >= _ENOUGH))
-    if rated.chance > _SHARED_CHANCE_LEVEL or rated.lead < _WORST_LEAD:
+    rated = rate_clock(clock, *_signals_of_both(used, captured, has_centres))
+    if rated.chance > _MAX_SHARED_CHANCE or rated.lead < _MIN_SHARED_LEAD:
         raise RecordingError(
             f"{captured.path}: is not of the same motion by this clock: motions correlate by {rated.likeness:.2f}, and "
             f"at {rated.chance:.0%} of other offsets in time they do better; is it of another recording? --clock "
@@ -236,53 +234,36 @@ def rate_shared_clock(tracked: Tracked, captured: CapturedMotion, clock: Clock) 
     return rated
 
 
-def _both_signals(
-    used: Tracked, captured: CapturedMotion, with_distances: bool
+def _signals_of_both(
+    body: BodyPoints, captured: CapturedMotion, with_distances: bool
 ) -> tuple[Signals, tuple[float, float], Signals, float]:
-    """Our signals and their span, the other's and its duration [s], by motions that are equally smooth."""
-    ours = _as_captured(used, captured, used.known_at)
-    sigma_s = max(_SMOOTH_S, _bell_s(ours, captured))
+    """Arguments of ``find_clock``, by equally smooth motions."""
+    ours = body.as_captured(captured, body.known_offsets)
+    sigma_s = max(_SMOOTH_S, _smoothing_s(ours, captured))
     ours = ours.smoothed(sigma_s)
-    theirs = replace(captured, points={name: captured.points[name] for name in used.places}).smoothed(sigma_s)
-    pairs = _pairs(ours) if with_distances else []
-    first_s, last_s = float(used.seconds[0]), float(used.seconds[-1])
-    here = _signals(ours, pairs)
-    return lambda seconds: here(seconds - first_s), (first_s, last_s), _signals(theirs, pairs), captured.duration_s
+    theirs = replace(captured, points={name: captured.points[name] for name in body.places}).smoothed(sigma_s)
+    pairs = _changing_pairs(ours) if with_distances else []
+    first_s, last_s = float(body.seconds[0]), float(body.seconds[-1])
+    signals = _signals(ours, pairs)
+    return (lambda s: signals(s - first_s)), (first_s, last_s), _signals(theirs, pairs), captured.duration_s
 
 
-def _bell_s(ours: CapturedMotion, captured: CapturedMotion) -> float:
-    """Over which points are averaged [s]: a frame of the slower, narrower ones know where frames are."""
+def _smoothing_s(ours: CapturedMotion, captured: CapturedMotion) -> float:
+    """Width over which points are averaged [s]: a frame of the slower; narrower, noise shows where frames are."""
     return 1e-9 * max(ours.frame_ns, captured.frame_ns)
 
 
-def _as_captured(used: Tracked, captured: CapturedMotion, at: Mapping[str, Array]) -> CapturedMotion:
-    """Our points at places on the body, as another system would have them."""
-    stamps_ns = np.rint(1e9 * used.seconds).astype(np.int64)
-    points = dict(zip(used.places, np.moveaxis(used.ours(at), 1, 0), strict=True))
-    return CapturedMotion(captured.path, "ours", stamps_ns, points)
-
-
-def too_little(captured: CapturedMotion, tracked: Tracked) -> RecordingError:
-    """What is to be said where worlds cannot be aligned."""
-    return RecordingError(
-        f"{captured.path} shares too little with this recording to be aligned: {', '.join(tracked.places)}, "
-        f"{len(tracked.seconds)} instants; several joints, or one that goes more ways than straight on, are needed"
-    )
-
-
-def _pairs(ours: CapturedMotion) -> list[tuple[str, str]]:
+def _changing_pairs(ours: CapturedMotion) -> list[tuple[str, str]]:
     """Pairs of points whose distance changes most."""
-    names = list(ours.points)
     changes = {
         (a, b): float(np.nanstd(np.linalg.norm(ours.points[a] - ours.points[b], axis=1)))
-        for i, a in enumerate(names)
-        for b in names[i + 1 :]
+        for a, b in combinations(ours.points, 2)
     }
-    return sorted((pair for pair in changes if changes[pair] > _STILL_M), key=lambda pair: -changes[pair])[:_MOST_PAIRS]
+    return sorted((pair for pair in changes if changes[pair] > _MIN_CHANGE_M), key=lambda p: -changes[p])[:_MAX_PAIRS]
 
 
 def _signals(motion: CapturedMotion, pairs: list[tuple[str, str]]) -> Signals:
-    """What no frame of reference changes, by times since the motion's first frame."""
+    """Distances of pairs and speeds of points, by times since the motion's first frame."""
 
     def signals(seconds: Array) -> Array:
         here, before, after = (
@@ -290,7 +271,14 @@ def _signals(motion: CapturedMotion, pairs: list[tuple[str, str]]) -> Signals:
             for shift in (0.0, -_SPEED_S / 2.0, _SPEED_S / 2.0)
         )
         distances = [np.linalg.norm(here[a] - here[b], axis=1) for a, b in pairs]
-        speeds = [np.linalg.norm(after[name] - before[name], axis=1) for name in motion.points]
-        return np.array([*distances, *speeds])
+        return np.array([*distances, *(np.linalg.norm(after[name] - before[name], axis=1) for name in motion.points)])
 
     return signals
+
+
+def alignment_error(captured: CapturedMotion, body: BodyPoints) -> RecordingError:
+    """The error of worlds that cannot be aligned."""
+    return RecordingError(
+        f"{captured.path} shares too little with this recording to be aligned: {', '.join(body.places)}, "
+        f"{len(body.seconds)} instants; several joints, or one that goes more ways than straight on, are needed"
+    )

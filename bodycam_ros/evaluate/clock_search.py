@@ -1,38 +1,35 @@
-"""When another system's recording began by our clock, and how fast its clock goes.
+"""Clock of another system by motion: the offset and rate at which two recordings show the same motion.
 
-Two systems that see the same body agree on what no frame of reference changes: distances between points, how fast
-points move, how fast bones turn. By these the offset is found among all that let the two overlap; then offset and rate
-are fitted together with the alignment in space.
+Distances between points and speeds of points do not depend on the frame of reference. Their mean correlation is the
+score of an offset, computed at all offsets at once. Offset and rate are then refined together with the alignment in
+space.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
 
 from bodycam_ros.geometry import Array
 
 RATES = (1.0, 1000.0 / 1001.0, 1.001, 0.997, 1.003, 0.99, 1.01, 24.0 / 25.0, 25.0 / 24.0)
-"""Clocks that are tried: true ones, television's, crystals of little worth, films at another rate."""
+"""Rates that are tried: true clocks, television's, poor crystals, films at another rate."""
 
-_STEP_S = 0.02
-_LEAST_OVERLAP_S, _LEAST_OVERLAP = 1.0, 0.5
-"""Of the shorter recording: less may agree by chance."""
-
-_LEAST_LIKENESS = 0.5
-_APART_S = 0.5
-"""Offsets farther from the best than this are other matches, not the same one."""
-
-_CLEARLY = 0.02  # by which a clock that goes at another rate is more like: in a short recording nearly any is as good
+_STEP_S = 0.02  # between offsets
+_MIN_OVERLAP_S, _MIN_OVERLAP = 1.0, 0.5  # the second as a share of the shorter recording: less agrees by chance
+_MIN_LIKENESS = 0.5
+_APART_S = 0.5  # offsets farther from the best than this are other matches
+_CLEARLY = 0.02  # by which another rate has to correlate better: in a short recording nearly any rate is as good
 _LEAD_BY_CHANCE = 0.4  # mean lead of unrelated motions
-_LARGEST = 1.0 - 1e-6  # correlation that Fisher's transform is taken of
-_LEAST_SPREAD = 0.05  # of chance: a short recording has too few other offsets to measure less
+_MAX_CORRELATION = 1.0 - 1e-6  # that Fisher's transform is taken of
+_MIN_SPREAD = 0.05  # of Fisher's transform over other offsets: a short recording has too few of them to measure it
 _ROBUST_M = 0.02
-_FIT_S, _FIT_RATE = 0.5, 0.02  # how far the fit may go from what was found
-_WITHIN = 2.0  # sigmas: a rate that differs from 1 by less is none
-_SCALES = np.array([1e-2, 1e-3])  # [s] and rate: what the fit takes for small
+_FIT_BOUNDS = np.array([0.5, 0.02])  # [s] and rate: how far the fit may leave the initial estimate
+_FIT_SCALES = np.array([1e-2, 1e-3])  # [s] and rate: small steps of the fit
+_MIN_RATE_SIGMAS = 2.0  # a rate closer to 1 than this is 1
 
 
 @dataclass(frozen=True)
@@ -40,18 +37,16 @@ class Clock:
     """Time of ours [s] = ``start_s`` + ``rate`` times the time since the other's first frame [s].
 
     Attributes:
-        start_s: when the other's recording began, since the start of ours [s].
+        start_s: start of the other's recording, since the start of ours [s].
         rate: seconds of ours in one of the other's.
         start_sigma_s: standard deviation of ``start_s``, 0 where the clock was given.
         rate_sigma: of ``rate``.
-        likeness: mean correlation of what no frame of reference changes; NaN where it is unknown.
+        likeness: mean correlation of the signals; NaN where it is unknown.
         lead: of the likeness over that at the second best offset, both by Fisher's transform, in standard deviations
-            over all other offsets: what two motions reach by chance. Of n independent offsets the lead is then
-            exponentially distributed with the mean 1 / sqrt(2 ln n), 0.4 and less. Negative where
-            another offset is better than the clock that was given.
-        chance: how probable it is that two unrelated motions agree as well: of a clock that was found, by its lead; of
-            one that was given, the share of other offsets at which these two agree as well. NaN where the recordings
-            are too short to measure it.
+            over all other offsets. Of n independent offsets of unrelated motions the lead is exponentially distributed
+            with the mean 1 / sqrt(2 ln n), 0.4 and less. Negative where another offset is better than a given clock.
+        chance: probability that two unrelated motions agree as well: of a clock that was found, by its lead; of a given
+            one, the share of other offsets at which these two agree as well. NaN where recordings are too short.
     """
 
     start_s: float
@@ -67,179 +62,144 @@ class Clock:
         return (ours_s - self.start_s) / self.rate
 
 
-Transformed = NDArray[np.complex128]
-
 Signals = Callable[[Array], Array]
-"""Times (N,) [s] -> (F, N) what no frame of reference changes; NaN where it is not known."""
+"""Times (N,) [s] -> (F, N) values that do not depend on the frame of reference; NaN where unknown."""
 
 
-def found_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, theirs_s: float) -> Clock | None:
-    """The clock by which signals agree best, to some hundredths of a second; None if at no offset they agree.
+@dataclass(frozen=True, eq=False)
+class _OffsetScores:
+    """Mean correlation at S offsets.
+
+    Attributes:
+        scores: (S,) mean correlation; -1 with too little overlap.
+        overlaps: (S,) whether enough overlaps.
+        zero: row at which both recordings start together.
+    """
+
+    scores: Array
+    overlaps: NDArray[np.bool_]
+    zero: int
+
+    def others(self, row: int) -> NDArray[np.bool_]:
+        """(S,) offsets that are matches other than the one at a row."""
+        return self.overlaps & (np.abs(np.arange(len(self.scores)) - row) > _APART_S / _STEP_S)
+
+    def lead(self, row: int) -> float:
+        """Lead of a row over all other matches (``Clock.lead``); NaN without any."""
+        others = self.others(row)
+        if not others.any():
+            return np.nan
+        fisher = np.arctanh(np.clip(self.scores, -_MAX_CORRELATION, _MAX_CORRELATION))
+        return float((fisher[row] - fisher[others].max()) / max(fisher[others].std(), _MIN_SPREAD))
+
+
+def find_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, theirs_s: float) -> Clock | None:
+    """Search for the clock at which signals correlate best, to some hundredths of a second; None if they never do.
 
     Args:
         ours: of our recording.
-        ours_span: first and last time [s] that it has.
+        ours_span: first and last time [s] of it.
         theirs: of the other, by times since its first frame.
-        theirs_s: how long it is [s].
+        theirs_s: duration of it [s].
     """
-    times = np.arange(ours_span[0], ours_span[1], _STEP_S)
-    of_ours = ours(times)
+    sampled = ours(np.arange(*ours_span, _STEP_S))
     best: Clock | None = None
     for rate in RATES:
         if rate != 1.0 and abs(rate - 1.0) * theirs_s < _STEP_S:
             continue
-        count = int(rate * theirs_s / _STEP_S) + 1
-        likeness = _likeness(of_ours, theirs(np.linspace(0.0, (count - 1) * _STEP_S / rate, count)))
-        if likeness is None:
-            continue
-        at, value, lead = likeness
-        if best is None or value > best.likeness + _CLEARLY:
-            best = Clock(ours_span[0] + at * _STEP_S, rate, likeness=value, lead=lead, chance=_chance_of(lead))
-    return best if best is not None and best.likeness >= _LEAST_LIKENESS else None
+        found = _score_offsets(sampled, theirs, theirs_s, rate)
+        row = int(np.argmax(found.scores))
+        if found.overlaps.any() and (best is None or found.scores[row] > best.likeness + _CLEARLY):
+            lead = found.lead(row)
+            chance = float(np.minimum(1.0, len(RATES) * np.exp(-lead / _LEAD_BY_CHANCE)))
+            start_s = ours_span[0] + (row - found.zero) * _STEP_S
+            best = Clock(start_s, rate, likeness=float(found.scores[row]), lead=lead, chance=chance)
+    return best if best is not None and best.likeness >= _MIN_LIKENESS else None
 
 
 def rate_clock(clock: Clock, ours: Signals, ours_span: tuple[float, float], theirs: Signals, theirs_s: float) -> Clock:
-    """A clock that was given, with the likeness of the motions by it and the chance of such a match.
+    """A given clock with likeness, lead and chance; without them where the recordings overlap too little.
 
-    Args:
-        clock: to rate.
-        ours: of our recording.
-        ours_span: first and last time [s] that it has.
-        theirs: of the other, by times since its first frame.
-        theirs_s: how long it is [s].
+    Args: as of ``find_clock``.
     """
-    count = int(clock.rate * theirs_s / _STEP_S) + 1
-    sampled = theirs(np.linspace(0.0, (count - 1) * _STEP_S / clock.rate, count))
-    mean, enough = _correlations(ours(np.arange(ours_span[0], ours_span[1], _STEP_S)), sampled)
-    shift = round((clock.start_s - ours_span[0]) / _STEP_S) + count - 1
-    if not 0 <= shift < len(mean) or not enough[shift]:
+    found = _score_offsets(ours(np.arange(*ours_span, _STEP_S)), theirs, theirs_s, clock.rate)
+    row = round((clock.start_s - ours_span[0]) / _STEP_S) + found.zero
+    if not 0 <= row < len(found.scores) or not found.overlaps[row]:
         return clock
-    # The given start lies between two shifts.
-    at = shift + int(np.argmax(mean[max(shift - 1, 0) : shift + 2])) - min(shift, 1)
-    others = enough & (np.abs(np.arange(len(mean)) - at) > _APART_S / _STEP_S)
-    chance = float(np.mean(mean[others] >= mean[at])) if others.any() else np.nan
-    return replace(clock, likeness=float(mean[at]), lead=_lead(mean, enough, at), chance=chance)
+    first = max(row - 1, 0)  # the given start lies between two offsets
+    row = first + int(np.argmax(found.scores[first : row + 2]))
+    others = found.others(row)
+    chance = float(np.mean(found.scores[others] >= found.scores[row])) if others.any() else np.nan
+    return replace(clock, likeness=float(found.scores[row]), lead=found.lead(row), chance=chance)
 
 
-def _chance_of(lead: float) -> float:
-    """How probable a lead is between unrelated motions, at the best of all rates."""
-    return float(np.minimum(1.0, len(RATES) * np.exp(-lead / _LEAD_BY_CHANCE)))
+def _score_offsets(ours: Array, theirs: Signals, theirs_s: float, rate: float) -> _OffsetScores:
+    """Correlate our samples (F, N) with theirs, resampled by a rate, at all offsets.
 
-
-def _likeness(a: Array, b: Array) -> tuple[int, float, float] | None:
-    """The shift of b (F, M) in a (F, N) with the greatest mean correlation, that, and its lead; NaN counts nowhere."""
-    mean, enough = _correlations(a, b)
-    if not enough.any():
-        return None
-    at = int(np.argmax(mean))
-    return at - (b.shape[1] - 1), float(mean[at]), _lead(mean, enough, at)
-
-
-def _correlations(a: Array, b: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Mean correlation (S,) of b (F, M) with a (F, N) at all shifts, and whether enough overlaps there.
-
-    Sums over what overlaps, at all shifts at once, are convolutions.
+    The sums over what overlaps are convolutions.
     """
-    size = a.shape[1] + b.shape[1] - 1
-    transformed = [
-        (np.fft.rfft(v, size, axis=1), np.fft.rfft(v * v, size, axis=1), np.fft.rfft(m, size, axis=1))
-        for v, m in ((_standard(a), np.isfinite(a)), (_standard(b)[:, ::-1], np.isfinite(b)[:, ::-1]))
-    ]
-    (A, AA, MA), (B, BB, MB) = transformed
-
-    def over(x: Transformed, y: Transformed) -> Array:
-        return np.fft.irfft(x * y, size, axis=1)
-
-    n = np.maximum(np.rint(over(MA, MB)), 1e-9)
-    sa, sb, saa, sbb, sab = over(A, MB), over(MA, B), over(AA, MB), over(MA, BB), over(A, B)
-    spread = np.sqrt(np.maximum(n * saa - sa**2, 0.0) * np.maximum(n * sbb - sb**2, 0.0))
-    least = max(_LEAST_OVERLAP_S / _STEP_S, _LEAST_OVERLAP * min(a.shape[1], b.shape[1]))
-    counts = (n >= least) & (spread > 1e-3 * n**2)
-    correlation = np.where(counts, (n * sab - sa * sb) / np.maximum(spread, 1e-12), np.nan)
-    enough = counts.sum(axis=0) >= max(1, int(counts.any(axis=1).sum() * 0.5))
-    total = np.nansum(np.where(counts, correlation, 0.0), axis=0)
-    return np.where(enough, total / np.maximum(counts.sum(axis=0), 1), -1.0), enough
+    count = int(rate * theirs_s / _STEP_S) + 1
+    sampled = theirs(np.linspace(0.0, (count - 1) * _STEP_S / rate, count))
+    a, known_a = _standardise(ours)
+    b, known_b = (values[:, ::-1] for values in _standardise(sampled))
+    n, sum_a, sum_b, sum_aa, sum_bb, sum_ab = (
+        fftconvolve(x, y, axes=1)
+        for x, y in ((known_a, known_b), (a, known_b), (known_a, b), (a * a, known_b), (known_a, b * b), (a, b))
+    )
+    n = np.maximum(np.rint(n), 1e-9)
+    spread = np.sqrt(np.maximum(n * sum_aa - sum_a**2, 0.0) * np.maximum(n * sum_bb - sum_b**2, 0.0))
+    min_count = max(_MIN_OVERLAP_S / _STEP_S, _MIN_OVERLAP * min(a.shape[1], count))
+    counts = (n >= min_count) & (spread > 1e-3 * n**2)
+    correlation = np.where(counts, (n * sum_ab - sum_a * sum_b) / np.maximum(spread, 1e-12), 0.0)
+    overlaps = counts.sum(axis=0) >= max(1, int(counts.any(axis=1).sum() * 0.5))
+    mean = correlation.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
+    return _OffsetScores(np.where(overlaps, mean, -1.0), overlaps, zero=count - 1)
 
 
-def _lead(mean: Array, enough: NDArray[np.bool_], at: int) -> float:
-    """Lead of the mean correlation (S,) at a shift over all others that have enough; NaN where there are none."""
-    others = enough & (np.abs(np.arange(len(mean)) - at) > _APART_S / _STEP_S)
-    if not others.any():
-        return np.nan
-    fisher = np.arctanh(np.clip(mean, -_LARGEST, _LARGEST))
-    return float((fisher[at] - fisher[others].max()) / max(fisher[others].std(), _LEAST_SPREAD))
-
-
-def _standard(values: Array) -> Array:
-    """Values (F, N) with mean 0 and spread 1 in each row, 0 where they are not known."""
+def _standardise(values: Array) -> tuple[Array, Array]:
+    """Values (F, N) with mean 0 and spread 1 in each row, 0 where unknown; and 1 where known, else 0."""
     known = np.isfinite(values)
-    count = np.maximum(known.sum(axis=1, keepdims=True), 1)
-    centred = np.where(known, values, 0.0)
-    centred = np.where(known, centred - centred.sum(axis=1, keepdims=True) / count, 0.0)
-    spread = np.sqrt((centred**2).sum(axis=1, keepdims=True) / count)
-    standard: Array = centred / np.maximum(spread, 1e-9)
-    return standard
+    masked = np.ma.array(values, mask=~known)
+    centred = masked - masked.mean(axis=1, keepdims=True)
+    standard = centred / np.ma.maximum(centred.std(axis=1, keepdims=True), 1e-9)
+    return np.asarray(standard.filled(0.0)), known.astype(np.float64)
 
 
-def fitted_clock(start: Clock, residuals: Callable[[Clock], Array], with_rate: bool = True) -> Clock:
-    """Offset and rate that make residuals least, from a clock that is found.
+def fit_clock(initial: Clock, residuals: Callable[[Clock], Array], with_rate: bool = True) -> Clock:
+    """Refine offset and rate by least squares.
 
-    Errors of neighbours in time are alike, so sigmas are made larger by what the residuals' correlation tells. A rate
-    that differs from 1 by less than two sigmas is none: then the offset is fitted alone.
+    Errors are correlated in time, so standard deviations are enlarged by the residuals' correlation. A rate within two
+    standard deviations of 1 is 1; then the offset is fitted alone.
 
     Args:
-        start: to begin from.
-        residuals: clock -> (T, N, 3) [m] after the best alignment in space; 0 where nothing is known.
+        initial: estimate.
+        residuals: clock -> (T, N, 3) [m] after the best alignment in space; 0 where unknown.
         with_rate: fit the rate, too.
     """
 
     def clock(x: Array) -> Clock:
-        rate = start.rate + x[1] if with_rate else 1.0
-        return replace(start, start_s=start.start_s + float(x[0]), rate=float(rate))
+        rate = float(initial.rate + x[1]) if with_rate else 1.0
+        return replace(initial, start_s=initial.start_s + float(x[0]), rate=rate)
 
     count = 2 if with_rate else 1
-    bounds = np.array([_FIT_S, _FIT_RATE])[:count]
+    bounds = _FIT_BOUNDS[:count]
     fit = least_squares(
         lambda x: residuals(clock(x)).ravel(), np.zeros(count), bounds=(-bounds, bounds), loss="soft_l1",
-        f_scale=_ROBUST_M, x_scale=_SCALES[:count], max_nfev=40,
+        f_scale=_ROBUST_M, x_scale=_FIT_SCALES[:count], max_nfev=40,
     )  # fmt: skip
     found = clock(fit.x)
     sigmas = _sigmas(np.asarray(fit.jac), residuals(found))
-    if with_rate and abs(found.rate - 1.0) < _WITHIN * sigmas[1]:
-        return fitted_clock(replace(found, rate=1.0), residuals, with_rate=False)
+    if with_rate and abs(found.rate - 1.0) < _MIN_RATE_SIGMAS * sigmas[1]:
+        return fit_clock(replace(found, rate=1.0), residuals, with_rate=False)
     return replace(found, start_sigma_s=float(sigmas[0]), rate_sigma=float(sigmas[1]) if with_rate else 0.0)
 
 
 def _sigmas(jacobian: Array, residuals: Array) -> Array:
-    """Standard deviations of what was fitted, with errors that are alike from instant to instant."""
+    """Standard deviations of what was fitted, with errors that are correlated from frame to frame."""
     rows = residuals.reshape(len(residuals), -1)
     power = float((rows**2).sum())
-    alike = float((rows[1:] * rows[:-1]).sum()) / max(power, 1e-30) if len(rows) > 1 else 0.0
-    alike = min(max(alike, 0.0), 0.99)
-    variance = power / max(int((rows != 0.0).sum()), 1) * (1.0 + alike) / (1.0 - alike)
+    correlation = float((rows[1:] * rows[:-1]).sum()) / max(power, 1e-30) if len(rows) > 1 else 0.0
+    correlation = min(max(correlation, 0.0), 0.99)
+    variance = power / max(int(np.count_nonzero(rows)), 1) * (1.0 + correlation) / (1.0 - correlation)
     sigmas: Array = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0) * variance)
     return sigmas
-
-
-def unit_found(ours: Mapping[str, Array], theirs: Mapping[str, Array]) -> float:
-    """Metres in the unit that another system's places are in, told by distances between points that both have.
-
-    Args:
-        ours: name -> (T, 3) [m].
-        theirs: name -> (K, 3), at other times, in its unit.
-    """
-    names = [name for name in ours if name in theirs]
-    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
-    ratios = [
-        _distance(ours[a], ours[b]) / distance for a, b in pairs if (distance := _distance(theirs[a], theirs[b])) > 0.0
-    ]
-    ratio = float(np.median(ratios)) if ratios else 1.0
-    return min(UNITS, key=lambda metres: abs(np.log(ratio / metres)))
-
-
-UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
-"""Metres, centimetres, millimetres, inches, and the unit of the motions of Carnegie Mellon University."""
-
-
-def _distance(a: Array, b: Array) -> float:
-    return float(np.nanmedian(np.linalg.norm(a - b, axis=1)))

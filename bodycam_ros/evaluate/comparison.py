@@ -5,7 +5,7 @@ scale, and rotations about a changing axis.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,11 @@ class Distribution:
         if not known.size:
             return cls(np.nan, np.nan, np.nan, np.nan)
         return cls(float(known.mean()), float(np.median(known)), float(np.percentile(known, 95)), float(known.max()))
+
+
+def spread(values: NDArray[np.floating]) -> dict[str, float]:
+    """Mean, median, 95th percentile and maximum by name."""
+    return asdict(Distribution.of(values))
 
 
 def coverage(true_stamps_ns: NDArray[np.int64], solved_stamps_ns: NDArray[np.int64], frame_ns: float) -> float:

@@ -8,8 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.evaluate import health
-from bodycam_ros.evaluate.agree import AgreementOptions, agree
-from bodycam_ros.evaluate.agreement import Agreement
+from bodycam_ros.evaluate.agreement import (
+    Agreement,
+    AgreementOptions,
+    compare_with_captured,
+    compare_with_truth,
+    rate_same_motion,
+)
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.comparison import Comparison, compare
 from bodycam_ros.evaluate.constraints import WithAndWithout, with_and_without
@@ -18,7 +23,6 @@ from bodycam_ros.evaluate.health import CameraHealth
 from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
 from bodycam_ros.evaluate.solved_verdict import solved_verdict
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.evaluate.truth_as_captured import agree_with_truth, rate_same_motion
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
@@ -109,11 +113,11 @@ def evaluate(
         cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
     agreement = comparison = same_motion = None
     if captured is not None:
-        agreement = agree(solved, captured, options or AgreementOptions())
+        agreement = compare_with_captured(solved, captured, options or AgreementOptions())
         same_motion = agreement.clock
     elif truth is not None:
         if options is not None:
-            agreement, truth = agree_with_truth(solved, truth, options)
+            agreement, truth = compare_with_truth(solved, truth, options)
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
     constraints = None

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.agreement import agreement_lines
+from bodycam_ros.evaluate.agreement_figures import agreement_lines
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.constraints import draw_constraints
 from bodycam_ros.evaluate.evaluation import Evaluation

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate.agree import agreement_figures
+from bodycam_ros.evaluate.agreement_figures import agreement_figures
 from bodycam_ros.evaluate.comparison import Comparison, Distribution
 from bodycam_ros.evaluate.constraints import constraint_figures
 from bodycam_ros.evaluate.equipment_figures import equipment_figures

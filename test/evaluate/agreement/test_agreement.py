@@ -10,11 +10,16 @@ from known_walk import FRAME_NS, START_NS, Walk, write_solved
 from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.agree import AgreementOptions, agree, agreement_figures
-from bodycam_ros.evaluate.agreement import Agreement
-from bodycam_ros.evaluate.clock_search import Clock, Signals, found_clock
+from bodycam_ros.evaluate.agreement import (
+    Agreement,
+    AgreementOptions,
+    compare_with_captured,
+    compare_with_truth,
+    rate_same_motion,
+)
+from bodycam_ros.evaluate.agreement_figures import agreement_figures
+from bodycam_ros.evaluate.clock_search import Clock, Signals, find_clock
 from bodycam_ros.evaluate.true_motion import read_true_motion
-from bodycam_ros.evaluate.truth_as_captured import agree_with_truth, rate_same_motion
 from bodycam_ros.formats.read_captured import read_captured
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
@@ -34,7 +39,7 @@ def some(walk: Walk, first: int = 0, last: int = 60) -> Walk:
 
 
 def against(recording: SolvedRecording, path: Path, align: str = "similarity", **options: object) -> Agreement:
-    return agree(recording, read_captured(path), AgreementOptions(align, **options))
+    return compare_with_captured(recording, read_captured(path), AgreementOptions(align, **options))
 
 
 @pytest.mark.parametrize("kind", ["trc", "c3d", "bvh"])
@@ -164,7 +169,7 @@ def test_what_motions_share_by_chance_has_no_lead_over_the_next_best() -> None:
         def signals(values: np.ndarray) -> Signals:
             return lambda at: np.stack([np.interp(at, 0.02 * np.arange(values.shape[1]), row) for row in values])
 
-        return found_clock(signals(ours), (0.0, 11.98), signals(theirs), 0.02 * (theirs.shape[1] - 1))
+        return find_clock(signals(ours), (0.0, 11.98), signals(theirs), 0.02 * (theirs.shape[1] - 1))
 
     chance = [found for seed in range(40) if (found := clock(smooth(seed, 600), smooth(1000 + seed, 150)))]
     assert len(chance) > 10 and sum(found.lead > 2.5 for found in chance) <= 1
@@ -176,7 +181,7 @@ def test_a_truth_by_another_clock_is_brought_to_ours(sample_out: Path, sample: P
     """Whatever else is compared with it must see it so, too."""
     truth = read_true_motion(sample / "sample")
     late = replace(truth, stamps_ns=truth.stamps_ns + 700_000_000)
-    agreement, brought = agree_with_truth(read_solved(sample_out), late, AgreementOptions())
+    agreement, brought = compare_with_truth(read_solved(sample_out), late, AgreementOptions())
     assert np.abs(brought.stamps_ns - truth.stamps_ns).max() < 2_000_000
     assert agreement.clock.start_sigma_s > 0.0
 

@@ -72,7 +72,7 @@ def test_the_truth_of_a_recording_may_have_a_clock_of_its_own(
     for file in (truth / "truth" / "segments").glob("*.tum"):
         lines = [re.sub(r"^17000000", "18000000", line) for line in file.read_text().splitlines()]
         (late / "truth" / "segments" / file.name).write_text("\n".join(lines))
-    from bodycam_ros.evaluate.agree import AgreementOptions
+    from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.evaluate.evaluation import evaluate
 
     found = evaluate(solved, late, options=AgreementOptions("rigid"))
