@@ -7,7 +7,7 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.static_cameras.body_shape import MeasureSettings
-from bodycam_ros.static_cameras.stations_file import StationsSettings
+from bodycam_ros.static_cameras.station_registration import StationsSettings
 
 OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     MapSettings,

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-    from bodycam_ros.static_cameras.body_from_outside import MeasuredBody
+    from bodycam_ros.static_cameras.body_measurement import MeasuredBody
     from bodycam_ros.static_cameras.body_shape import MeasureSettings
 
 _SUFFIXES = (".yaml", ".yml")
@@ -235,7 +235,7 @@ def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
         BodyError: none is given, or nobody has this height.
     """
     from bodycam_ros.body.body_file import read_body
-    from bodycam_ros.static_cameras.body_from_outside import body_of_height
+    from bodycam_ros.static_cameras.person_model import body_of_height
 
     if arguments.initial_body is not None:
         return read_body(arguments.initial_body)

@@ -18,8 +18,7 @@ from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.static_cameras.station_registration import RegisteredStation
-    from bodycam_ros.static_cameras.stations_file import StationsSettings
+    from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationsSettings
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -44,7 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.offline.outside_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
-    from bodycam_ros.static_cameras.stations_file import MARK, TOML_MARK, is_calibration, read_stations, write_stations
+    from bodycam_ros.static_cameras.calibration_files import TOML_MARK
+    from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
 
     settings = settings_from_flags(arguments, _settings(), arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _settings() -> "type[StationsSettings]":
-    from bodycam_ros.static_cameras.stations_file import StationsSettings
+    from bodycam_ros.static_cameras.station_registration import StationsSettings
 
     return StationsSettings
 

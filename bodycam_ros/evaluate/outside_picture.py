@@ -30,8 +30,7 @@ from bodycam_ros.static_cameras.contour_painting import (
 )
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.seen_contour import SeenContour
-from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.station import Image, SeenContour, Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 

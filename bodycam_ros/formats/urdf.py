@@ -16,7 +16,7 @@ from bodycam_ros.errors import BodyError, OutputError, RecordingError
 from bodycam_ros.kinematics.joint import Joint, default_sigmas
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.topics import ROBOT, ROBOT_TYPE, published_robot
-from bodycam_ros.static_cameras.body_from_outside import person_masses
+from bodycam_ros.static_cameras.person_model import person_masses
 
 logger = logging.getLogger(__name__)
 

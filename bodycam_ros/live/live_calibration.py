@@ -27,10 +27,10 @@ from bodycam_ros.plots.report_tables import body_report
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import check_upright, load_map
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_file import placed_body
+from bodycam_ros.static_cameras.static_measurement import StationReports
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.station_reports import StationReports
-from bodycam_ros.static_cameras.station_watch import with_hands
 
 logger = logging.getLogger(__name__)
 

@@ -34,7 +34,7 @@ from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, message_class, reliable
 from bodycam_ros.nodes.process import ignore_discovery
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.static_cameras.body_from_outside import person_masses
+from bodycam_ros.static_cameras.person_model import person_masses
 from bodycam_ros.viewer.live_session import LiveInstant
 
 OUTPUTS = {

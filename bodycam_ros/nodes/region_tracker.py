@@ -30,9 +30,10 @@ from bodycam_ros.nodes.camera_topics import ImageSource
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.static_cameras.body_shape import BodySurface
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.single_camera import LoneStation
 from bodycam_ros.static_cameras.start_file import placed_body
-from bodycam_ros.static_cameras.station_watch import LoneStation, with_hands
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 

@@ -24,11 +24,11 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
-from bodycam_ros.static_cameras.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
+from bodycam_ros.static_cameras.body_measurement import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.station_watch import with_hands
 
 logger = logging.getLogger(__name__)
 

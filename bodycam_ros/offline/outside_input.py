@@ -22,10 +22,10 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
+from bodycam_ros.static_cameras.static_measurement import StationWatch
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration
-from bodycam_ros.static_cameras.station_watch import StationWatch
-from bodycam_ros.static_cameras.stations_file import StationsSettings, read_stations, refuse_worn
+from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration, StationsSettings
+from bodycam_ros.static_cameras.stations_file import read_stations, refuse_worn
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 logger = logging.getLogger(__name__)

@@ -45,8 +45,8 @@ from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_file import OutsideInput
-from bodycam_ros.static_cameras.station_watch import with_hands
 from bodycam_ros.verdict import Verdict
 from bodycam_ros.whole_file import scratch_folder
 

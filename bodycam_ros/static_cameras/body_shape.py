@@ -16,7 +16,7 @@ from bodycam_ros.calibration.anthropometry import mirrored
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.settings import SettingsGroups, setting
-from bodycam_ros.static_cameras import girths
+from bodycam_ros.static_cameras import person_model
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.surface import OPEN, Surface
@@ -126,7 +126,7 @@ class BodyShape:
 
     def __init__(self, body: BodyModel, settings: ShapeSettings) -> None:
         self._body, self._settings = body, settings
-        self._stature = girths.stature_of(body)
+        self._stature = person_model.stature_of(body)
         self.lengths = [
             (joint, axis)
             for joint in body.tree_joints
@@ -146,7 +146,7 @@ class BodyShape:
         ]
         body = replace(self._body, joints=tuple(joints))
         # Girths are said in those of people of the body's size, and its size may have changed.
-        size = self._stature / girths.stature_of(body)
+        size = self._stature / person_model.stature_of(body)
         thick = {
             segment: float(np.clip(size * self._girth(segment) * (1.0 + share), THINNEST, THICKEST))
             for segment, share in zip(self.thick, shares[len(self.lengths) :], strict=True)

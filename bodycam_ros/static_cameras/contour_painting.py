@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array
 from bodycam_ros.plots.picture_style import FAINT
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
-from bodycam_ros.static_cameras.seen_contour import SeenContour
+from bodycam_ros.static_cameras.station import SeenContour
 
 Image = NDArray[np.uint8]
 

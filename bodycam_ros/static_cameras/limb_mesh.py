@@ -13,7 +13,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BONE_RADIUS_M, BodyModel, bone_ends, sole_points
 from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras import girths
+from bodycam_ros.static_cameras import person_model
 from bodycam_ros.static_cameras.surface import Faces, Surface
 
 _AROUND = 24  # vertices of each ring
@@ -135,7 +135,7 @@ def capsule_surfaces(body: BodyModel) -> dict[str, Surface]:
 
     Nobody knows how a machine looks whose file has but joints: tubes that are not there would pull at the legs.
     """
-    stature = girths.stature_of(body)
+    stature = person_model.stature_of(body)
     surfaces = {}
     for segment in body.segments:
         thick = body.girths.get(segment, 1.0)
@@ -156,7 +156,7 @@ def _parts(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
 def _along_bones(body: BodyModel, segment: str) -> list[_Mesh]:
     parts = []
     for end in bone_ends(body, segment):
-        ball = body.girths.get(segment, 1.0) * girths.SLENDERNESS * float(np.linalg.norm(end))
+        ball = body.girths.get(segment, 1.0) * person_model.SLENDERNESS * float(np.linalg.norm(end))
         parts.append(limb_mesh(np.zeros(3), end, [Ball(0.0, ball), Ball(1.0, ball)], _X))
     return parts
 
@@ -166,7 +166,7 @@ def _limb(balls: list[tuple[float, float]], body: BodyModel, segment: str, statu
     name = SegmentName(segment)
     end = _joints_on(body, segment).get(f"{_BELOW[name.kind]}{name.side}")
     if end is None or _too_near(end, np.zeros(3)):
-        end = -girths.BONES[name.kind] * girths.stature_of(body) * _Z
+        end = -person_model.BONES[name.kind] * person_model.stature_of(body) * _Z
     return [limb_mesh(np.zeros(3), end, [Ball(along, radius * stature) for along, radius in balls], _Y)]
 
 
@@ -176,9 +176,9 @@ def _pelvis(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     spine, hips = joints.get("torso"), _pair(joints, "thigh")
     if spine is None or hips is None or _too_near(*hips) or _too_near(spine, hips.mean(axis=0)):
         return []
-    half_hips = 0.5 * float(np.linalg.norm(hips[0] - hips[1])) + girths.THIGH * stature
-    buttocks = _flat(0.0, 2.0 * half_hips, girths.BUTTOCK_DEPTH * stature)
-    waist = _flat(0.5, girths.WAIST_BREADTH * stature, girths.WAIST_DEPTH * stature)
+    half_hips = 0.5 * float(np.linalg.norm(hips[0] - hips[1])) + person_model.THIGH * stature
+    buttocks = _flat(0.0, 2.0 * half_hips, person_model.BUTTOCK_DEPTH * stature)
+    waist = _flat(0.5, person_model.WAIST_BREADTH * stature, person_model.WAIST_DEPTH * stature)
     return [limb_mesh(hips.mean(axis=0), spine, [buttocks, waist], hips[0] - hips[1])]
 
 
@@ -189,64 +189,65 @@ def _torso(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     if shoulders is None or _too_near(*shoulders) or _too_near(shoulders.mean(axis=0), np.zeros(3)):
         return []
     middle, apart = shoulders.mean(axis=0), shoulders[0] - shoulders[1]
-    chest = girths.CHEST_BREADTH * stature, girths.CHEST_DEPTH * stature
-    waist = _flat(0.1, girths.WAIST_BREADTH * stature, girths.WAIST_DEPTH * stature)
+    chest = person_model.CHEST_BREADTH * stature, person_model.CHEST_DEPTH * stature
+    waist = _flat(0.1, person_model.WAIST_BREADTH * stature, person_model.WAIST_DEPTH * stature)
     parts = [limb_mesh(np.zeros(3), middle, [waist, _flat(0.4, *chest), _flat(0.75, *chest)], apart)]
-    radius = girths.BICEPS * stature
+    radius = person_model.BICEPS * stature
     inward = apart * (radius / float(np.linalg.norm(apart)))
     ends = shoulders[1] + inward, shoulders[0] - inward
     parts.append(limb_mesh(*ends, [Ball(0.0, radius), Ball(1.0, radius)], _X))
     if neck is not None and not _too_near(neck, middle):
-        radius = girths.NECK * stature
+        radius = person_model.NECK * stature
         parts.append(limb_mesh(middle, neck, [Ball(0.0, radius), Ball(1.0, radius)], _Y))
     return parts
 
 
 def _head(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     """An ellipsoid from chin to vertex, and the neck up to it."""
-    half_height = 0.5 * girths.HEAD_HEIGHT * stature
-    centre = girths.NECK_TO_VERTEX * stature * _Z - half_height * _Z
+    half_height = 0.5 * person_model.HEAD_HEIGHT * stature
+    centre = person_model.NECK_TO_VERTEX * stature * _Z - half_height * _Z
     ball, faces = limb_mesh(np.zeros(3), centre, [Ball(0.0, half_height)], _Y)
-    flat = np.array([girths.HEAD_LENGTH, girths.HEAD_BREADTH, girths.HEAD_HEIGHT]) / girths.HEAD_HEIGHT
-    neck = girths.NECK * stature
+    sides = np.array([person_model.HEAD_LENGTH, person_model.HEAD_BREADTH, person_model.HEAD_HEIGHT])
+    flat = sides / person_model.HEAD_HEIGHT
+    neck = person_model.NECK * stature
     return [(centre + flat * ball, faces), limb_mesh(np.zeros(3), centre, [Ball(0.0, neck), Ball(0.8, neck)], _Y)]
 
 
 def _foot(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     """From heel to toe on the sole."""
     ankle = body.joint_to_parent(segment)
-    shin = girths.BONES["shin"] * girths.stature_of(body)
+    shin = person_model.BONES["shin"] * person_model.stature_of(body)
     if ankle is not None and SegmentName(ankle.parent).kind == "shin":
         shin = float(np.linalg.norm(ankle.parent_T_joint[:3, 3]))
     back = sole_points(shin)[0]
     heel = -0.5 * back[2]
     toe = 0.5 * heel
     start = back + heel * (_X + _Z)
-    end = back + (girths.FOOT_LENGTH * stature - toe) * _X + toe * _Z
+    end = back + (person_model.FOOT_LENGTH * stature - toe) * _X + toe * _Z
     balls = [
-        Ball(0.0, heel, 0.5 * girths.HEEL_BREADTH * stature / heel),
-        Ball(1.0, toe, 0.5 * girths.FOOT_BREADTH * stature / toe),
+        Ball(0.0, heel, 0.5 * person_model.HEEL_BREADTH * stature / heel),
+        Ball(1.0, toe, 0.5 * person_model.FOOT_BREADTH * stature / toe),
     ]
     return [limb_mesh(start, end, balls, _Y)]
 
 
 def _hand(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
     """Stretched; its palm faces the body in the N-pose."""
-    radius = girths.WRIST * stature
-    palm = Ball(0.0, radius, 0.5 * girths.HAND_BREADTH / girths.WRIST)
+    radius = person_model.WRIST * stature
+    palm = Ball(0.0, radius, 0.5 * person_model.HAND_BREADTH / person_model.WRIST)
     fingers = Ball(1.0, 0.5 * radius, palm.breadth)
-    return [limb_mesh(np.zeros(3), (0.5 * radius - girths.HAND_LENGTH * stature) * _Z, [palm, fingers], _X)]
+    return [limb_mesh(np.zeros(3), (0.5 * radius - person_model.HAND_LENGTH * stature) * _Z, [palm, fingers], _X)]
 
 
 _FORMS: dict[str, Callable[[BodyModel, str, float], list[_Mesh]]] = {
     "pelvis": _pelvis,
     "torso": _torso,
     "head": _head,
-    "upper_arm": partial(_limb, [(0.0, girths.BICEPS), (0.6, girths.BICEPS), (1.0, girths.FOREARM)]),
-    "forearm": partial(_limb, [(0.0, girths.FOREARM), (0.25, girths.FOREARM), (1.0, girths.WRIST)]),
+    "upper_arm": partial(_limb, [(0.0, person_model.BICEPS), (0.6, person_model.BICEPS), (1.0, person_model.FOREARM)]),
+    "forearm": partial(_limb, [(0.0, person_model.FOREARM), (0.25, person_model.FOREARM), (1.0, person_model.WRIST)]),
     "hand": _hand,
-    "thigh": partial(_limb, [(0.0, girths.THIGH), (0.2, girths.THIGH), (1.0, girths.KNEE)]),
-    "shin": partial(_limb, [(0.0, girths.KNEE), (0.3, girths.CALF), (1.0, girths.ANKLE)]),
+    "thigh": partial(_limb, [(0.0, person_model.THIGH), (0.2, person_model.THIGH), (1.0, person_model.KNEE)]),
+    "shin": partial(_limb, [(0.0, person_model.KNEE), (0.3, person_model.CALF), (1.0, person_model.ANKLE)]),
     "foot": _foot,
 }
 

@@ -1,23 +1,18 @@
 """Limbs that nobody knows the pose of, looked for in images: the pose whose regions split them best (B eq. 8).
 
 Clothes are alike on both sides, so the colours of a limb are those of its opposite until they are learned.
-
-What the solver says is right, but old; what one station saw since is new, but of one side only. So the body goes on
-from where the solver has it by the steps that the station saw it make, and from there at constant velocity.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body_state import BodyNow
 from bodycam_ros.calibration.anthropometry import SegmentName, mirrored
-from bodycam_ros.estimation.motion_model import MotionSettings, orthonormal, predict
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
 
@@ -127,95 +122,3 @@ def _limited(joint: Joint) -> Joint:
     if joint.type != "ball" or joint.limits or usual is None:
         return joint
     return replace(joint, limits=tuple(usual[axis] for axis in joint.angle_axes))
-
-
-_REMEMBERED = 100
-"""Steps and poses: some seconds, more than a solver is behind."""
-
-_LONGEST_S = 0.5
-"""For so long a body goes on by itself; after a longer pause it is looked for where it was."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """How a station saw the body move: poses at the end are those at the beginning @ motion (S, 4, 4)."""
-
-    begin_ns: int
-    end_ns: int
-    motion: Array
-
-    @property
-    def seconds(self) -> float:
-        return 1e-9 * (self.end_ns - self.begin_ns)
-
-    def after(self, stamp_ns: int) -> Array:
-        """The part of the motion that comes after a time."""
-        share = (self.end_ns - max(stamp_ns, self.begin_ns)) / (self.end_ns - self.begin_ns)
-        return self.motion if share >= 1.0 else exp_se3(share * log_se3(self.motion))
-
-
-class CarriedBody:
-    """Carries a body on from what is heard and seen of it.
-
-    Args:
-        motion: how a velocity fades.
-    """
-
-    def __init__(self, motion: MotionSettings) -> None:
-        self._motion = motion
-        self._heard: deque[BodyNow] = deque(maxlen=_REMEMBERED)
-        self._steps: deque[_Step] = deque(maxlen=_REMEMBERED)
-        self._found: tuple[int, Array] | None = None
-
-    def hear(self, body: BodyNow) -> None:
-        """Where the body was; what was said of a later time is forgotten: time has begun anew."""
-        while self._heard and self._heard[-1].stamp_ns >= body.stamp_ns:
-            self._heard.pop()
-        self._heard.append(body)
-
-    def find(self, stamp_ns: int, world_T_segment: Array) -> None:
-        """The station has found the body at poses (S, 4, 4), later than the time before."""
-        latest = self._latest(stamp_ns)
-        if latest is not None and latest[0] < stamp_ns:
-            self._steps.append(_Step(latest[0], stamp_ns, inverse(latest[1]) @ world_T_segment))
-        self._found = stamp_ns, world_T_segment
-
-    def heard_by(self, stamp_ns: int) -> BodyNow | None:
-        """The latest that was heard of a time not after this one."""
-        return next((body for body in reversed(self._heard) if body.stamp_ns <= stamp_ns), None)
-
-    def at(self, stamp_ns: int) -> tuple[Array, float] | None:
-        """Poses (S, 4, 4) at a time, and for how long the body goes on by itself until then [s]; None if unknown."""
-        latest = self._latest(stamp_ns)
-        if latest is None:
-            return None
-        latest_ns, poses = latest
-        ahead_s = 1e-9 * (stamp_ns - latest_ns)
-        if ahead_s > _LONGEST_S:
-            return poses, _LONGEST_S
-        before = self.heard_by(latest_ns - 1)
-        heard = self.heard_by(latest_ns)
-        if heard is not None and heard.stamp_ns == latest_ns:
-            if before is None:
-                return poses, ahead_s
-            before_s = 1e-9 * (latest_ns - before.stamp_ns)
-            return predict(before.world_T_segment, poses, before_s, ahead_s), ahead_s
-        if not self._steps:
-            return poses, ahead_s
-        step = self._steps[-1]
-        return predict(poses @ inverse(step.motion), poses, step.seconds, ahead_s), ahead_s
-
-    def _latest(self, stamp_ns: int) -> tuple[int, Array] | None:
-        """The latest time up to this one of which something is known, and the poses (S, 4, 4) then."""
-        heard = self.heard_by(stamp_ns)
-        if heard is None:
-            return self._found
-        if self._found is None or self._found[0] <= heard.stamp_ns:
-            return heard.stamp_ns, heard.world_T_segment
-        if not self._steps or heard.stamp_ns < self._steps[0].begin_ns:
-            return self._found
-        poses = heard.world_T_segment
-        for step in self._steps:
-            if step.end_ns > heard.stamp_ns:
-                poses = poses @ step.after(heard.stamp_ns)
-        return self._found[0], orthonormal(poses)

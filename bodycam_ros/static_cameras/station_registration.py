@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array, inverse, log_se3, robust_average_pose, transform_points
-from bodycam_ros.registration.direct_registration import DirectRegistration
+from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings
 from bodycam_ros.registration.image_registration import ImageRegistration
-from bodycam_ros.registration.pose_fit import PoseFit, fit_pose
+from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import MAX_SIGMA_M
+from bodycam_ros.registration.registrar import MAX_SIGMA_M, RegistrarSettings
+from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.stations_file import StationsSettings
 
 _KEYPOINTS = 2000  # of an image; 600 give two thirds of the landmarks, in as good as the same time
 _PER_CELL = 20  # landmarks in each cell of an image; in the hall 2 leave 1.3 to 4.8 mm, 20 leave 0.4 to 2.6
@@ -36,6 +36,15 @@ _FEW = 0.5
 _SURE = 60
 """Landmarks by which an image is registered right, however many others show: those that were wrong by more than 50 mm,
 of 81 with half to three quarters of the picture covered, had 22, 32 and 56."""
+
+
+@dataclass(frozen=True)
+class StationsSettings(SettingsGroups):
+    """Settings of every step from the images of a static camera to its pose."""
+
+    registrar: RegistrarSettings = RegistrarSettings()
+    pose_fit: PoseFitSettings = PoseFitSettings()
+    direct: DirectSettings = DirectSettings()
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ the two. Other fields, such as R and P, concern rectified images and are not rea
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +24,8 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import LensError, MapError, StationError
 from bodycam_ros.geometry import Array, nearest_rotation, rigid
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.registration.direct_registration import DirectSettings
-from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
-from bodycam_ros.registration.registrar import RegistrarSettings
-from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.shown import shown
-from bodycam_ros.static_cameras.calibration_files import TOML_MARK as TOML_MARK
 from bodycam_ros.static_cameras.calibration_files import is_other_calibration, read_calibration, toml_text
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.whole_file import write_whole
@@ -265,12 +259,3 @@ def check_stations_frame(stations: Path, solved: Path, map_path: Path | None) ->
         )
     if map_path is not None and not in_map:
         raise StationError(f"{solved} was solved without a map, in the frame of {stations}: omit --map")
-
-
-@dataclass(frozen=True)
-class StationsSettings(SettingsGroups):
-    """Settings of every step from the images of a static camera to its pose."""
-
-    registrar: RegistrarSettings = RegistrarSettings()
-    pose_fit: PoseFitSettings = PoseFitSettings()
-    direct: DirectSettings = DirectSettings()

@@ -20,8 +20,8 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.topics import ROBOT, published_robot
 from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.station_watch import with_hands
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.viewer.correction import BodyFile
 from bodycam_ros.viewer.other_motion import OtherMotion, read_other_motion

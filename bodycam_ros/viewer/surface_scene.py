@@ -10,7 +10,7 @@ from viser import LabelHandle, MeshHandle, SceneApi
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.static_cameras.station_watch import with_hands
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.viewer.footage import Detail

@@ -19,7 +19,7 @@ from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.results.solved_recording import read_solved
-from bodycam_ros.static_cameras.body_from_outside import person_masses
+from bodycam_ros.static_cameras.person_model import person_masses
 
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")

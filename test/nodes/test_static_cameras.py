@@ -18,8 +18,8 @@ from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_file import OutsideInput
-from bodycam_ros.static_cameras.station_watch import with_hands
 from bodycam_ros.static_cameras.stations_file import write_stations
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras import body_from_outside, region_tracker, shape_evidence
-from bodycam_ros.static_cameras.body_from_outside import Instant, MeasuredBody, OutsideMeasurement
+from bodycam_ros.static_cameras.body_measurement import Instant, MeasuredBody, OutsideMeasurement
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings

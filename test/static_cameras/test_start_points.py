@@ -11,8 +11,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.read_captured import read_joint_points
 from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_points import place_points
-from bodycam_ros.static_cameras.station_watch import with_hands
 
 NAMES = {"thigh": "Hip", "shin": "Knee", "foot": "Ankle", "upper_arm": "Shoulder", "forearm": "Elbow", "hand": "Wrist"}
 SIDES = {"left": ("L", "left_", "l."), "right": ("R", "right_", "r.")}

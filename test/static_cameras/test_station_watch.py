@@ -20,7 +20,7 @@ from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.station_watch import StationWatch
+from bodycam_ros.static_cameras.static_measurement import StationWatch
 
 Images = dict[str, CameraImage]
 

@@ -1,6 +1,12 @@
-"""A body's lengths and girths from static cameras: follow a person with the body so far, ask its contours, mend it.
+"""An average person: bone lengths, girths, masses, and a body of a given height.
 
-Gauss-Newton over all instants together. Poses are eliminated instant by instant; they are found anew in each round.
+Girths are fractions of the stature, the mean of the women's and the men's. Girths of limbs and the chest: means of 247 men, 177.7 cm tall, and 260 women, 164.9 cm tall, of Heinz, Peterson, Johnson and Kerk 2003,
+"Exploring relationships in body dimensions", Journal of Statistics Education 11(2); people who exercise, of normal
+weight, with the biceps tensed and the thigh measured below the gluteal fold. Waist, buttocks, neck, head and the
+breadths of heel and hand, which are not in it: means of 4082 men, 175.6 cm tall, and 1986 women, 162.9 cm tall, of
+Gordon et al. 2014, *2012 anthropometric survey of U.S. Army personnel*. The height of the head, hand and foot: Drillis
+and Contini 1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1); from the neck up: de Leva
+1996, table 4.
 
 Limbs are those of the proportions that calibrations are judged by, of de Leva 1996, table 4, and shoulders are as high
 above the hips as the middle of the shoulders there: 515.5 mm of men, 497.9 mm of women. All that is used of that table
@@ -19,216 +25,49 @@ of the next one towards the root.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import median
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, BodyModel, Mass, combined, sole_points
-from bodycam_ros.calibration.anthropometry import LEFT, RIGHT, SegmentName
-from bodycam_ros.errors import BodyError, RangeOfMotionError
-from bodycam_ros.estimation.motion_model import MotionSettings, predict
+from bodycam_ros.calibration.anthropometry import LEFT, PROPORTIONS, RIGHT, SegmentName
+from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
-from bodycam_ros.static_cameras.girths import BONES, stature_of
-from bodycam_ros.static_cameras.region_settings import RegionSettings
-from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.shape_evidence import ShapeEvidence
-from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.station import Image, Station
-from bodycam_ros.static_cameras.station_watch import followed, with_hands
-from bodycam_ros.static_cameras.surface import BULGES
 
-_ROUNDS = 6  # of following the recording with a better body, at most
-_CONVERGED = 0.3  # sigmas of itself by which no length changes any more
-_SURFACE_SIGMA_M = 0.015  # of bulges that capsules do not have; scans of a subject have them by 3 to 18 mm
-_INTERVAL_S = 0.1  # between two frames that lengths are measured in
-_ALIKE_S = 1.0  # frames within this time err together; with 0.3 s lengths are twice as far off as their sigmas
-_MEASURED = 0.6  # sigma of a length over that beforehand, above which the recording does not measure it
-_MIN_SEEN = 0.5  # share of the segments that cameras must see on average, or the body is lost
-_LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
+THIGH, KNEE, CALF, ANKLE = (girth / (2.0 * np.pi) for girth in (0.332, 0.212, 0.211, 0.130))
+BICEPS, FOREARM, WRIST, NECK = (girth / (2.0 * np.pi) for girth in (0.182, 0.152, 0.094, 0.215))
+"""Radii of round sections with the girths that were measured."""
 
+CHEST_BREADTH, CHEST_DEPTH = 0.163, 0.112
+WAIST_BREADTH, WAIST_DEPTH = 0.183, 0.133
+BUTTOCK_DEPTH = 0.145
+HEAD_BREADTH, HEAD_LENGTH = 0.089, 0.114  # of which the length is from the forehead to its back
+HEAD_HEIGHT = 0.130  # from the chin
+NECK_TO_VERTEX = 0.140 + 0.023  # from the joint of the neck, below the cervicale, to the top of the head
+FOOT_LENGTH, FOOT_BREADTH, HEEL_BREADTH = 0.152, 0.055, 0.041
+HAND_LENGTH, HAND_BREADTH = 0.108, 0.049
 
-@dataclass(frozen=True, eq=False)
-class Instant:
-    """What stations see at once.
+BONES = {kind: proportion.middle for (kind, _), proportion in PROPORTIONS.items()}
+"""Kind of segment -> length of its bone."""
 
-    Attributes:
-        stamp_ns: of the images [ns].
-        images: station -> (H, W, 3) blue, green, red.
-    """
+SLENDERNESS = 0.15
+"""Mean radius over length of a bone that nobody measured; those of the four limbs are 0.12 to 0.20."""
 
-    stamp_ns: int
-    images: Mapping[str, Image]
+_USUAL_STATURE_M = 1.738
 
 
-@dataclass(frozen=True)
-class Measure:
-    """One length, or one girth.
-
-    Attributes:
-        name: of the joint, or of the segment that is as thick.
-        axis: x, y or z, along which the joint is away from its parent's origin; empty for a girth.
-        begun, found, sigma: what it was taken to be, is, and its standard deviation: [m], or times as thick as people.
-        told: whether the recording says it; else it is what is expected of people.
-    """
-
-    name: str
-    axis: str
-    begun: float
-    found: float
-    sigma: float
-    told: bool
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredBody:
-    """A body that static cameras measured.
-
-    Attributes:
-        body: with its lengths and girths.
-        lengths, girths: what became of each.
-        instants: that were asked.
-        rounds: that it took.
-        converged: whether no length changed any more.
-        seen: share of the segments that the cameras saw, on average.
-    """
-
-    body: BodyModel
-    lengths: tuple[Measure, ...]
-    girths: tuple[Measure, ...]
-    instants: int
-    rounds: int
-    converged: bool
-    seen: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Round:
-    """What one pass over a recording says of all that lasts."""
-
-    information: Array
-    vector: Array
-    instants: int
-    seen: float
-
-
-class OutsideMeasurement:
-    """Measures a body in the images of stations.
-
-    Args:
-        body: that is begun with, alone.
-        stations: by name.
-        instants: reads the recording, from its start each time.
-        placed: where a body is at the first instant, some centimetres off.
-        settings: what is expected.
-        region, motion: of following it.
-        on_progress: told the step, and the share of it that is done.
-    """
-
-    def __init__(
-        self,
-        body: BodyModel,
-        stations: Mapping[str, Station],
-        instants: Callable[[], Iterable[tuple[float, Instant]]],
-        placed: Callable[[BodyModel], PlacedBody],
-        settings: ShapeSettings,
-        region: RegionSettings,
-        motion: MotionSettings,
-        on_progress: Callable[[str, float], None] = lambda step, share: None,
-    ) -> None:
-        self._shape, self._segment_count = BodyShape(body, settings), len(body.segments)
-        self._stations, self._instants, self._placed = stations, instants, placed
-        self._region, self._motion = region, motion
-        self._on_progress = on_progress
-
-    def measure(self) -> MeasuredBody:
-        """The body.
-
-        Raises:
-            RangeOfMotionError: the recording has no instant, or the body was not seen in it.
-        """
-        size = self._shape.size
-        lasting = np.zeros(size + BULGES * self._segment_count)
-        sigmas = np.zeros(size)
-        for number in range(1, _ROUNDS + 1):
-            said = self._round(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
-            if said.seen < _MIN_SEEN:
-                raise RangeOfMotionError(
-                    f"static cameras saw only {said.seen:.0%} of the body's segments on average; is it where it was "
-                    "placed in the first images, and are the cameras where they are said to stand?"
-                )
-            step, sigmas = self._step(said, lasting)
-            lasting = lasting + step
-            lengths = slice(len(self._shape.lengths))
-            converged = bool((np.abs(step[lengths]) < _CONVERGED * sigmas[lengths]).all())
-            if converged:
-                break
-        return self._measured(lasting[:size], sigmas, said, number, converged)
-
-    def _step(self, said: "_Round", lasting: Array) -> tuple[Array, Array]:
-        """How what lasts changes, and sigmas (K,) of the shares."""
-        size = self._shape.size
-        information, vector = self._shape.prior(lasting[:size])
-        A, b = said.information.copy(), said.vector.copy()
-        A[:size, :size] += information
-        b[:size] += vector
-        bulges = np.arange(size, len(lasting))
-        A[bulges, bulges] += _SURFACE_SIGMA_M**-2.0
-        b[size:] -= _SURFACE_SIGMA_M**-2.0 * lasting[size:]
-        covariance = np.linalg.inv(A)
-        step = covariance @ b
-        longest = float(np.abs(step[:size]).max())
-        return step * min(1.0, _LONGEST_STEP / max(longest, 1e-12)), np.sqrt(np.diag(covariance)[:size])
-
-    def _round(self, evidence: ShapeEvidence, step: str) -> _Round:
-        """Follow the body through the recording, and ask every so often."""
-        body = evidence.body
-        tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
-        size = self._shape.size + BULGES * self._segment_count
-        information, vector = np.zeros((size, size)), np.zeros(size)
-        before = poses = np.zeros((0, 4, 4))
-        latest_ns = asked_ns = 0
-        dt_s = 0.0
-        asked = 0
-        seen: list[float] = []
-        for share, instant in self._instants():
-            self._on_progress(step, share)
-            if not len(poses):
-                placed = self._placed(body)
-                poses = tracker.begin(instant.images, placed.world_T_segment, placed.unplaced)
-            else:
-                previous_s, dt_s = dt_s, 1e-9 * (instant.stamp_ns - latest_ns)
-                expected = predict(before, poses, previous_s, dt_s) if len(before) else poses
-                found = tracker.look(instant.images, followed(expected, dt_s, self._motion, previous_s))
-                before, poses = poses, found.world_T_segment
-                seen.append(len(found.together) / len(body.segments))
-            latest_ns = instant.stamp_ns
-            if not asked or latest_ns - asked_ns >= 1e9 * _INTERVAL_S - 1.0:
-                said = evidence.of_instant(tracker.views, instant.images, poses)
-                # Instants that err together count as one.
-                weight = 1.0 if not asked else min(1.0, 1e-9 * (latest_ns - asked_ns) / _ALIKE_S)
-                information += weight * said[0]
-                vector += weight * said[1]
-                asked, asked_ns = asked + 1, latest_ns
-        if not seen:
-            raise RangeOfMotionError("static cameras have too few images: a body is measured while it moves")
-        return _Round(information, vector, asked, float(np.mean(seen)))
-
-    def _measured(self, shares: Array, sigmas: Array, said: _Round, rounds: int, converged: bool) -> MeasuredBody:
-        beforehand = np.sqrt(np.diag(np.linalg.inv(self._shape.prior(shares)[0])))
-        known = [*zip(sigmas.tolist(), (sigmas < _MEASURED * beforehand).tolist(), strict=True)]
-        begun, body = self._shape.shaped(np.zeros(self._shape.size)), self._shape.shaped(shares)
-        lengths = []
-        for (joint, axis), share, (sigma, told) in zip(self._shape.lengths, shares.tolist(), known, strict=False):
-            at = float(joint.parent_T_joint[axis, 3])
-            lengths.append(Measure(joint.name, "xyz"[axis], at, at * (1.0 + share), abs(at) * sigma, told))
-        girths = [
-            Measure(segment, "", begun.girths[segment], body.girths[segment], begun.girths[segment] * sigma, told)
-            for segment, (sigma, told) in zip(self._shape.thick, known[len(lengths) :], strict=True)
-        ]
-        return MeasuredBody(body, tuple(lengths), tuple(girths), said.instants, rounds, converged, said.seen)
+def stature_of(body: BodyModel) -> float:
+    """Stature [m] that the bones of a body let expect: the median of what each says; a usual one if none is known."""
+    said = []
+    for joint in body.tree_joints:
+        known, above = BONES.get(SegmentName(joint.parent).kind), body.joint_to_parent(joint.parent)
+        if known is not None and above is not None and joint.type != "free":
+            length = float(np.linalg.norm(joint.parent_T_joint[:3, 3] - above.child_T_joint[:3, 3]))
+            said += [length / known] if length > BONE_RADIUS_M else []
+    return median(said) if said else _USUAL_STATURE_M
 
 
 SHORTEST_M, TALLEST_M = 0.6, 2.75
@@ -379,3 +218,34 @@ def _scaled(part: Mass, bone: Array, usual_bone: Array) -> Mass:
     scale = float(np.linalg.norm(bone) / np.linalg.norm(usual_bone))
     centre = along * bone + scale * (part.centre - along * usual_bone)
     return Mass(part.kilograms, centre, scale**2 * part.inertia)
+
+
+_WRIST_LIMITS = ((-1.3, 1.3), (-0.3, 0.3), (-0.7, 0.7))
+"""[rad] of its angles in the order y, z, x: to the sides, about the forearm, and towards the palm."""
+
+
+def with_hands(body: BodyModel) -> BodyModel:
+    """The body with a hand on each forearm that has none, at a wrist as far from the elbow as the upper arm is long."""
+    segments, joints = list(body.segments), list(body.joints)
+    for segment in body.segments:
+        name = SegmentName(segment)
+        hand = f"hand{name.side}"
+        if name.kind == "forearm" and hand not in segments:
+            segments.append(hand)
+            joints.append(_wrist(body, segment, hand, f"wrist{name.side}"))
+    return replace(body, segments=tuple(segments), joints=tuple(joints))
+
+
+def _wrist(body: BodyModel, forearm: str, hand: str, name: str) -> Joint:
+    place = rigid(np.eye(3), -_forearm_length(body, forearm) * np.array([0.0, 0.0, 1.0]))
+    return Joint(name, forearm, hand, "ball", place, angle_axes="yzx", limits=_WRIST_LIMITS)
+
+
+def _forearm_length(body: BodyModel, forearm: str) -> float:
+    """From elbow to wrist [m], by the length of the upper arm; by the body's stature where there is none."""
+    elbow = body.joint_to_parent(forearm)
+    upper_arm: Array = np.zeros(3) if elbow is None else elbow.parent_T_joint[:3, 3]
+    length = float(np.linalg.norm(upper_arm))
+    if elbow is None or SegmentName(elbow.parent).kind != "upper_arm" or length < 0.05:
+        return BONES["forearm"] * stature_of(body)
+    return length * BONES["forearm"] / BONES["upper_arm"]

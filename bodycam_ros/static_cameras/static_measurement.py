@@ -1,0 +1,170 @@
+"""Measurements of static cameras for the solver (B 2): from their images, or from their own processes' messages."""
+
+import logging
+from collections.abc import Callable, Collection, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame, SegmentPose
+from bodycam_ros.camera.camera_image import CameraImage, decode_colour
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.geometry import Array, inverse, log_se3
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.limb_search import with_usual_limits
+from bodycam_ros.static_cameras.region_tracker import RegionTracker, surface_variances
+from bodycam_ros.static_cameras.start_file import PlacedBody, placed_expectation, placed_segments
+from bodycam_ros.static_cameras.station import Image
+
+logger = logging.getLogger(__name__)
+
+_FOLLOWED = np.repeat([0.03, 0.01], 3)
+"""[rad], [m] errors of what a prediction goes on from."""
+
+
+def followed(
+    world_T_segment: Array, dt_s: float, motion: MotionSettings, previous_s: float | None = None
+) -> ExpectedBody:
+    """A body that should be at poses (S, 4, 4) ``dt_s`` after it was seen, and how far it may be from there.
+
+    Its velocity is the mean over ``previous_s`` before that; over as long a time if it is not said.
+    """
+    sigmas = np.hypot(motion_sigmas(dt_s, previous_s or dt_s, motion), _FOLLOWED)
+    return ExpectedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
+
+
+class StationWatch:
+    """Decodes images, and asks them where the body is.
+
+    Args:
+        tracker: of the body in all stations' images.
+        placed: where the body is at the first image, as a person placed it; None where nobody did.
+        motion: how suddenly segments change their motion.
+        on_seen: told what an instant's images said, and the stamp of each station's [ns].
+    """
+
+    def __init__(
+        self,
+        tracker: RegionTracker,
+        placed: PlacedBody | None,
+        motion: MotionSettings,
+        on_seen: Callable[[Mapping[str, int], StaticMeasurement], None] = lambda stamps_ns, seen: None,
+    ) -> None:
+        self._tracker, self._placed = tracker, placed
+        self._motion, self._on_seen = motion, on_seen
+        self._unreadable: set[str] = set()
+        self._has_colours = False
+
+    def place(self, frame: BodyFrame) -> list[SegmentPose]:
+        """As ``StaticCameras.place``: once, and nothing without a placed body, or without an image."""
+        pictures = {} if self._placed is None else self._decoded(frame.images)
+        if self._placed is None or not pictures:
+            return []
+        poses = self._tracker.begin(pictures, self._placed.world_T_segment, self._placed.unplaced)
+        self._placed, self._has_colours = None, True
+        return placed_segments(self._tracker.body, poses)
+
+    def measure(
+        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> StaticMeasurement | None:
+        """As ``StaticCameras.measure``; in the first images a body placed by body cameras is searched as a whole."""
+        pictures = self._decoded(frame.images)
+        if not pictures:
+            return None
+        if not self._has_colours and not known:
+            return None
+        if not self._has_colours:
+            expected = self._tracker.find_limbs(pictures, expected, known)
+            self._has_colours = True
+        seen = self._tracker.look(pictures, followed(expected, dt_s, self._motion), known)
+        self._on_seen({name: frame.images[name].stamp_ns for name in pictures}, seen)
+        return seen
+
+    def _decoded(self, images: Mapping[str, CameraImage]) -> dict[str, Image]:
+        """Pictures of the images that can be decoded; the first of a station that cannot is warned about."""
+        pictures = {}
+        for name, image in images.items():
+            try:
+                picture = decode_colour(image)
+                self._tracker.check_size(name, picture)
+            except RecordingError as error:
+                if name not in self._unreadable:
+                    logger.warning("%s; it is left out, and so will be others like it", error)
+                self._unreadable.add(name)
+            else:
+                pictures[name] = picture
+        return pictures
+
+
+_ROUNDS = 3
+"""Steps of the body as a whole under what was said, which is linear but for rotations."""
+
+
+class StationReports:
+    """Puts together what stations say of a body, joints closed, as ``RegionTracker`` does that has all their images.
+
+    Args:
+        body: segments and joints, held to people's usual limits where it has none; with its equipment, if any.
+        placed: (S, 4, 4) where the body is at the first instant, as a person placed it; None where nobody did.
+        motion: how suddenly segments change their motion.
+    """
+
+    def __init__(self, body: BodyModel, placed: Array | None, motion: MotionSettings) -> None:
+        self._body, self._placed = body, placed
+        self._motion = motion
+        self._step = ArticulatedStep(with_usual_limits(body))
+        self._seen: Array | None = None
+        self._seen_ns = 0
+
+    def place(self, frame: BodyFrame) -> list[SegmentPose]:
+        """As ``StaticCameras.place``: nothing without a placed body, or before a station speaks.
+
+        After a silence it is placed where it was seen last, and anew only where time begins anew.
+        """
+        if self._placed is None or not frame.said:
+            return []
+        poses = self._placed if self._seen is None or frame.stamp_ns <= self._seen_ns else self._seen
+        return placed_segments(self._body, poses)
+
+    def measure(
+        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+    ) -> StaticMeasurement | None:
+        """As ``StaticCameras.measure``, of what stations say of segments that the body has."""
+        if not frame.said:
+            return None
+        index = self._body.segment_index
+        evidence = {
+            name: [each for each in said.evidence if each.segment in index] for name, said in frame.said.items()
+        }
+        confidence = {
+            name: np.array([said.confidence.get(segment, 0.0) for segment in self._body.segments])
+            for name, said in frame.said.items()
+        }
+        heard = [each for said in evidence.values() for each in said]
+        poses = self._together([*heard, *known], expected, dt_s)
+        self._seen, self._seen_ns = poses, frame.stamp_ns
+        information = np.zeros((len(poses), 6, 6))
+        for each in heard:
+            information[index[each.segment]] += np.linalg.inv(each.covariance)
+        seen = sorted({index[each.segment] for each in heard})
+        together = [SegmentPose(self._body.segments[row], poses[row], np.linalg.inv(information[row])) for row in seen]
+        return StaticMeasurement(evidence, together, poses, confidence, surface_variances=surface_variances(self._body))
+
+    def _together(self, heard: Collection[SegmentPose], expected: Array, dt_s: float) -> Array:
+        """Poses (S, 4, 4) of the body as a whole under all that is said of its segments."""
+        start = self._step.closed(expected)
+        at = placed_expectation(start) if dt_s == 0.0 else followed(start, dt_s, self._motion)
+        rows: NDArray[np.int64] = np.array([self._body.segment_index[each.segment] for each in heard], np.int64)
+        said = np.array([each.world_T_segment for each in heard]).reshape(-1, 4, 4)
+        weights = np.linalg.inv(np.array([each.covariance for each in heard]).reshape(-1, 6, 6))
+        information = np.zeros((len(start), 6, 6))
+        np.add.at(information, rows, weights)
+        poses = start
+        for _ in range(_ROUNDS):
+            vector = np.zeros((len(start), 6))
+            np.add.at(vector, rows, (weights @ log_se3(inverse(poses[rows]) @ said)[..., None])[..., 0])
+            poses = self._step.moved(poses, information, vector, at)
+        return poses
