@@ -19,12 +19,12 @@ from bodycam_ros.camera import camera_from_info
 from bodycam_ros.estimation.motion_model import predict
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.static_cameras.articulated_step import ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.station import Station, StationView
+from bodycam_ros.static_cameras.station import RegionModel, Station
 
 STATIONS = 4
 _WIDTH, _HEIGHT, _FOCAL_PX = 640, 480, 525.0
@@ -77,10 +77,10 @@ def time_stations(body: BodyModel, settings: PipelineSettings, instants: int = 2
     for number, truth in enumerate(motion):
         images = {name: _painted(view, truth, len(body.segments), random) for name, view in tracker.views.items()}
         if number == 0:
-            tracker.learn(images, truth)
-        expected = ExpectedBody(predict(before, poses, _DT_S, _DT_S), _SIGMAS, float(_SIGMAS[0]))
+            tracker.update_colours(images, truth)
+        expected = PredictedBody(predict(before, poses, _DT_S, _DT_S), _SIGMAS, float(_SIGMAS[0]))
         started = time.process_time()
-        before, poses = poses, tracker.look(images, expected).world_T_segment
+        before, poses = poses, tracker.measure(images, expected).world_T_segment
         spent.append(1e3 * (time.process_time() - started))
         off = max(off, float(np.linalg.norm(poses[:, :3, 3] - truth[:, :3, 3], axis=1).max()))
     faces = len(surface.faces)
@@ -106,7 +106,7 @@ def _poses(body: BodyModel, number: int) -> Array:
     return body.forward_kinematics(root, np.tile(np.eye(3), (len(body.tree_joints), 1, 1)))
 
 
-def _painted(view: StationView, world_T_segment: Array, segments: int, random: np.random.Generator) -> Image:
+def _painted(view: RegionModel, world_T_segment: Array, segments: int, random: np.random.Generator) -> Image:
     """The body in a station's image: each segment in its own colour, before noise."""
     labels = view.contour(world_T_segment).labels
     large = cv2.resize(labels, (_WIDTH, _HEIGHT), interpolation=cv2.INTER_NEAREST)

@@ -190,7 +190,7 @@ def _print_imus(body: "BodyModel") -> None:
 def _measure(arguments: argparse.Namespace, name: str) -> None:
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.offline.measure_body import measure_body
-    from bodycam_ros.static_cameras.start_file import OutsideInput
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     pipeline = pipeline_settings(arguments)
     settings = settings_from_flags(arguments, _measure_settings(), arguments.config)
@@ -200,7 +200,7 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
             arguments.recording,
             arguments.map,
             initial,
-            OutsideInput(arguments.stations, None, arguments.start),
+            StaticCameraFiles(arguments.stations, None, arguments.start),
             pipeline,
             settings.shape,
             progress.show,

@@ -30,7 +30,7 @@ from bodycam_ros.terminal import Terminal, widened
 if TYPE_CHECKING:
     from bodycam_ros.mapping.growth_settings import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
-    from bodycam_ros.static_cameras.start_file import OutsideInput
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
     from bodycam_ros.timing.clock_state import ClockHistory
 
 
@@ -121,18 +121,18 @@ def run(arguments: argparse.Namespace) -> int:
     return exit_code(summary.verdict)
 
 
-def _outside(arguments: argparse.Namespace) -> "OutsideInput | None":
+def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     """Files of static cameras; None without them.
 
     Raises:
         StationError: an option is given without static cameras, or the world or the map of --passes is missing.
     """
-    from bodycam_ros.static_cameras.start_file import OutsideInput
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     if arguments.map is None and arguments.passes > 1:
         raise StationError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
-        return OutsideInput(arguments.stations, arguments.surface, arguments.start)
+        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
     for flag in ("surface", "start"):
         if getattr(arguments, flag) is not None:
             raise StationError(f"--{flag} needs --stations, where the static cameras are")

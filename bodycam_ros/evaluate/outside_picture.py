@@ -30,7 +30,7 @@ from bodycam_ros.static_cameras.contour_painting import (
 )
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.station import Image, SeenContour, Station
+from bodycam_ros.static_cameras.station import Image, MeasuredContour, Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
@@ -118,13 +118,13 @@ class OutsideScene:
         """Learn a station's colours in an image (H, W, 3) of the body at poses (S, 4, 4); at first all count alike."""
         self._learned[station] += 1
         rate = max(1.0 / self._learned[station], RegionSettings().learning_rate)
-        self._tracker.views[station].learn(
-            pixels, self._tracker.views[station].contour(poses), rate, np.ones(len(poses), bool)
+        self._tracker.views[station].update_colours(
+            pixels, self._tracker.views[station].find_contour(poses), rate, np.ones(len(poses), bool)
         )
 
-    def contour(self, station: str, pixels: Image, poses: Array) -> SeenContour:
+    def contour(self, station: str, pixels: Image, poses: Array) -> MeasuredContour:
         """The contour of the body at poses (S, 4, 4) in a station's image (H, W, 3), and where it would have it."""
-        return self._tracker.views[station].seen_contour(pixels, self._tracker.views[station].contour(poses))
+        return self._tracker.views[station].measured_contour(pixels, self._tracker.views[station].find_contour(poses))
 
 
 STATIONS = 6
@@ -157,7 +157,7 @@ class OutsideView:
     station: str
     seconds: float
     image: Image
-    contour: SeenContour
+    contour: MeasuredContour
     colours: Sequence[str]
 
     @property

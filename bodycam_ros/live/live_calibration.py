@@ -29,7 +29,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import check_upright, load_map
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_file import placed_body
-from bodycam_ros.static_cameras.static_measurement import StationReports
+from bodycam_ros.static_cameras.static_measurement import ReportedMeasurement
 from bodycam_ros.static_cameras.station import Station
 
 logger = logging.getLogger(__name__)
@@ -341,14 +341,14 @@ class LiveBody:
             health.append(verdict_health(self._verdict.verdict()))
         return health
 
-    def _static_cameras(self, body: BodyModel) -> StationReports:
+    def _static_cameras(self, body: BodyModel) -> ReportedMeasurement:
         of, start, file = self._settings(), self._of.start, Path(self._of.stations)
         placed = (
             placed_body(Path(start), file, self._stations, body, read_joint_points(Path(start))).world_T_segment
             if start
             else None
         )
-        return StationReports(body, placed, of.motion)
+        return ReportedMeasurement(body, placed, of.motion)
 
     def _judge_anew(self, body: BodyModel, cameras: Mapping[str, CameraModel]) -> None:
         # Other cameras or another body: what was seen before is of no use for these.

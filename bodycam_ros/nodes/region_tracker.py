@@ -32,7 +32,7 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.single_camera import LoneStation
+from bodycam_ros.static_cameras.single_camera import SingleCamera
 from bodycam_ros.static_cameras.start_file import placed_body
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.tracking.every_second_image import EverySecondImage
@@ -117,7 +117,7 @@ class RegionStage(Stage[RegionTrackerParameters]):
         """Nothing is known of the body and its colours."""
         alone = {self.camera: self._station}
         tracker = RegionTracker(self._body, self._surface, alone, self.settings.region)
-        self._alone = LoneStation(self.camera, tracker, self._placed, self.settings.motion)
+        self._alone = SingleCamera(self.camera, tracker, self._placed, self.settings.motion)
         self._answers.forget()
         self._lately.clear()
         self._answered_ns = self._solved_ns = 0
@@ -135,7 +135,7 @@ class RegionStage(Stage[RegionTrackerParameters]):
 
     def _hear(self, now: BodyNow) -> None:
         self._lately.append(now)
-        self._alone.hear(now)
+        self._alone.add_state(now)
         self._solved_ns = now.stamp_ns
         self._answered_ns = now.stamp_ns + round(1e9 * self.settings.assembler.sync_tolerance)
         self._answers.answered_until(self._answered_ns)
@@ -173,7 +173,7 @@ class RegionStage(Stage[RegionTrackerParameters]):
             return f"nobody reads {self.camera}{SEGMENT_POSES}"
         if self._answers.must_wait():
             return "the solver has not answered yet"
-        if self._alone.knows(self._images.next.item.image.stamp_ns):
+        if self._alone.has_pose(self._images.next.item.image.stamp_ns):
             return ""
         if self._placed is None:
             return _NOBODY
@@ -187,7 +187,7 @@ class RegionStage(Stage[RegionTrackerParameters]):
         self.soon(self._look_next)
 
     def _look_at(self, image: CameraImage, came_s: float) -> None:
-        said = self._alone.look(image)
+        said = self._alone.measure(image)
         if said is None:
             size = f"{self._station.camera.width}x{self._station.camera.height}"
             reason = f"camera {self.camera}: the image of stamp {image.stamp_ns} ns is none of {size} px"

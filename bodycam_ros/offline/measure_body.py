@@ -24,10 +24,10 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
-from bodycam_ros.static_cameras.body_measurement import Instant, MeasuredBody, OutsideMeasurement
+from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.person_model import with_hands
-from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles, placed_body
 from bodycam_ros.static_cameras.station import Station
 
 logger = logging.getLogger(__name__)
@@ -40,7 +40,7 @@ def measure_body(
     recording_path: Path,
     map_path: Path | None,
     body: BodyModel,
-    given: OutsideInput,
+    given: StaticCameraFiles,
     pipeline: PipelineSettings,
     settings: ShapeSettings,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
@@ -72,7 +72,7 @@ def measure_body(
     with open_recording(recording_path) as recording:
         stations = stations_of(given, reference_map, recording, body)
         refused: set[str] = set()
-        measurement = OutsideMeasurement(
+        measurement = BodyMeasurement(
             body,
             stations,
             lambda: station_instants(recording_path, stations, refused),
@@ -90,7 +90,9 @@ def measure_body(
                 raise RangeOfMotionError(f"{recording_path}: {error}") from error
 
 
-def station_instants(path: Path, stations: Mapping[str, Station], refused: set[str]) -> Iterator[tuple[float, Instant]]:
+def station_instants(
+    path: Path, stations: Mapping[str, Station], refused: set[str]
+) -> Iterator[tuple[float, FrameImages]]:
     """Images that are of one time, in order of time, and the share of the recording before them.
 
     Args:
@@ -116,7 +118,7 @@ def station_instants(path: Path, stations: Mapping[str, Station], refused: set[s
 
 def _decoded(
     images: list[CameraImage], share: float, stations: Mapping[str, Station], refused: set[str]
-) -> Iterator[tuple[float, Instant]]:
+) -> Iterator[tuple[float, FrameImages]]:
     """The instant of some images, without those that cannot be used, if any can."""
     pictures = {}
     for image in images:
@@ -130,7 +132,7 @@ def _decoded(
         else:
             pictures[image.camera] = picture
     if pictures:
-        yield share, Instant(images[0].stamp_ns, pictures)
+        yield share, FrameImages(images[0].stamp_ns, pictures)
 
 
 Progress = Callable[[str, float], None]

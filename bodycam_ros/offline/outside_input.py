@@ -21,8 +21,8 @@ from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.start_file import OutsideInput, placed_body
-from bodycam_ros.static_cameras.static_measurement import StationWatch
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles, placed_body
+from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration, StationsSettings
 from bodycam_ros.static_cameras.stations_file import read_stations, refuse_worn
@@ -35,7 +35,7 @@ _OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
 def stations_of(
-    given: OutsideInput, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
+    given: StaticCameraFiles, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
 ) -> dict[str, Station]:
     """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
 
@@ -79,13 +79,13 @@ def _number(name: str) -> int | None:
 
 
 def station_watch(
-    given: OutsideInput,
+    given: StaticCameraFiles,
     stations: dict[str, Station],
     body: BodyModel,
     body_path: Path,
     settings: PipelineSettings,
     on_seen: Callable[[Mapping[str, int], StaticMeasurement], None],
-) -> StationWatch:
+) -> ImageMeasurement:
     """What asks the stations where a body is.
 
     Args:
@@ -106,7 +106,7 @@ def station_watch(
         if given.start is None
         else placed_body(given.start, given.stations, stations, body, read_joint_points(given.start))
     )
-    return StationWatch(tracker, placed, settings.motion, on_seen)
+    return ImageMeasurement(tracker, placed, settings.motion, on_seen)
 
 
 def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:

@@ -46,7 +46,7 @@ from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.static_cameras.person_model import with_hands
-from bodycam_ros.static_cameras.start_file import OutsideInput
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.verdict import Verdict
 from bodycam_ros.whole_file import scratch_folder
 
@@ -66,7 +66,7 @@ def replay(
     on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
-    outside: OutsideInput | None = None,
+    outside: StaticCameraFiles | None = None,
     slim: bool = False,
     passes: int = 1,
     imu_paths: Sequence[Path] = (),
@@ -239,7 +239,7 @@ def _read(
         yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
 
 
-def _nothing_solved(recording_path: Path, map_path: Path | None, outside: OutsideInput | None) -> BodycamError:
+def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:
     """Why there is no motion to write."""
     if outside is not None and outside.start is None:
         return StationError(

@@ -1,7 +1,7 @@
-"""One step of a body under what is said of its segments, all joints closed (B eq. 6-7, on twists).
+"""One Gauss-Newton step of a body under measurements of its segments, joints closed (B eq. 6-7, on twists).
 
-Unknown are a twist of the root and a turn of each joint, in the axes of the world about the root's origin: what a joint
-turns, turns all that hangs on it.
+Unknowns are a twist of the root and a rotation of each joint, in the axes of the world about the root's origin; a
+joint's rotation moves all its descendants.
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import segment_tangents
 
 _ROOT = 6
-_STIFF_RAD = 1e-3  # of a turn that a joint's type forbids
-_LIMIT_RAD = 0.1  # of a turn beyond a joint's limits, which were seen on another day
-_NARROW_RAD = 0.5  # of a range that is that of nobody's own will: a knee's, beside its bending
+_STIFF_RAD = 1e-3  # of a rotation that a joint's type excludes
+_LIMIT_RAD = 0.1  # of a rotation beyond a joint's limits, which were measured on another day
+_NARROW_RAD = 0.5  # a range below it is passive: a knee's about its other axes
 _NOTHING_RAD = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedBody:
-    """Where a body should be before it is looked at.
+class PredictedBody:
+    """A body as predicted before it is measured.
 
     Attributes:
         world_T_segment: (S, 4, 4), joints closed.
@@ -37,11 +37,11 @@ class ExpectedBody:
 
 
 class ArticulatedStep:
-    """Moves the person of a body; equipment beside it stays where it is.
+    """Moves the person of a body; its equipment is fixed.
 
     Args:
         body: segments and joints.
-        obeys_limits: whether joints are drawn back to their limits, and what hardly turns to its middle.
+        obeys_limits: whether limits of joints apply, and narrow ranges draw to their middle.
     """
 
     def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
@@ -63,23 +63,23 @@ class ArticulatedStep:
         self._limits = limits if obeys_limits else None
         self._middle = limits.middle()[self._rows]
 
-    def moved(self, poses: Array, information: Array, vector: Array, expected: ExpectedBody) -> Array:
+    def apply(self, poses: Array, information: Array, vector: Array, predicted: PredictedBody) -> Array:
         """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
 
         Args:
             poses: where it begins.
-            information, vector: (S, 6, 6), (S, 6) what is said of a change of world_T_segment, in the segments' axes,
-                rotation first: the normal equations of each segment by itself.
-            expected: what is known beside it.
+            information, vector: (S, 6, 6), (S, 6) normal equations of each segment by itself, for a change of
+                world_T_segment in the segments' axes, rotation first.
+            predicted: prior of the root and the joints.
         """
         J = self.jacobians(poses)
         size = J.shape[2]
         A = J.reshape(-1, size).T @ (information @ J).reshape(-1, size)
         b = vector.ravel() @ J.reshape(-1, size)
-        self.expect(A, b, poses, expected)
+        self.add_prediction(A, b, poses, predicted)
         return self._applied(poses, np.asarray(np.linalg.solve(A, b), np.float64))
 
-    def closed(self, poses: Array) -> Array:
+    def close_joints(self, poses: Array) -> Array:
         """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
         closed = self._body.forward_kinematics(poses[self._root], self._body.joint_rotations(poses))
         closed[self._beside] = poses[self._beside]
@@ -93,12 +93,12 @@ class ArticulatedStep:
         shifts = np.concatenate([np.zeros((3, 3)), np.eye(3)])
         return segment_tangents(poses, np.concatenate([twists[0], shifts, *twists[1:]], axis=1), self._moves)
 
-    def expect(self, A: Array, b: Array, poses: Array, expected: ExpectedBody) -> None:
-        """Add what is expected of the root and of the joints, and how far joints turn, to the normal equations."""
-        before = expected.world_T_segment
+    def add_prediction(self, A: Array, b: Array, poses: Array, predicted: PredictedBody) -> None:
+        """Add the predictions of root and joints, and the joints' limits, to the normal equations."""
+        before = predicted.world_T_segment
         root, root_before = poses[self._root], before[self._root]
         deviation = np.concatenate([log_so3(root[:3, :3] @ root_before[:3, :3].T), root[:3, 3] - root_before[:3, 3]])
-        weights = expected.root_sigmas**-2.0
+        weights = predicted.root_sigmas**-2.0
         A[range(_ROOT), range(_ROOT)] += weights
         b[:_ROOT] -= weights * deviation
         rotations, rotations_before = self._body.joint_rotations(np.stack([poses, before]))
@@ -110,8 +110,8 @@ class ArticulatedStep:
         beyond, since_before, off_middle = log_so3(turned @ of)
         far = np.linalg.norm(beyond, axis=1)[:, None]
         along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
-        information = self._stiffness + expected.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
-        pull = expected.joint_sigma**-2.0 * since_before + beyond / _LIMIT_RAD**2
+        information = self._stiffness + predicted.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
+        pull = predicted.joint_sigma**-2.0 * since_before + beyond / _LIMIT_RAD**2
         pull += (self._stiffness @ off_middle[..., None])[..., 0]
         information = world_R_joint @ information @ joint_R_world
         pull = (world_R_joint @ pull[..., None])[..., 0]
@@ -128,7 +128,7 @@ class ArticulatedStep:
         moved = poses.copy()
         moved[:, :3, :3] = exp_so3(turns) @ poses[:, :3, :3]
         moved[self._root] = rigid(moved[self._root, :3, :3], poses[self._root, :3, 3] + step[3:_ROOT])
-        return self.closed(moved)
+        return self.close_joints(moved)
 
 
 def _stiffness(joint: Joint, obeys_limits: bool) -> Array:

@@ -17,23 +17,23 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import ShapeEvidence
 from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.static_measurement import followed
+from bodycam_ros.static_cameras.static_measurement import predicted_body
 from bodycam_ros.static_cameras.station import Image, Station
 from bodycam_ros.static_cameras.surface import BULGES
 
-_ROUNDS = 6  # of following the recording with a better body, at most
+_ROUNDS = 6  # of tracking the recording with a better body, at most
 _CONVERGED = 0.3  # sigmas of itself by which no length changes any more
 _SURFACE_SIGMA_M = 0.015  # of bulges that capsules do not have; scans of a subject have them by 3 to 18 mm
 _INTERVAL_S = 0.1  # between two frames that lengths are measured in
-_ALIKE_S = 1.0  # frames within this time err together; with 0.3 s lengths are twice as far off as their sigmas
+_ALIKE_S = 1.0  # errors within this time are correlated; with 0.3 s errors of lengths are twice their sigmas
 _MEASURED = 0.6  # sigma of a length over that beforehand, above which the recording does not measure it
-_MIN_SEEN = 0.5  # share of the segments that cameras must see on average, or the body is lost
+_MIN_SEEN = 0.5  # smallest mean share of observed segments; below it the body is lost
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
-    """What stations see at once.
+class FrameImages:
+    """Images of static cameras at one stamp.
 
     Attributes:
         stamp_ns: of the images [ns].
@@ -52,7 +52,7 @@ class Measure:
         name: of the joint, or of the segment that is as thick.
         axis: x, y or z, along which the joint is away from its parent's origin; empty for a girth.
         begun, found, sigma: what it was taken to be, is, and its standard deviation: [m], or times as thick as people.
-        told: whether the recording says it; else it is what is expected of people.
+        told: whether the recording says it; else it is what is predicted of people.
     """
 
     name: str
@@ -69,11 +69,11 @@ class MeasuredBody:
 
     Attributes:
         body: with its lengths and girths.
-        lengths, girths: what became of each.
+        lengths, girths: estimates.
         instants: that were asked.
         rounds: that it took.
         converged: whether no length changed any more.
-        seen: share of the segments that the cameras saw, on average.
+        seen: mean share of observed segments.
     """
 
     body: BodyModel
@@ -87,7 +87,7 @@ class MeasuredBody:
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """What one pass over a recording says of all that lasts."""
+    """Normal equations of one pass over a recording."""
 
     information: Array
     vector: Array
@@ -95,24 +95,24 @@ class _Round:
     seen: float
 
 
-class OutsideMeasurement:
-    """Measures a body in the images of stations.
+class BodyMeasurement:
+    """Measures a body in the images of static cameras.
 
     Args:
-        body: that is begun with, alone.
+        body: initial estimate, without equipment.
         stations: by name.
-        instants: reads the recording, from its start each time.
-        placed: where a body is at the first instant, some centimetres off.
-        settings: what is expected.
+        instants: reads the recording, from its start at each call.
+        placed: the body in the first frame, some centimetres off.
+        settings: what is predicted.
         region, motion: of following it.
-        on_progress: told the step, and the share of it that is done.
+        on_progress: called with the step and the share of it that is done.
     """
 
     def __init__(
         self,
         body: BodyModel,
         stations: Mapping[str, Station],
-        instants: Callable[[], Iterable[tuple[float, Instant]]],
+        instants: Callable[[], Iterable[tuple[float, FrameImages]]],
         placed: Callable[[BodyModel], PlacedBody],
         settings: ShapeSettings,
         region: RegionSettings,
@@ -134,25 +134,25 @@ class OutsideMeasurement:
         lasting = np.zeros(size + BULGES * self._segment_count)
         sigmas = np.zeros(size)
         for number in range(1, _ROUNDS + 1):
-            said = self._round(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
-            if said.seen < _MIN_SEEN:
+            measured = self._round(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
+            if measured.seen < _MIN_SEEN:
                 raise RangeOfMotionError(
-                    f"static cameras saw only {said.seen:.0%} of the body's segments on average; is it where it was "
-                    "placed in the first images, and are the cameras where they are said to stand?"
+                    f"static cameras observed only {measured.seen:.0%} of the body's segments on average; is the start "
+                    "right for the first images, and are the cameras' poses right?"
                 )
-            step, sigmas = self._step(said, lasting)
+            step, sigmas = self._step(measured, lasting)
             lasting = lasting + step
             lengths = slice(len(self._shape.lengths))
             converged = bool((np.abs(step[lengths]) < _CONVERGED * sigmas[lengths]).all())
             if converged:
                 break
-        return self._measured(lasting[:size], sigmas, said, number, converged)
+        return self._measured(lasting[:size], sigmas, measured, number, converged)
 
-    def _step(self, said: "_Round", lasting: Array) -> tuple[Array, Array]:
+    def _step(self, measured: "_Round", lasting: Array) -> tuple[Array, Array]:
         """How what lasts changes, and sigmas (K,) of the shares."""
         size = self._shape.size
         information, vector = self._shape.prior(lasting[:size])
-        A, b = said.information.copy(), said.vector.copy()
+        A, b = measured.information.copy(), measured.vector.copy()
         A[:size, :size] += information
         b[:size] += vector
         bulges = np.arange(size, len(lasting))
@@ -164,7 +164,7 @@ class OutsideMeasurement:
         return step * min(1.0, _LONGEST_STEP / max(longest, 1e-12)), np.sqrt(np.diag(covariance)[:size])
 
     def _round(self, evidence: ShapeEvidence, step: str) -> _Round:
-        """Follow the body through the recording, and ask every so often."""
+        """Track the body through the recording, and measure its contours at intervals."""
         body = evidence.body
         tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
         size = self._shape.size + BULGES * self._segment_count
@@ -178,26 +178,26 @@ class OutsideMeasurement:
             self._on_progress(step, share)
             if not len(poses):
                 placed = self._placed(body)
-                poses = tracker.begin(instant.images, placed.world_T_segment, placed.unplaced)
+                poses = tracker.initialise(instant.images, placed.world_T_segment, placed.unplaced)
             else:
                 previous_s, dt_s = dt_s, 1e-9 * (instant.stamp_ns - latest_ns)
-                expected = predict(before, poses, previous_s, dt_s) if len(before) else poses
-                found = tracker.look(instant.images, followed(expected, dt_s, self._motion, previous_s))
+                predicted = predict(before, poses, previous_s, dt_s) if len(before) else poses
+                found = tracker.measure(instant.images, predicted_body(predicted, dt_s, self._motion, previous_s))
                 before, poses = poses, found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))
             latest_ns = instant.stamp_ns
             if not asked or latest_ns - asked_ns >= 1e9 * _INTERVAL_S - 1.0:
-                said = evidence.of_instant(tracker.views, instant.images, poses)
-                # Instants that err together count as one.
+                measured = evidence.of_instant(tracker.views, instant.images, poses)
+                # Frames with correlated errors count as one.
                 weight = 1.0 if not asked else min(1.0, 1e-9 * (latest_ns - asked_ns) / _ALIKE_S)
-                information += weight * said[0]
-                vector += weight * said[1]
+                information += weight * measured[0]
+                vector += weight * measured[1]
                 asked, asked_ns = asked + 1, latest_ns
         if not seen:
             raise RangeOfMotionError("static cameras have too few images: a body is measured while it moves")
         return _Round(information, vector, asked, float(np.mean(seen)))
 
-    def _measured(self, shares: Array, sigmas: Array, said: _Round, rounds: int, converged: bool) -> MeasuredBody:
+    def _measured(self, shares: Array, sigmas: Array, measured: _Round, rounds: int, converged: bool) -> MeasuredBody:
         beforehand = np.sqrt(np.diag(np.linalg.inv(self._shape.prior(shares)[0])))
         known = [*zip(sigmas.tolist(), (sigmas < _MEASURED * beforehand).tolist(), strict=True)]
         begun, body = self._shape.shaped(np.zeros(self._shape.size)), self._shape.shaped(shares)
@@ -209,4 +209,4 @@ class OutsideMeasurement:
             Measure(segment, "", begun.girths[segment], body.girths[segment], begun.girths[segment] * sigma, told)
             for segment, (sigma, told) in zip(self._shape.thick, known[len(lengths) :], strict=True)
         ]
-        return MeasuredBody(body, tuple(lengths), tuple(girths), said.instants, rounds, converged, said.seen)
+        return MeasuredBody(body, tuple(lengths), tuple(girths), measured.instants, rounds, converged, measured.seen)

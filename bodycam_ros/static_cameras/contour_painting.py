@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array
 from bodycam_ros.plots.picture_style import FAINT
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
-from bodycam_ros.static_cameras.station import SeenContour
+from bodycam_ros.static_cameras.station import MeasuredContour
 
 Image = NDArray[np.uint8]
 
@@ -52,7 +52,7 @@ class Window:
         return placed
 
 
-def paint_contour(image: Image, contour: SeenContour, colours: Sequence[str], window: Window) -> Image:
+def paint_contour(image: Image, contour: MeasuredContour, colours: Sequence[str], window: Window) -> Image:
     """A part of a station's image with the body painted into it: (height, width, 3) times magnified.
 
     Args:
@@ -81,7 +81,7 @@ def bgr(colour: str) -> tuple[int, int, int]:
     return blue, green, red
 
 
-def _tinted(image: Image, contour: SeenContour, colours: Sequence[str]) -> Image:
+def _tinted(image: Image, contour: MeasuredContour, colours: Sequence[str]) -> Image:
     """The image with the surface over it, half transparent."""
     table = np.array([bgr(colour) for colour in colours], np.float64)
     labels = contour.labels.repeat(contour.shrink, axis=0).repeat(contour.shrink, axis=1)

@@ -1,12 +1,12 @@
 """An average person: bone lengths, girths, masses, and a body of a given height.
 
-Girths are fractions of the stature, the mean of the women's and the men's. Girths of limbs and the chest: means of 247 men, 177.7 cm tall, and 260 women, 164.9 cm tall, of Heinz, Peterson, Johnson and Kerk 2003,
-"Exploring relationships in body dimensions", Journal of Statistics Education 11(2); people who exercise, of normal
-weight, with the biceps tensed and the thigh measured below the gluteal fold. Waist, buttocks, neck, head and the
-breadths of heel and hand, which are not in it: means of 4082 men, 175.6 cm tall, and 1986 women, 162.9 cm tall, of
-Gordon et al. 2014, *2012 anthropometric survey of U.S. Army personnel*. The height of the head, hand and foot: Drillis
-and Contini 1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1); from the neck up: de Leva
-1996, table 4.
+Girths are fractions of the stature, the mean of the women's and the men's. Girths of limbs and the chest: means of 247
+men, 177.7 cm tall, and 260 women, 164.9 cm tall, of Heinz, Peterson, Johnson and Kerk 2003, "Exploring relationships in
+body dimensions", Journal of Statistics Education 11(2); people who exercise, of normal weight, with the biceps tensed
+and the thigh measured below the gluteal fold. Waist, buttocks, neck, head and the breadths of heel and hand, which are
+not in it: means of 4082 men, 175.6 cm tall, and 1986 women, 162.9 cm tall, of Gordon et al. 2014, *2012 anthropometric
+survey of U.S. Army personnel*. The height of the head, hand and foot: Drillis and Contini 1966 (in Winter,
+*Biomechanics and Motor Control of Human Movement*, figure 4.1); from the neck up: de Leva 1996, table 4.
 
 Limbs are those of the proportions that calibrations are judged by, of de Leva 1996, table 4, and shoulders are as high
 above the hips as the middle of the shoulders there: 515.5 mm of men, 497.9 mm of women. All that is used of that table

@@ -103,13 +103,13 @@ def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) ->
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f4[:, ::1])")
-def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> tuple[Array, Whole]:
+def segment_energies(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> tuple[Array, Whole]:
     """How much better an image is explained with segments in it than without (B eq. 8).
 
     Args:
         image: (H, W, 3) blue, green, red.
         labels, shrink: which segment is in front, at a part of the resolution.
-        log_odds: (S, COLOURS) as of ``ask_lines``.
+        log_odds: (S, COLOURS) as of ``measure_lines``.
 
     Returns:
         Of the pixels that each segment has: how many (S,) more it explains than it does not, and how many (S,) all are.
@@ -126,7 +126,7 @@ def weigh_areas(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.f
 
 
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8, f8)")
-def ask_lines(
+def measure_lines(
     image: Bytes,
     labels: Bytes,
     shrink: int,
@@ -251,7 +251,7 @@ def line_shifts(
 
     NaN of lines that know nothing.
 
-    Arguments are those of ``ask_lines``.
+    Arguments are those of ``measure_lines``.
     """
     shifts, variances = np.full(len(points), math.nan), np.full(len(points), math.nan)
     step = _smoothed_step()

@@ -1,8 +1,8 @@
-"""A body seen from outside: static cameras, the regions that its surface splits their images into (B 2.3-2.4).
+"""A body in the images of static cameras, by the regions that its surface splits them into (B 2.3-2.4).
 
-All stations look at the same body, so a few rounds of lines and steps move it as one, joints closed, from where it is
-expected; the last round's lines are what the stations have to say. They say it of each segment by itself, as a worn
-camera does, so that the solver weighs them like any other camera.
+A few rounds of lines and Gauss-Newton steps move the body as one, joints closed, from its prediction. The last round's
+lines are each camera's measurements of each segment by itself, as those of a body camera, so that the solver weights
+them like any other camera.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -15,12 +15,12 @@ from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.limb_search import LimbSearch, colours_from, with_usual_limits
 from bodycam_ros.static_cameras.region_settings import LINES_ALIKE, RegionSettings
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
-from bodycam_ros.static_cameras.station import Contour, Image, Presence, SegmentRegions, Station, StationView
+from bodycam_ros.static_cameras.station import Contour, Image, LossDetector, RegionEvidence, RegionModel, Station
 
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] deviation of a tried pose from where the images have the segment."""
@@ -43,7 +43,7 @@ _MIN_SUPPORT, _MIN_END_SUPPORT = 0.4, 0.33
 """Support below which a segment is taken to be elsewhere, and the same of heads, hands and feet. Segments that were off
 by 15 cm and more had 0.25 to 0.47, right ones 0.49 to 1, ends of the body 0.38 to 1."""
 
-_CONFIRMED = 0.62  # support from which on a segment is where it was found, though nobody placed it there
+_CONFIRMED = 0.62  # support from which on a segment that was searched for is confirmed
 
 _LIMB_SIGMAS = (0.05, 0.05, 0.12, 0.01, 0.01, 0.01)
 _SURFACE_SIGMAS = {
@@ -58,7 +58,7 @@ how a limb or a head turns about its long axis, z, and a foot about x."""
 _CAMERA_RATIO = 0.6
 """Share of lines that measure something, over the median of the other cameras: a camera 24 cm off had 0.41, a good one
 before a cluttered wall 0.85."""
-_MIN_CAMERAS = 3  # of which one can be told to be wrong
+_MIN_CAMERAS = 3  # needed to identify a wrong one
 
 
 class RegionTracker:
@@ -82,23 +82,25 @@ class RegionTracker:
         self.body, self._settings = body, settings
         jointed = np.eye(len(body.segments), dtype=bool)
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
-        self.views = {name: StationView(station, surface, jointed) for name, station in stations.items()}
+        self.views = {name: RegionModel(station, surface, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
-        self._presence = Presence(len(body.segments))
+        self._loss = LossDetector(len(body.segments))
         self._support = SegmentSupport(body)
         self._camera_confidence: dict[str, float] = {}
         self._excluded = np.zeros(len(body.segments), bool)
         self._random = np.random.default_rng(_SEED)
 
-    def begin(self, images: Mapping[str, Image], placed: Array, unplaced: NDArray[np.bool_] | None = None) -> Array:
-        """Learn colours in first images of a body that was placed by hand (S, 4, 4); where it is then, joints closed.
+    def initialise(
+        self, images: Mapping[str, Image], placed: Array, unplaced: NDArray[np.bool_] | None = None
+    ) -> Array:
+        """Learn colours in the first images of a body placed by hand (S, 4, 4); returns its poses there, joints closed.
 
         Colours beside a contour that is some centimetres off are mixed, so they are learned anew as the body is found.
         It moves as one at first: feet are far off where the whole body is turned, and a leg may be taken for the other.
         Segments that were not placed (S,) are searched for, by the colours of their opposite or their parent. Those
         that the images do not support where they are found stay in the N-pose, unobserved, until the images do.
         """
-        poses = self._step.closed(placed)
+        poses = self._step.close_joints(placed)
         missing = np.zeros(len(self.body.segments), bool) if unplaced is None else unplaced
         unknown = missing.copy()
         if unknown.any():
@@ -106,87 +108,87 @@ class RegionTracker:
             in_n_pose = poses = self._fit_start(images, poses, ~unknown)
             searched = self._search_unplaced(images, poses, unknown)
             self._excluded = np.zeros_like(unknown)
-            loose = ExpectedBody(searched, _LOOSE, float(_LOOSE[0]))
-            poses, _, said, contours = self._found(images, searched, loose)
-            support = self._support.measure(said.values(), *self._energies(images, contours))
+            loose = PredictedBody(searched, _LOOSE, float(_LOOSE[0]))
+            poses, _, measured, contours = self._fit_poses(images, searched, loose)
+            support = self._support.measure(measured.values(), *self._energies(images, contours))
             unknown &= ~(support >= _CONFIRMED)
             for parent, child in self.body.joint_ends.tolist():
                 unknown[child] |= unknown[parent] & missing[child]
             poses = np.where(unknown[:, None, None], in_n_pose, poses)
             for view in self.views.values():
-                view.forget()
+                view.reset_colours()
         self._support.unconfirmed = self._excluded = unknown
-        poses = self._fit_start(images, self._step.closed(poses), ~unknown)
-        self.learn(images, poses)
+        poses = self._fit_start(images, self._step.close_joints(poses), ~unknown)
+        self.update_colours(images, poses)
         return poses
 
     def _fit_start(self, images: Mapping[str, Image], placed: Array, learned: NDArray[np.bool_]) -> Array:
         """Poses (S, 4, 4) of a body that was placed by hand, by the colours of the learned segments (S,)."""
         firm = _MIXED**-0.5
-        expected = ExpectedBody(placed, firm * START_SIGMAS, firm * _RIGID_RAD)
+        predicted = PredictedBody(placed, firm * START_SIGMAS, firm * _RIGID_RAD)
         poses = placed
         for turn in range(_START_ROUNDS):
             if turn == _START_ROUNDS // 2:
-                expected = ExpectedBody(poses, firm * START_SIGMAS, firm * START_JOINT_RAD)
+                predicted = PredictedBody(poses, firm * START_SIGMAS, firm * START_JOINT_RAD)
             for name, image in images.items():
                 view = self.views[name]
-                view.learn(image, view.contour(poses), 1.0 if turn == 0 else 0.5, learned)
-            poses = self._found(images, poses, expected)[0]
+                view.update_colours(image, view.find_contour(poses), 1.0 if turn == 0 else 0.5, learned)
+            poses = self._fit_poses(images, poses, predicted)[0]
         return poses
 
     def _search_unplaced(self, images: Mapping[str, Image], poses: Array, unplaced: NDArray[np.bool_]) -> Array:
-        """Poses (S, 4, 4) with the segments that nobody placed (S,) where the images have their neighbours' colours."""
+        """Poses (S, 4, 4) with the unplaced segments (S,) where the images have their neighbours' colours."""
         search = self._limb_search(images, ())
         unknown = unplaced.copy()
         for limb in search.limbs(unplaced):
             for view in self.views.values():
-                view.adopt(colours_from(self.body, unknown))
+                view.copy_colours(colours_from(self.body, unknown))
             poses = search.find_limb(poses, limb)
             rows = [self.body.segment_index[self.body.tree_joints[row].child] for row in limb]
             unknown[rows] = False
             found = np.zeros(len(unknown), bool)
             found[rows] = True
             for name, image in images.items():
-                self.views[name].learn(image, self.views[name].contour(poses), 1.0, found)
+                self.views[name].update_colours(image, self.views[name].find_contour(poses), 1.0, found)
         return poses
 
-    def learn(self, images: Mapping[str, Image], poses: Array) -> None:
+    def update_colours(self, images: Mapping[str, Image], poses: Array) -> None:
         """Learn all colours in images of a body at poses (S, 4, 4)."""
-        everything, poses = np.ones(len(self.body.segments), bool), self._step.closed(poses)
+        everything, poses = np.ones(len(self.body.segments), bool), self._step.close_joints(poses)
         for name, image in images.items():
-            self.views[name].learn(image, self.views[name].contour(poses), 1.0, everything)
+            self.views[name].update_colours(image, self.views[name].find_contour(poses), 1.0, everything)
 
     def find_limbs(self, images: Mapping[str, Image], poses: Array, known: Collection[SegmentPose]) -> Array:
-        """Poses (S, 4, 4) of a body of which others know some segments, and where the images have the rest of it."""
+        """Poses (S, 4, 4) of a body with some known segments; the others are searched for in the images."""
         lost = np.ones(len(self.body.segments), bool)
         lost[[self.body.segment_index[each.segment] for each in known]] = False
         lost[[self.body.segment_index[segment] for segment in self.body.equipment_segments]] = False
-        poses = self._step.closed(poses)
+        poses = self._step.close_joints(poses)
         for name, image in images.items():
-            self.views[name].learn(image, self.views[name].contour(poses), 1.0, ~lost)
+            self.views[name].update_colours(image, self.views[name].find_contour(poses), 1.0, ~lost)
         found = self._search_unplaced(images, poses, lost)
-        self.learn(images, found)
+        self.update_colours(images, found)
         return found
 
     def _limb_search(self, images: Mapping[str, Image], known: Collection[SegmentPose]) -> LimbSearch:
-        """Looks for limbs in images of one instant."""
+        """Search of limbs in images of one frame."""
 
         def energy(tried: Array) -> float:
             return float(self._energies(images, self._contours(images, tried))[0].sum())
 
         def refine(tried: Array) -> Array:
-            return self._found(images, tried, ExpectedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
+            return self._fit_poses(images, tried, PredictedBody(tried, _LOOSE, float(_LOOSE[0])), known)[0]
 
         return LimbSearch(self.body, energy, refine, self._random)
 
     def _contours(self, images: Iterable[str], poses: Array) -> dict[str, Contour]:
         """Contours of a body at poses (S, 4, 4), by station."""
-        return {name: self.views[name].contour(poses) for name in images}
+        return {name: self.views[name].find_contour(poses) for name in images}
 
     def _energies(
         self, images: Mapping[str, Image], contours: Mapping[str, Contour]
     ) -> tuple[Array, NDArray[np.int64]]:
-        """How many pixels (S,) of all images contours explain, and how many (S,) the segments have."""
+        """Pixels (S,) of all images that contours explain, and pixels (S,) of the segments."""
         energies, pixels = np.zeros(len(self.body.segments)), np.zeros(len(self.body.segments), np.int64)
         for name, image in images.items():
             explained, shown = self.views[name].energies(image, contours[name])
@@ -194,60 +196,62 @@ class RegionTracker:
         return energies, pixels
 
     def check_size(self, name: str, image: Image) -> None:
-        """Refuse an image of another size than its station's lens is for.
+        """Refuse an image of another size than its camera's calibration.
 
         Raises:
             RecordingError: it is.
         """
         self.views[name].station.check_size(image)
 
-    def look(
-        self, images: Mapping[str, Image], expected: ExpectedBody, known: Collection[SegmentPose] = ()
+    def measure(
+        self, images: Mapping[str, Image], predicted: PredictedBody, known: Collection[SegmentPose] = ()
     ) -> StaticMeasurement:
-        """Where the body is in images of one instant, by station (H, W, 3), blue, green, red.
+        """Measure the body in images of one frame, by camera (H, W, 3), blue, green, red.
 
         Args:
-            images: of the instant.
-            expected: where it should be.
-            known: what others say of some segments; the body as a whole obeys it.
+            images: of the frame.
+            predicted: the body's prediction.
+            known: other measurements of some segments, which the body as a whole takes into account.
         """
         for name in images:
-            self.views[name].borrow(other for other in self.views.values() if other is not self.views[name])
-        start = self._step.closed(expected.world_T_segment)
-        poses, before, said, contours = self._found(images, start, expected, known)
+            self.views[name].copy_unknown_colours(
+                other for other in self.views.values() if other is not self.views[name]
+            )
+        start = self._step.close_joints(predicted.world_T_segment)
+        poses, before, measured, contours = self._fit_poses(images, start, predicted, known)
         energies, pixels = self._energies(images, contours)
-        lost = self._presence.lost(energies, pixels)
-        jumped = frozenset(np.flatnonzero(lost).tolist()) if self._presence.should_search else frozenset[int]()
+        lost = self._loss.lost(energies, pixels)
+        jumped = frozenset(np.flatnonzero(lost).tolist()) if self._loss.should_search else frozenset[int]()
         if jumped:
             found = self._limb_search(images, known).find(poses, lost)
-            expected = ExpectedBody(found, _LOOSE, float(_LOOSE[0]))
-            poses, before, said, contours = self._found(images, found, expected, known)
+            predicted = PredictedBody(found, _LOOSE, float(_LOOSE[0]))
+            poses, before, measured, contours = self._fit_poses(images, found, predicted, known)
             energies, pixels = self._energies(images, contours)
-            lost = self._presence.lost(energies, pixels)
-        self._support.update(said.values(), energies, pixels)
+            lost = self._loss.lost(energies, pixels)
+        self._support.update(measured.values(), energies, pixels)
         false = self._support.false
         false[[self.body.segment_index[each.segment] for each in known]] = False
         self._excluded = self._support.unconfirmed
-        self._judge_cameras(said)
+        self._judge_cameras(measured)
         misplaced = self.misplaced
-        confidence = {name: regions.confidence for name, regions in said.items()}
+        confidence = {name: regions.confidence for name, regions in measured.items()}
         usable = ~lost & ~self._excluded
-        seen = {name: self._is_seen(regions) & usable & (name not in misplaced) for name, regions in said.items()}
+        seen = {name: self._is_seen(regions) & usable & (name not in misplaced) for name, regions in measured.items()}
         by_any = np.any([*seen.values()], axis=0)
         for name, image in images.items():
             view = self.views[name]
-            contour = view.carried(contours[name], poses)
-            view.learn(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.knows))
-        evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in said.items()}
+            contour = view.propagate_contour(contours[name], poses)
+            view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
+        evidence = {name: self._evidence(before, regions, seen[name]) for name, regions in measured.items()}
         unsupported = frozenset(np.flatnonzero(false).tolist())
-        together = self._together(poses, said, seen)
+        together = self._together(poses, measured, seen)
         return StaticMeasurement(
             evidence, together, poses, confidence, jumped, unsupported, misplaced, surface_variances(self.body)
         )
 
-    def _judge_cameras(self, said: Mapping[str, SegmentRegions]) -> None:
-        """Follow the share of each camera's lines that measure something."""
-        for name, regions in said.items():
+    def _judge_cameras(self, measured: Mapping[str, RegionEvidence]) -> None:
+        """Smooth the share of each camera's lines that measure something."""
+        for name, regions in measured.items():
             share = float(regions.lines.sum()) / max(int(regions.asked.sum()), 1)
             before = self._camera_confidence.get(name, share)
             self._camera_confidence[name] = before + _SUPPORT_RATE * (share - before)
@@ -264,21 +268,23 @@ class RegionTracker:
             if share < _CAMERA_RATIO * np.median([other for each, other in known.items() if each != name])
         )
 
-    def _found(
-        self, images: Mapping[str, Image], start: Array, expected: ExpectedBody, known: Collection[SegmentPose] = ()
-    ) -> tuple[Array, Array, dict[str, SegmentRegions], dict[str, Contour]]:
-        """Poses (S, 4, 4) after all rounds, those before the last, what the stations said of these, and where."""
+    def _fit_poses(
+        self, images: Mapping[str, Image], start: Array, predicted: PredictedBody, known: Collection[SegmentPose] = ()
+    ) -> tuple[Array, Array, dict[str, RegionEvidence], dict[str, Contour]]:
+        """Poses (S, 4, 4) after all rounds, those before the last, the cameras' evidence at these, and contours."""
         poses = before = start
-        said: dict[str, SegmentRegions] = {}
+        measured: dict[str, RegionEvidence] = {}
         contours: dict[str, Contour] = {}
         misplaced = self.misplaced
         for turn in range(_ROUNDS):
             stride = max(1, _COARSE_STRIDE >> turn)
             for name in images:
                 view = self.views[name]
-                contours[name] = view.carried(contours[name], poses) if name in contours else view.contour(poses)
-            said = {name: self.views[name].look(image, contours[name], stride) for name, image in images.items()}
-            used = [regions for name, regions in said.items() if name not in misplaced]
+                contours[name] = (
+                    view.propagate_contour(contours[name], poses) if name in contours else view.find_contour(poses)
+                )
+            measured = {name: self.views[name].measure(image, contours[name], stride) for name, image in images.items()}
+            used = [regions for name, regions in measured.items() if name not in misplaced]
             information = sum((regions.information for regions in used), np.zeros((len(poses), 6, 6)))
             vector = sum((regions.vector for regions in used), np.zeros((len(poses), 6)))
             before = poses
@@ -289,17 +295,17 @@ class RegionTracker:
                 weight = np.linalg.inv(each.covariance)
                 information[row] += weight
                 vector[row] += weight @ log_se3(inverse(poses[row]) @ each.world_T_segment)
-            poses = self._step.moved(poses, information, vector, expected)
-        return poses, before, said, contours
+            poses = self._step.apply(poses, information, vector, predicted)
+        return poses, before, measured, contours
 
-    def _is_seen(self, regions: SegmentRegions) -> NDArray[np.bool_]:
-        """Which segments (S,) are seen well enough to say something."""
+    def _is_seen(self, regions: RegionEvidence) -> NDArray[np.bool_]:
+        """Which segments (S,) have enough lines for a measurement."""
         seen: NDArray[np.bool_] = regions.lines >= _MIN_LINES
         seen &= regions.confidence >= self._settings.least_confidence
         return seen
 
-    def _evidence(self, before: Array, regions: SegmentRegions, seen: NDArray[np.bool_]) -> list[SegmentPose]:
-        """One station's condensed poses, linearised at poses (S, 4, 4): what no line measures stays there, vague."""
+    def _evidence(self, before: Array, regions: RegionEvidence, seen: NDArray[np.bool_]) -> list[SegmentPose]:
+        """One camera's condensed poses, linearised at poses (S, 4, 4); what no line measures has a wide sigma."""
         rows = np.flatnonzero(seen)
         covariances = self._covariances(regions.information[rows])
         steps = (covariances @ (regions.vector[rows] / LINES_ALIKE)[..., None])[..., 0]
@@ -308,14 +314,14 @@ class RegionTracker:
         return [SegmentPose(names[row], *each) for row, *each in zip(rows.tolist(), poses, covariances, strict=True)]
 
     def _together(
-        self, poses: Array, said: Mapping[str, SegmentRegions], seen: Mapping[str, NDArray[np.bool_]]
+        self, poses: Array, measured: Mapping[str, RegionEvidence], seen: Mapping[str, NDArray[np.bool_]]
     ) -> list[SegmentPose]:
-        """All stations' evidence in one, at the poses (S, 4, 4) of the body as a whole."""
+        """All cameras' evidence combined, at the poses (S, 4, 4) of the body as a whole."""
         information = sum(
-            (regions.information * seen[name][:, None, None] for name, regions in said.items()),
+            (regions.information * seen[name][:, None, None] for name, regions in measured.items()),
             np.zeros((len(poses), 6, 6)),
         )
-        rows = np.flatnonzero(np.any([seen[name] for name in said], axis=0)) if said else np.zeros(0, np.int64)
+        rows = np.flatnonzero(np.any([seen[name] for name in measured], axis=0)) if measured else np.zeros(0, np.int64)
         covariances = self._covariances(information[rows])
         names = self.body.segments
         return [
@@ -345,7 +351,7 @@ class SegmentSupport:
         body: segments and joints.
 
     Attributes:
-        unconfirmed: (S,) segments that nobody placed, and that the images have not confirmed since.
+        unconfirmed: (S,) segments that were not placed, and that the images have not confirmed since.
     """
 
     def __init__(self, body: BodyModel) -> None:
@@ -356,26 +362,26 @@ class SegmentSupport:
         self._least = np.where(np.isin(kinds, ["head", "hand", "foot"]), _MIN_END_SUPPORT, _MIN_SUPPORT)
         self._beside = body.named(body.equipment_segments)
 
-    def update(self, said: Collection[SegmentRegions], energies: Array, pixels: NDArray[np.int64]) -> None:
-        """Add an instant."""
-        support = self.measure(said, energies, pixels)
+    def update(self, measured: Collection[RegionEvidence], energies: Array, pixels: NDArray[np.int64]) -> None:
+        """Add a frame."""
+        support = self.measure(measured, energies, pixels)
         known = np.isfinite(support)
         fresh = known & np.isnan(self._smoothed)
         self._smoothed[fresh] = support[fresh]
         self._smoothed[known] += _SUPPORT_RATE * (support - self._smoothed)[known]
         self.unconfirmed = self.unconfirmed & ~(self._smoothed >= _CONFIRMED)
 
-    def measure(self, said: Collection[SegmentRegions], energies: Array, pixels: NDArray[np.int64]) -> Array:
-        """Support (S,) in the images of an instant; NaN of segments that are hidden."""
-        lines = sum((regions.lines for regions in said), np.zeros(len(pixels), np.int64))
-        asked = sum((regions.asked for regions in said), np.zeros(len(pixels), np.int64))
+    def measure(self, measured: Collection[RegionEvidence], energies: Array, pixels: NDArray[np.int64]) -> Array:
+        """Support (S,) in the images of a frame; NaN of segments that are hidden."""
+        lines = sum((regions.lines for regions in measured), np.zeros(len(pixels), np.int64))
+        asked = sum((regions.asked for regions in measured), np.zeros(len(pixels), np.int64))
         support = 0.5 * (lines / np.maximum(asked, 1) + energies / np.maximum(pixels, 1))
         support[(asked < _MIN_LINES) | (pixels < _MIN_PIXELS)] = np.nan
         return support
 
     @property
     def false(self) -> NDArray[np.bool_]:
-        """(S,) segments that are not where the body has them, and all that hang on them."""
+        """(S,) segments that are not where the body has them, and their descendants."""
         false = ((self._smoothed < self._least) | self.unconfirmed) & ~self._beside
         for parent, child in self._body.joint_ends.tolist():
             false[child] |= false[parent] & ~self._beside[child]

@@ -11,12 +11,12 @@ import numpy as np
 
 from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.body_shape import BodyShape, BodySurface
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX, LINES_ALIKE, RegionSettings
-from bodycam_ros.static_cameras.station import Image, StationView
+from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.static_cameras.surface import BULGES, along_of, bulge_forms, bulged
 
 _PROBES = (1e-6, -1e-6, 1e-8, -1e-8, 1e-10, -1e-10)
@@ -55,22 +55,22 @@ class ShapeEvidence:
         row_of = self.body.segment_index
         self._parents = [row_of[joint.parent] for joint, _ in shape.lengths]
         self._axes = [axis for _, axis in shape.lengths]
-        self._begun = np.array([joint.parent_T_joint[axis, 3] for joint, axis in shape.lengths])
+        self._initialised = np.array([joint.parent_T_joint[axis, 3] for joint, axis in shape.lengths])
         self._moves = self.body.moves[:, [self.body.joint_row[joint.name] for joint, _ in shape.lengths]]
 
     def of_instant(
-        self, views: Mapping[str, StationView], images: Mapping[str, Image], poses: Array
+        self, views: Mapping[str, RegionModel], images: Mapping[str, Image], poses: Array
     ) -> tuple[Array, Array]:
         """Normal equations (size, size), (size,) of what lasts, the body's pose near poses (S, 4, 4) eliminated."""
         turns = self._step.jacobians(poses)
         # A length moves all that hangs on its joint, along an axis of the parent.
-        shifts = poses[self._parents, :3, self._axes].T * self._begun
+        shifts = poses[self._parents, :3, self._axes].T * self._initialised
         moves = self._moves[:, None] * (np.swapaxes(poses[:, :3, :3], 1, 2) @ shifts)
         pose_size, shape_size = turns.shape[2], self._shape.size
         total = pose_size + self._size
         A, b = np.zeros((total, total)), np.zeros(total)
         for name, image in images.items():
-            contour = views[name].contour(poses)
+            contour = views[name].find_contour(poses)
             off_px, variance = views[name].line_shifts(image, contour)
             weights = 1.0 / (variance + LEAST_SIGMA_PX**2) / LINES_ALIKE
             for row in np.unique(contour.segments):
@@ -81,7 +81,7 @@ class ShapeEvidence:
                 points = contour.points[lines]
                 p, slope = points[:, 4:7], points[:, 7:10]
                 grown = self._growth_at(points)
-                grown[:, : len(self._begun)] += moves[row].T
+                grown[:, : len(self._initialised)] += moves[row].T
                 J = np.concatenate(
                     [
                         np.concatenate([np.cross(p, slope), slope], axis=1) @ turns[row],
@@ -100,7 +100,7 @@ class ShapeEvidence:
     def _without_pose(self, A: Array, b: Array, size: int, poses: Array) -> tuple[Array, Array]:
         """The Schur complement of the pose's unknowns, which come first."""
         of_pose, pull = A[:size, :size].copy(), b[:size].copy()
-        self._step.expect(of_pose, pull, poses, ExpectedBody(poses, _LOOSE_ROOT, _LOOSE_JOINT))
+        self._step.add_prediction(of_pose, pull, poses, PredictedBody(poses, _LOOSE_ROOT, _LOOSE_JOINT))
         solved = np.linalg.solve(of_pose, np.column_stack([A[:size, size:], pull]))
         information: Array = A[size:, size:] - A[size:, :size] @ solved[:, :-1]
         vector: Array = b[size:] - A[size:, :size] @ solved[:, -1]

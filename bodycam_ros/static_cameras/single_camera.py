@@ -12,23 +12,24 @@ import numpy as np
 
 from bodycam_ros.body_state import BodyFrame, BodyNow, SaidSegments, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.estimation.motion_model import MotionSettings, orthonormal, predict
+from bodycam_ros.estimation.motion_model import MotionSettings, orthonormal
+from bodycam_ros.estimation.motion_model import predict as predict_poses
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.static_measurement import StationWatch
+from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 
-_REMEMBERED = 100
-"""Steps and poses: some seconds, more than a solver is behind."""
+_MAX_STEPS = 100
+"""Steps and states: some seconds, more than the solver's latency."""
 
-_LONGEST_S = 0.5
-"""For so long a body goes on by itself; after a longer pause it is looked for where it was."""
+_MAX_PREDICTION_S = 0.5
+"""A body is predicted for so long; after a longer gap it stays at its last pose."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """How a station saw the body move: poses at the end are those at the beginning @ motion (S, 4, 4)."""
+    """Measured motion of the body: poses at the end are those at the beginning @ motion (S, 4, 4)."""
 
     begin_ns: int
     end_ns: int
@@ -39,140 +40,141 @@ class _Step:
         return 1e-9 * (self.end_ns - self.begin_ns)
 
     def after(self, stamp_ns: int) -> Array:
-        """The part of the motion that comes after a time."""
+        """The part of the motion after a time."""
         share = (self.end_ns - max(stamp_ns, self.begin_ns)) / (self.end_ns - self.begin_ns)
         return self.motion if share >= 1.0 else exp_se3(share * log_se3(self.motion))
 
 
-class CarriedBody:
-    """Carries a body on from what is heard and seen of it.
+class BodyPredictor:
+    """Predicts a body from the solver's states and the camera's measurements.
 
     Args:
-        motion: how a velocity fades.
+        motion: decay of velocities.
     """
 
     def __init__(self, motion: MotionSettings) -> None:
         self._motion = motion
-        self._heard: deque[BodyNow] = deque(maxlen=_REMEMBERED)
-        self._steps: deque[_Step] = deque(maxlen=_REMEMBERED)
+        self._states: deque[BodyNow] = deque(maxlen=_MAX_STEPS)
+        self._steps: deque[_Step] = deque(maxlen=_MAX_STEPS)
         self._found: tuple[int, Array] | None = None
 
-    def hear(self, body: BodyNow) -> None:
-        """Where the body was; what was said of a later time is forgotten: time has begun anew."""
-        while self._heard and self._heard[-1].stamp_ns >= body.stamp_ns:
-            self._heard.pop()
-        self._heard.append(body)
+    def add_state(self, body: BodyNow) -> None:
+        """Add a state of the solver; later ones are removed: stamps went back."""
+        while self._states and self._states[-1].stamp_ns >= body.stamp_ns:
+            self._states.pop()
+        self._states.append(body)
 
-    def find(self, stamp_ns: int, world_T_segment: Array) -> None:
-        """The station has found the body at poses (S, 4, 4), later than the time before."""
+    def add_measurement(self, stamp_ns: int, world_T_segment: Array) -> None:
+        """Add measured poses (S, 4, 4), later than those before."""
         latest = self._latest(stamp_ns)
         if latest is not None and latest[0] < stamp_ns:
             self._steps.append(_Step(latest[0], stamp_ns, inverse(latest[1]) @ world_T_segment))
         self._found = stamp_ns, world_T_segment
 
-    def heard_by(self, stamp_ns: int) -> BodyNow | None:
-        """The latest that was heard of a time not after this one."""
-        return next((body for body in reversed(self._heard) if body.stamp_ns <= stamp_ns), None)
+    def latest_state(self, stamp_ns: int) -> BodyNow | None:
+        """The solver's latest state up to a time."""
+        return next((body for body in reversed(self._states) if body.stamp_ns <= stamp_ns), None)
 
-    def at(self, stamp_ns: int) -> tuple[Array, float] | None:
-        """Poses (S, 4, 4) at a time, and for how long the body goes on by itself until then [s]; None if unknown."""
+    def predict(self, stamp_ns: int) -> tuple[Array, float] | None:
+        """Predicted poses (S, 4, 4) at a time, and the time since the latest measurement [s]; None if unknown."""
         latest = self._latest(stamp_ns)
         if latest is None:
             return None
         latest_ns, poses = latest
         ahead_s = 1e-9 * (stamp_ns - latest_ns)
-        if ahead_s > _LONGEST_S:
-            return poses, _LONGEST_S
-        before = self.heard_by(latest_ns - 1)
-        heard = self.heard_by(latest_ns)
-        if heard is not None and heard.stamp_ns == latest_ns:
+        if ahead_s > _MAX_PREDICTION_S:
+            return poses, _MAX_PREDICTION_S
+        before = self.latest_state(latest_ns - 1)
+        received = self.latest_state(latest_ns)
+        if received is not None and received.stamp_ns == latest_ns:
             if before is None:
                 return poses, ahead_s
             before_s = 1e-9 * (latest_ns - before.stamp_ns)
-            return predict(before.world_T_segment, poses, before_s, ahead_s), ahead_s
+            return predict_poses(before.world_T_segment, poses, before_s, ahead_s), ahead_s
         if not self._steps:
             return poses, ahead_s
         step = self._steps[-1]
-        return predict(poses @ inverse(step.motion), poses, step.seconds, ahead_s), ahead_s
+        return predict_poses(poses @ inverse(step.motion), poses, step.seconds, ahead_s), ahead_s
 
     def _latest(self, stamp_ns: int) -> tuple[int, Array] | None:
-        """The latest time up to this one of which something is known, and the poses (S, 4, 4) then."""
-        heard = self.heard_by(stamp_ns)
-        if heard is None:
+        """The latest stamp up to this one with known poses (S, 4, 4), and these."""
+        received = self.latest_state(stamp_ns)
+        if received is None:
             return self._found
-        if self._found is None or self._found[0] <= heard.stamp_ns:
-            return heard.stamp_ns, heard.world_T_segment
-        if not self._steps or heard.stamp_ns < self._steps[0].begin_ns:
+        if self._found is None or self._found[0] <= received.stamp_ns:
+            return received.stamp_ns, received.world_T_segment
+        if not self._steps or received.stamp_ns < self._steps[0].begin_ns:
             return self._found
-        poses = heard.world_T_segment
+        poses = received.world_T_segment
         for step in self._steps:
-            if step.end_ns > heard.stamp_ns:
-                poses = poses @ step.after(heard.stamp_ns)
+            if step.end_ns > received.stamp_ns:
+                poses = poses @ step.after(received.stamp_ns)
         return self._found[0], orthonormal(poses)
 
 
-class LoneStation:
-    """Says what each of its images shows of the body.
+class SingleCamera:
+    """Measures the body in each of its images.
 
     Args:
-        name: of the station.
+        name: of the camera.
         tracker: of the body in its images alone.
-        placed: where the body is in the first image, as a person placed it; None where nobody did.
-        motion: how suddenly segments change their motion.
+        placed: initial pose given by hand; None without one.
+        motion: sigmas of the segments' accelerations.
     """
 
     def __init__(self, name: str, tracker: RegionTracker, placed: PlacedBody | None, motion: MotionSettings) -> None:
         self._name, self._placed = name, placed
         self._body = tracker.body
-        self._watch = StationWatch(tracker, placed, motion)
-        self._carried = CarriedBody(motion)
-        self._begun = False
+        self._watch = ImageMeasurement(tracker, placed, motion)
+        self._predictor = BodyPredictor(motion)
+        self._initialised = False
 
-    def hear(self, body: BodyNow) -> None:
-        """Where the solver has the body at an instant."""
-        self._carried.hear(body)
+    def add_state(self, body: BodyNow) -> None:
+        """Add a state of the solver."""
+        self._predictor.add_state(body)
 
-    def knows(self, stamp_ns: int) -> bool:
-        """Whether it knows by a solver, or by its own images, where the body is at a time."""
-        return self._begun or self._heard(stamp_ns) is not None
+    def has_pose(self, stamp_ns: int) -> bool:
+        """Whether the solver or its own images give the body's pose at a time."""
+        return self._initialised or self._solver_state(stamp_ns) is not None
 
-    def look(self, image: CameraImage) -> SaidSegments | None:
-        """What an image says, which is later than the one before.
+    def measure(self, image: CameraImage) -> SaidSegments | None:
+        """Measure the body in the next image.
 
-        None while nobody knows where the body is, and of an image that cannot be used, which ``StationWatch`` warns of.
+        None while the body's pose is unknown, and for an unusable image, of which ``ImageMeasurement`` warns.
         """
         frame = BodyFrame(image.stamp_ns, {}, {self._name: image})
-        seen = self._look_on(frame) if self._begun else self._look_first(frame)
+        seen = self._measure_known(frame) if self._initialised else self._measure_first(frame)
         if seen is None:
             return None
-        self._begun = True
-        self._carried.find(image.stamp_ns, seen.world_T_segment)
+        self._initialised = True
+        self._predictor.add_measurement(image.stamp_ns, seen.world_T_segment)
         shares = seen.confidence[self._name].tolist()
         confidence = dict(zip(self._body.segments, shares, strict=True))
         return SaidSegments(self._name, image.stamp_ns, tuple(seen.evidence[self._name]), confidence)
 
-    def _heard(self, stamp_ns: int) -> BodyNow | None:
-        """What a solver says that cameras see; a guess of what none sees is no place to begin.
-
-        Nor is a single instant: limbs that are looked for hang on a trunk whose motion must be known.
-        """
-        heard = self._carried.heard_by(stamp_ns)
-        if heard is None or not heard.observed.any() or self._carried.heard_by(heard.stamp_ns - 1) is None:
+    def _solver_state(self, stamp_ns: int) -> BodyNow | None:
+        """The solver's latest state, if it has observed segments and is not its first: limbs need a moving trunk."""
+        received = self._predictor.latest_state(stamp_ns)
+        if (
+            received is None
+            or not received.observed.any()
+            or self._predictor.latest_state(received.stamp_ns - 1) is None
+        ):
             return None
-        return heard
+        return received
 
-    def _look_on(self, frame: BodyFrame) -> StaticMeasurement | None:
-        expected = self._carried.at(frame.stamp_ns)
-        return None if expected is None else self._watch.measure(frame, *expected, ())
+    def _measure_known(self, frame: BodyFrame) -> StaticMeasurement | None:
+        predicted = self._predictor.predict(frame.stamp_ns)
+        return None if predicted is None else self._watch.measure(frame, *predicted, ())
 
-    def _look_first(self, frame: BodyFrame) -> StaticMeasurement | None:
-        heard = self._heard(frame.stamp_ns)
-        expected = self._carried.at(frame.stamp_ns)
-        if heard is not None and expected is not None:
-            poses, ahead_s = expected
+    def _measure_first(self, frame: BodyFrame) -> StaticMeasurement | None:
+        received = self._solver_state(frame.stamp_ns)
+        predicted = self._predictor.predict(frame.stamp_ns)
+        if received is not None and predicted is not None:
+            poses, ahead_s = predicted
             known = [
-                SegmentPose(self._body.segments[row], poses[row], heard.covariances[row])
-                for row in np.flatnonzero(heard.observed).tolist()
+                SegmentPose(self._body.segments[row], poses[row], received.covariances[row])
+                for row in np.flatnonzero(received.observed).tolist()
             ]
             return self._watch.measure(frame, poses, ahead_s, known)
         begun = self._watch.place(frame)

@@ -1,4 +1,4 @@
-"""Where the person stands in the first images, placed by hand: ``start.yaml``.
+"""Initial pose of the person in the first images, given by hand: ``start.yaml``.
 
     pelvis: [0.512, -0.034, 0.981, 0.017, 0.067, -0.030, 0.997]
     thigh_left: [x, y, z, qx, qy, qz, qw]
@@ -23,7 +23,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.chain import first_poses
 from bodycam_ros.geometry import Array, inverse, log_se3, rigid, rotation_from_xyzw
 from bodycam_ros.shown import shown
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
@@ -43,7 +43,7 @@ START_SIGMAS = np.repeat([0.12, 0.04], 3)
 START_JOINT_RAD = float(np.sqrt(2.0)) * 0.12
 """Sigma of a joint between two segments that a person placed."""
 
-_DAMPING = 3.0  # [rad], [m] sigma of a step: holds what nothing tells, and pulls nowhere
+_DAMPING = 3.0  # [rad], [m] sigma of a step: damping of what is unobserved
 
 
 def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
@@ -53,7 +53,7 @@ def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
 
     Raises:
         BodyError: the file cannot be read, is no table, places no segment of the person, or has a line that is not
-            seven finite numbers with a quaternion that says a rotation. It is about the body, not about the stations.
+            seven finite numbers with a quaternion of some length.
     """
     document = read_yaml(path, _WHAT, BodyError)
     if not isinstance(document, Mapping):
@@ -89,23 +89,23 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array]) -> Array:
     information = np.zeros((len(body.segments), 6, 6))
     information[[body.segment_index[name] for name in placed]] = np.diag(START_SIGMAS**-2.0)
     step = ArticulatedStep(body, obeys_limits=False)
-    poses = step.closed(world_T_placed)
+    poses = step.close_joints(world_T_placed)
     for _ in range(_MOST_STEPS):
         vector = (information @ log_se3(inverse(poses) @ world_T_placed)[..., None])[..., 0]
         before = poses
-        poses = step.moved(before, information, vector, ExpectedBody(before, np.full(6, _DAMPING), _DAMPING))
+        poses = step.apply(before, information, vector, PredictedBody(before, np.full(6, _DAMPING), _DAMPING))
         if np.abs(log_se3(inverse(before) @ poses)).max() < _CONVERGED:
             break
     return poses
 
 
-def placed_expectation(poses: Array) -> ExpectedBody:
-    """A body that somebody placed at poses (S, 4, 4), joints closed, and how far it may be from there."""
-    return ExpectedBody(poses, START_SIGMAS, START_JOINT_RAD)
+def placed_prediction(poses: Array) -> PredictedBody:
+    """Prediction of a body placed by hand at poses (S, 4, 4), joints closed, with its sigmas."""
+    return PredictedBody(poses, START_SIGMAS, START_JOINT_RAD)
 
 
 def placed_segments(body: BodyModel, poses: Array) -> list[SegmentPose]:
-    """What it says of the person that somebody placed a body at poses (S, 4, 4)."""
+    """Measurements of the person's segments by a body placed by hand at poses (S, 4, 4)."""
     return [
         SegmentPose(segment, poses[row], np.diag(START_SIGMAS**2))
         for row, segment in enumerate(body.segments)
@@ -132,11 +132,11 @@ def _named(names: Mapping[Any, Any] | list[Any]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class PlacedBody:
-    """A body at the first instant.
+    """A body in the first frame.
 
     Attributes:
         world_T_segment: (S, 4, 4), joints closed.
-        unplaced: (S,) segments whose poses nobody gave; they are in the N-pose until they are searched for.
+        unplaced: (S,) segments without a given pose; they are in the N-pose until they are searched for.
     """
 
     world_T_segment: Array
@@ -146,7 +146,7 @@ class PlacedBody:
 def placed_body(
     start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, points: Mapping[str, Array] | None
 ) -> PlacedBody:
-    """Where a body is at the first instant.
+    """The body in the first frame.
 
     Args:
         start: poses of segments, or points of joints (``start_points``).
@@ -171,7 +171,7 @@ def placed_body(
         poses, given = start_poses(body, placed), set(placed)
     for row, segment in enumerate(body.segments):
         of_person = segment not in body.equipment_segments
-        # Hands were added, and are where the forearms end.
+        # Hands were added at the ends of the forearms.
         unplaced[row] = of_person and not {segment, segment.replace("hand", "forearm")} & given
     if unplaced.any():
         names = ", ".join(np.array(body.segments)[unplaced])
@@ -180,13 +180,13 @@ def placed_body(
 
 
 @dataclass(frozen=True)
-class OutsideInput:
-    """Where they are.
+class StaticCameraFiles:
+    """Files of static cameras.
 
     Attributes:
-        stations: where they stand, and their lenses.
+        stations: their poses and lenses.
         surface: folder of the segments' meshes; None for the body's own, or capsules.
-        start: where the body is in the first image; None where worn cameras tell.
+        start: initial pose of the body; None where body cameras measure it.
     """
 
     stations: Path

@@ -1,4 +1,4 @@
-"""Where a body is at first, by joint points of another system: such as those of a TRC or C3D.
+"""Initial pose of a body by joint points of another system, such as those of a TRC or C3D.
 
 Points are named after joints (RHip, left_knee, ankle_l, hip_left) or after our segments. The first row with enough of
 them counts. Axes of such files differ (y or z up, and which way is forward): of the right-angled turns that keep the
@@ -16,7 +16,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.station import Station
 
@@ -38,7 +38,7 @@ _NAME = re.compile(rf"(?P<s>{_SIDE})[ _.]?(?P<w>{_WORD})|(?P<w2>{_WORD})(?:[ _.]
 _POINT_SIGMA_M = 0.03
 _STEPS = 30
 _EXPECTED = np.repeat([1.0, 1.0], 3)
-_EXPECTED_JOINT_RAD = 0.7  # from the N-pose, for what no point measures
+_EXPECTED_JOINT_RAD = 0.7  # from the N-pose, for what no point constrains
 _MIN_POINTS = 5
 _UNITS_M = (1.0, 0.1, 0.01, 0.001)
 
@@ -152,7 +152,7 @@ def _fit_points(body: BodyModel, rows: list[int], places: Array) -> Array:
         vector = np.zeros((len(poses), 6))
         apart = (np.swapaxes(poses[rows, :3, :3], 1, 2) @ (places - poses[rows, :3, 3])[..., None])[..., 0]
         vector[rows, 3:] = _POINT_SIGMA_M**-2.0 * apart
-        poses = step.moved(poses, information, vector, ExpectedBody(start, _EXPECTED, _EXPECTED_JOINT_RAD))
+        poses = step.apply(poses, information, vector, PredictedBody(start, _EXPECTED, _EXPECTED_JOINT_RAD))
     return poses
 
 

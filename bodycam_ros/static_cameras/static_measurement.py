@@ -13,37 +13,37 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, inverse, log_se3
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.region_tracker import RegionTracker, surface_variances
-from bodycam_ros.static_cameras.start_file import PlacedBody, placed_expectation, placed_segments
+from bodycam_ros.static_cameras.start_file import PlacedBody, placed_prediction, placed_segments
 from bodycam_ros.static_cameras.station import Image
 
 logger = logging.getLogger(__name__)
 
 _FOLLOWED = np.repeat([0.03, 0.01], 3)
-"""[rad], [m] errors of what a prediction goes on from."""
+"""[rad], [m] errors of the pose that a prediction starts from."""
 
 
-def followed(
+def predicted_body(
     world_T_segment: Array, dt_s: float, motion: MotionSettings, previous_s: float | None = None
-) -> ExpectedBody:
-    """A body that should be at poses (S, 4, 4) ``dt_s`` after it was seen, and how far it may be from there.
+) -> PredictedBody:
+    """Prediction of a body at poses (S, 4, 4) ``dt_s`` after it was measured, with its sigmas.
 
-    Its velocity is the mean over ``previous_s`` before that; over as long a time if it is not said.
+    Its velocity is the mean over ``previous_s`` before that; ``dt_s`` by default.
     """
     sigmas = np.hypot(motion_sigmas(dt_s, previous_s or dt_s, motion), _FOLLOWED)
-    return ExpectedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
+    return PredictedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
 
 
-class StationWatch:
-    """Decodes images, and asks them where the body is.
+class ImageMeasurement:
+    """Measures the body in decoded images.
 
     Args:
         tracker: of the body in all stations' images.
-        placed: where the body is at the first image, as a person placed it; None where nobody did.
-        motion: how suddenly segments change their motion.
-        on_seen: told what an instant's images said, and the stamp of each station's [ns].
+        placed: initial pose given by hand; None without one.
+        motion: sigmas of the segments' accelerations.
+        on_seen: called with the stamp of each camera's image [ns], and the measurement.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class StationWatch:
         pictures = {} if self._placed is None else self._decoded(frame.images)
         if self._placed is None or not pictures:
             return []
-        poses = self._tracker.begin(pictures, self._placed.world_T_segment, self._placed.unplaced)
+        poses = self._tracker.initialise(pictures, self._placed.world_T_segment, self._placed.unplaced)
         self._placed, self._has_colours = None, True
         return placed_segments(self._tracker.body, poses)
 
     def measure(
-        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+        self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
     ) -> StaticMeasurement | None:
         """As ``StaticCameras.measure``; in the first images a body placed by body cameras is searched as a whole."""
         pictures = self._decoded(frame.images)
@@ -77,14 +77,14 @@ class StationWatch:
         if not self._has_colours and not known:
             return None
         if not self._has_colours:
-            expected = self._tracker.find_limbs(pictures, expected, known)
+            predicted = self._tracker.find_limbs(pictures, predicted, known)
             self._has_colours = True
-        seen = self._tracker.look(pictures, followed(expected, dt_s, self._motion), known)
+        seen = self._tracker.measure(pictures, predicted_body(predicted, dt_s, self._motion), known)
         self._on_seen({name: frame.images[name].stamp_ns for name in pictures}, seen)
         return seen
 
     def _decoded(self, images: Mapping[str, CameraImage]) -> dict[str, Image]:
-        """Pictures of the images that can be decoded; the first of a station that cannot is warned about."""
+        """Decoded images; a warning names the first of each camera that cannot be decoded."""
         pictures = {}
         for name, image in images.items():
             try:
@@ -92,7 +92,7 @@ class StationWatch:
                 self._tracker.check_size(name, picture)
             except RecordingError as error:
                 if name not in self._unreadable:
-                    logger.warning("%s; it is left out, and so will be others like it", error)
+                    logger.warning("%s; this and similar images are dropped", error)
                 self._unreadable.add(name)
             else:
                 pictures[name] = picture
@@ -100,16 +100,16 @@ class StationWatch:
 
 
 _ROUNDS = 3
-"""Steps of the body as a whole under what was said, which is linear but for rotations."""
+"""Gauss-Newton steps of the body as a whole; only rotations are not linear."""
 
 
-class StationReports:
-    """Puts together what stations say of a body, joints closed, as ``RegionTracker`` does that has all their images.
+class ReportedMeasurement:
+    """Combines the cameras' reports on a body, joints closed, as ``RegionTracker`` does with all their images.
 
     Args:
-        body: segments and joints, held to people's usual limits where it has none; with its equipment, if any.
-        placed: (S, 4, 4) where the body is at the first instant, as a person placed it; None where nobody did.
-        motion: how suddenly segments change their motion.
+        body: segments and joints, with people's usual limits where it has none; with its equipment, if any.
+        placed: (S, 4, 4) initial pose given by hand; None without one.
+        motion: sigmas of the segments' accelerations.
     """
 
     def __init__(self, body: BodyModel, placed: Array | None, motion: MotionSettings) -> None:
@@ -120,9 +120,9 @@ class StationReports:
         self._seen_ns = 0
 
     def place(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``StaticCameras.place``: nothing without a placed body, or before a station speaks.
+        """As ``StaticCameras.place``: nothing without an initial pose, or before the first report.
 
-        After a silence it is placed where it was seen last, and anew only where time begins anew.
+        After a gap it is the last measured pose; the initial one only if stamps went back.
         """
         if self._placed is None or not frame.said:
             return []
@@ -130,41 +130,41 @@ class StationReports:
         return placed_segments(self._body, poses)
 
     def measure(
-        self, frame: BodyFrame, expected: Array, dt_s: float, known: Collection[SegmentPose]
+        self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
     ) -> StaticMeasurement | None:
-        """As ``StaticCameras.measure``, of what stations say of segments that the body has."""
+        """As ``StaticCameras.measure``, by reports on segments of the body."""
         if not frame.said:
             return None
         index = self._body.segment_index
         evidence = {
-            name: [each for each in said.evidence if each.segment in index] for name, said in frame.said.items()
+            name: [each for each in report.evidence if each.segment in index] for name, report in frame.said.items()
         }
         confidence = {
-            name: np.array([said.confidence.get(segment, 0.0) for segment in self._body.segments])
-            for name, said in frame.said.items()
+            name: np.array([report.confidence.get(segment, 0.0) for segment in self._body.segments])
+            for name, report in frame.said.items()
         }
-        heard = [each for said in evidence.values() for each in said]
-        poses = self._together([*heard, *known], expected, dt_s)
+        received = [each for measured in evidence.values() for each in measured]
+        poses = self._together([*received, *known], predicted, dt_s)
         self._seen, self._seen_ns = poses, frame.stamp_ns
         information = np.zeros((len(poses), 6, 6))
-        for each in heard:
+        for each in received:
             information[index[each.segment]] += np.linalg.inv(each.covariance)
-        seen = sorted({index[each.segment] for each in heard})
+        seen = sorted({index[each.segment] for each in received})
         together = [SegmentPose(self._body.segments[row], poses[row], np.linalg.inv(information[row])) for row in seen]
         return StaticMeasurement(evidence, together, poses, confidence, surface_variances=surface_variances(self._body))
 
-    def _together(self, heard: Collection[SegmentPose], expected: Array, dt_s: float) -> Array:
-        """Poses (S, 4, 4) of the body as a whole under all that is said of its segments."""
-        start = self._step.closed(expected)
-        at = placed_expectation(start) if dt_s == 0.0 else followed(start, dt_s, self._motion)
-        rows: NDArray[np.int64] = np.array([self._body.segment_index[each.segment] for each in heard], np.int64)
-        said = np.array([each.world_T_segment for each in heard]).reshape(-1, 4, 4)
-        weights = np.linalg.inv(np.array([each.covariance for each in heard]).reshape(-1, 6, 6))
+    def _together(self, received: Collection[SegmentPose], predicted: Array, dt_s: float) -> Array:
+        """Poses (S, 4, 4) of the body as a whole under all measurements of its segments."""
+        start = self._step.close_joints(predicted)
+        at = placed_prediction(start) if dt_s == 0.0 else predicted_body(start, dt_s, self._motion)
+        rows: NDArray[np.int64] = np.array([self._body.segment_index[each.segment] for each in received], np.int64)
+        measured = np.array([each.world_T_segment for each in received]).reshape(-1, 4, 4)
+        weights = np.linalg.inv(np.array([each.covariance for each in received]).reshape(-1, 6, 6))
         information = np.zeros((len(start), 6, 6))
         np.add.at(information, rows, weights)
         poses = start
         for _ in range(_ROUNDS):
             vector = np.zeros((len(start), 6))
-            np.add.at(vector, rows, (weights @ log_se3(inverse(poses[rows]) @ said)[..., None])[..., 0])
-            poses = self._step.moved(poses, information, vector, at)
+            np.add.at(vector, rows, (weights @ log_se3(inverse(poses[rows]) @ measured)[..., None])[..., 0])
+            poses = self._step.apply(poses, information, vector, at)
         return poses

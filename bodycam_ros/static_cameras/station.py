@@ -1,4 +1,4 @@
-"""A station: a static calibrated camera, and where it stands."""
+"""A static camera, and the colours of a body's segments in its images."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_kernels import NOBODY, carry_contour, find_contour
 from bodycam_ros.static_cameras.region_kernels import (
     COLOURS,
-    ask_lines,
     count_areas,
     count_colours,
     line_shifts,
-    weigh_areas,
+    measure_lines,
+    segment_energies,
 )
 from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX
 
 
 @dataclass(frozen=True, eq=False)
 class Station:
-    """A camera that does not move.
+    """A static camera.
 
     Attributes:
         name: of the camera, and of its topics.
@@ -78,7 +78,7 @@ class Contour:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenContour:
+class MeasuredContour:
     """N points along the visible contours of all segments.
 
     Attributes:
@@ -108,13 +108,13 @@ class SeenContour:
 
 
 @dataclass(frozen=True, eq=False)
-class SegmentRegions:
-    """What an image says of every segment: of a change of world_T_segment, in the segments' axes, rotation first.
+class RegionEvidence:
+    """Normal equations of an image for a change of world_T_segment, in the segments' axes, rotation first.
 
     Attributes:
         information: (S, 6, 6), every line by itself.
         vector: (S, 6).
-        lines: (S,) lines that know something.
+        lines: (S,) lines that measure something.
         asked: (S,) lines across the visible contour.
     """
 
@@ -125,18 +125,18 @@ class SegmentRegions:
 
     @property
     def confidence(self) -> Array:
-        """(S,) share of the lines that know something; 0 where there are none."""
+        """(S,) share of the lines that measure something; 0 where there are none."""
         share: Array = self.lines / np.maximum(self.asked, 1)
         return share
 
 
-class StationView:
-    """Knows the colours of segments, and of what is beside them, as one station sees them.
+class RegionModel:
+    """Colours of segments, and of what is beside them, in the images of one static camera.
 
     Args:
-        station: where it stands, and its lens.
+        station: its pose and lens.
         surface: of the body.
-        jointed: (S, S) which segments a joint ties to each other.
+        jointed: (S, S) which segments a joint connects.
 
     Attributes:
         areas: (S, COLOURS) share of each colour where a segment is in front; zero while it has not been.
@@ -154,12 +154,12 @@ class StationView:
         )
 
     @property
-    def knows(self) -> NDArray[np.bool_]:
-        """(S,) of which segments it knows colours on both sides of the contour."""
+    def has_colours(self) -> NDArray[np.bool_]:
+        """(S,) segments with known colours on both sides of the contour."""
         known: NDArray[np.bool_] = np.logical_and(self._inside.any(axis=1), self._outside.any(axis=1))
         return known
 
-    def contour(self, world_T_segment: Array) -> Contour:
+    def find_contour(self, world_T_segment: Array) -> Contour:
         """The visible contours of a body at poses (S, 4, 4)."""
         of, camera = self._surface, self.station.camera
         return Contour(
@@ -183,30 +183,32 @@ class StationView:
             )
         )
 
-    def carried(self, contour: Contour, world_T_segment: Array) -> Contour:
+    def propagate_contour(self, contour: Contour, world_T_segment: Array) -> Contour:
         """A contour of a body that has since moved to poses (S, 4, 4): quicker, and as good unless it has moved far."""
         camera_T_segment = as_rows(self._camera_T_world @ world_T_segment)
         points, segments = carry_contour(self._lens, camera_T_segment, contour.points, contour.segments)
         if np.abs(points[:, :2] - points[:, 10:12]).max(initial=0.0) > _CARRIED_PX:
-            return self.contour(world_T_segment)
+            return self.find_contour(world_T_segment)
         return Contour(points, segments, contour.labels)
 
-    def look(self, image: Image, contour: Contour, stride: int) -> SegmentRegions:
-        """Ask the lines across the contours of a body, ``stride`` pixels a sample."""
+    def measure(self, image: Image, contour: Contour, stride: int) -> RegionEvidence:
+        """Measure lines across the contours of a body, ``stride`` pixels a sample."""
         points, segments, labels = contour.points, contour.segments, contour.labels
         least_px = LEAST_SIGMA_PX * stride
-        said = ask_lines(image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px)
-        return SegmentRegions(*said, np.bincount(segments, minlength=self._surface.segment_count))
+        measured = measure_lines(
+            image, labels, _SHRINK, points, segments, self._stands_out, self._log_odds, stride, least_px
+        )
+        return RegionEvidence(*measured, np.bincount(segments, minlength=self._surface.segment_count))
 
     def energies(self, image: Image, contour: Contour) -> tuple[Array, NDArray[np.int64]]:
         """How many pixels (S,) the segments of a body explain better than no body does (B eq. 8).
 
         Those that they explain worse are subtracted. The second value is how many pixels (S,) each has.
         """
-        return weigh_areas(image, contour.labels, _SHRINK, self._log_odds)
+        return segment_energies(image, contour.labels, _SHRINK, self._log_odds)
 
-    def borrow(self, others: Iterable["StationView"]) -> None:
-        """Take colours that it does not know from stations that do: clothes look alike from all sides."""
+    def copy_unknown_colours(self, others: Iterable["RegionModel"]) -> None:
+        """Take unknown colours from other cameras: clothes look alike from all sides."""
         rows = np.flatnonzero(~self.areas.any(axis=1))
         shared = sum((other.areas[rows] for other in others), np.zeros((len(rows), COLOURS), np.float32))
         rows, shared = rows[shared.any(axis=1)], shared[shared.any(axis=1)]
@@ -216,20 +218,20 @@ class StationView:
         self._log_odds[rows] = np.log((self._inside[rows] + _UNSEEN) / (self._outside[rows] + _UNSEEN))
         self._stands_out = self._differing()
 
-    def forget(self) -> None:
-        """Forget all colours."""
+    def reset_colours(self) -> None:
+        """Remove all colours."""
         for known in (self._inside, self._outside, self.areas, self._log_odds):
             known[:] = 0.0
 
-    def adopt(self, source: Mapping[int, int]) -> None:
-        """Take the colours of one segment for those of another: row -> row that has them."""
+    def copy_colours(self, source: Mapping[int, int]) -> None:
+        """Copy the colours of segments: row -> row that has them."""
         for row, alike in source.items():
             for known in (self._inside, self._outside, self.areas, self._log_odds):
                 known[row] = known[alike]
         self._stands_out = self._differing()
 
-    def learn(self, image: Image, contour: Contour, rate: float, which: NDArray[np.bool_]) -> None:
-        """Learn the colours of some segments (S,) beside their contours; of those never seen before, at once."""
+    def update_colours(self, image: Image, contour: Contour, rate: float, which: NDArray[np.bool_]) -> None:
+        """Update the colours of some segments (S,) along their contours; unknown ones are taken at once."""
         inside, outside = count_colours(
             image, contour.labels, _SHRINK, contour.points, contour.segments, self._stands_out, _INWARD_PX, _OUTWARD_PX
         )
@@ -241,11 +243,11 @@ class StationView:
         np.log((self._inside + _UNSEEN) / (self._outside + _UNSEEN), out=self._log_odds)
         self._stands_out = self._differing()
 
-    def seen_contour(self, image: Image, contour: Contour) -> SeenContour:
-        """Visible contours of a body, and where the colours that are known would have them."""
+    def measured_contour(self, image: Image, contour: Contour) -> MeasuredContour:
+        """Visible contours of a body, and their shifts by the known colours."""
         points, segments, labels = contour.points, contour.segments, contour.labels
         shifts = self.line_shifts(image, contour)[0]
-        return SeenContour(points[:, :2], points[:, 2:4], segments, shifts, labels, _SHRINK)
+        return MeasuredContour(points[:, :2], points[:, 2:4], segments, shifts, labels, _SHRINK)
 
     def line_shifts(self, image: Image, contour: Contour) -> tuple[Array, Array]:
         """How far outward (N,) of its points a contour is [px], NaN where nothing tells, and variances (N,) [px^2]."""
@@ -270,17 +272,17 @@ class StationView:
         return np.ascontiguousarray(differs & ~self._jointed, np.uint8)
 
 
-_LEAST_COUNTED = 60  # of the labels, that say something of a segment
+_LEAST_COUNTED = 60  # smallest number of labels to judge a segment by
 _LOST_SHARE = 0.25  # of what it usually explains: a segment beside itself shows the background
-_LEARNING = 0.1  # share of an instant in what is usual
-_PATIENCE = 3  # instants in a row: a blurred limb comes back by itself
-_PAUSE = 30  # instants between two searches; twice as many after each in vain
+_LEARNING = 0.1  # share of a frame in what is usual
+_PATIENCE = 3  # frames in a row: a blurred limb recovers by itself
+_PAUSE = 30  # frames between two searches; twice as many after each failure
 
 Mask = NDArray[np.bool_]
 
 
-class Presence:
-    """Remembers how well each segment usually explains its pixels.
+class LossDetector:
+    """Detects lost segments: each is compared with how well it usually explains its pixels.
 
     Args:
         segment_count: S.
@@ -296,7 +298,7 @@ class Presence:
         self.should_search = False
 
     def lost(self, energies: Array, pixels: NDArray[np.int64]) -> Mask:
-        """Which segments (S,) are lost, by what they explain (S,) of their pixels (S,)."""
+        """Lost segments (S,), by the pixels that they explain (S,) of their pixels (S,)."""
         enough = pixels >= _LEAST_COUNTED
         share = energies / np.maximum(pixels, 1)
         first = enough & np.isnan(self._usual) & (share > 0.0)

@@ -294,7 +294,7 @@ class StationScene:
         if self._tracker is None or self._surfaces is not surfaces:
             self._surfaces = surfaces
             self._tracker = RegionTracker(body, BodySurface.of(body, surfaces), self.stations, RegionSettings())
-        pixels: Array = self._tracker.views[station].contour(world_T_segment).points[:, :2]
+        pixels: Array = self._tracker.views[station].find_contour(world_T_segment).points[:, :2]
         return pixels
 
     def show_image(self, station: str | None, pixels: NDArray[np.uint8] | None) -> None:

@@ -19,7 +19,7 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.person_model import with_hands
-from bodycam_ros.static_cameras.start_file import OutsideInput
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.stations_file import write_stations
 
 Array = NDArray[np.float64]
@@ -55,9 +55,9 @@ def bag(dressed: DressedBody, motion: Array, tmp_path_factory: pytest.TempPathFa
 
 
 @pytest.fixture(scope="module")
-def outside(dressed: DressedBody, motion: Array, bag: Path) -> OutsideInput:
+def outside(dressed: DressedBody, motion: Array, bag: Path) -> StaticCameraFiles:
     """Where the stations stand, and where the person does at first, 3 cm and 4 degrees off."""
-    files = OutsideInput(bag.parent / "cameras.yaml", start=bag.parent / "start.yaml")
+    files = StaticCameraFiles(bag.parent / "cameras.yaml", start=bag.parent / "start.yaml")
     write_stations(files.stations, dressed.stations.values())
     off = exp_se3(np.array([0.0, 0.0, 0.07, 0.02, -0.02, 0.01]))
     lines = []
@@ -79,7 +79,7 @@ def joints_off(solved: SolvedRecording, dressed: DressedBody, motion: Array) -> 
 
 @pytest.mark.long
 def test_a_person_is_followed_live_as_in_a_replay(
-    graph: Any, sample: Path, dressed: DressedBody, motion: Array, bag: Path, outside: OutsideInput, tmp_path: Path
+    graph: Any, sample: Path, dressed: DressedBody, motion: Array, bag: Path, outside: StaticCameraFiles, tmp_path: Path
 ) -> None:
     from std_srvs.srv import Trigger
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3, inverse, log_se3, log_so3, rigid
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 
 Array = NDArray[np.float64]
 
@@ -25,8 +25,8 @@ def poses_of(body: BodyModel, seed: int) -> Array:
     return body.forward_kinematics(root, shut)
 
 
-def nothing_expected(poses: Array) -> ExpectedBody:
-    return ExpectedBody(poses, np.full(6, 1e4), 1e4)
+def nothing_expected(poses: Array) -> PredictedBody:
+    return PredictedBody(poses, np.full(6, 1e4), 1e4)
 
 
 def permitted_turns(body: BodyModel, poses: Array) -> Array:
@@ -61,7 +61,7 @@ def test_what_segments_hold_each_other_by_stays_closed(rider: BodyModel) -> None
     random = np.random.default_rng(2)
     step, poses = ArticulatedStep(rider), poses_of(rider, 3)
     information = np.tile(1e4 * np.eye(6), (len(rider.segments), 1, 1))
-    moved = step.moved(poses, information, random.normal(0.0, 2e3, (len(rider.segments), 6)), nothing_expected(poses))
+    moved = step.apply(poses, information, random.normal(0.0, 2e3, (len(rider.segments), 6)), nothing_expected(poses))
     assert np.abs(segment_changes(poses, moved)).max() > 0.05
     for joint in rider.tree_joints:
         parent, child = (moved[rider.segment_index[segment]] for segment in (joint.parent, joint.child))
@@ -72,7 +72,7 @@ def test_what_segments_hold_each_other_by_stays_closed(rider: BodyModel) -> None
             np.testing.assert_allclose(turn @ joint.axis, joint.axis, atol=1e-12)
         if joint.type == "weld":
             np.testing.assert_allclose(turn, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(step.closed(moved), moved, atol=1e-12)
+    np.testing.assert_allclose(step.close_joints(moved), moved, atol=1e-12)
 
 
 def test_exact_information_at_all_segments_leads_to_the_truth(walk: Walk) -> None:
@@ -84,7 +84,7 @@ def test_exact_information_at_all_segments_leads_to_the_truth(walk: Walk) -> Non
     for _ in range(8):
         changes = segment_changes(poses, truth)
         errors.append(float(np.abs(changes).max()))
-        poses = step.moved(poses, information, (information @ changes[..., None])[..., 0], nothing_expected(poses))
+        poses = step.apply(poses, information, (information @ changes[..., None])[..., 0], nothing_expected(poses))
     assert np.abs(segment_changes(poses, truth)).max() < 1e-7
     assert errors[3] < 0.02 * errors[0]
 
@@ -106,7 +106,7 @@ def test_a_joint_beyond_its_limits_is_drawn_back_to_them(walk: Walk) -> None:
         poses = body.forward_kinematics(np.eye(4), body.joint_rotations(body.forward_kinematics(np.eye(4), turned)))
         before = body.joint_rotations(poses)
         for _ in range(8):
-            poses = ArticulatedStep(body).moved(poses, *nothing, ExpectedBody(poses, np.full(6, 1e-3), 1.0))
+            poses = ArticulatedStep(body).apply(poses, *nothing, PredictedBody(poses, np.full(6, 1e-3), 1.0))
         after = body.joint_rotations(poses)
         np.testing.assert_allclose(log_so3(after[hip]), [0.0, expected_angle, 0.0], atol=0.01)
         others = np.arange(count) != hip

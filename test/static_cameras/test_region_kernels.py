@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros.static_cameras.contour_kernels import NOBODY, POINT
-from bodycam_ros.static_cameras.region_kernels import BINS, COLOURS, ask_lines
+from bodycam_ros.static_cameras.region_kernels import BINS, COLOURS, measure_lines
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -58,7 +58,7 @@ def behind(pixel: Array, normal: Array) -> Front:
 def asked(
     image: Image, front: Front, points: Array, segments: NDArray[np.int64], odds: NDArray[np.float32], stride: int
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    return ask_lines(
+    return measure_lines(
         image, front.labels, front.shrink, points, segments, front.stands_out, odds, stride, LEAST_PX
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import exp_se3, inverse, log_se3
-from bodycam_ros.static_cameras.articulated_step import ExpectedBody
+from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
@@ -76,8 +76,8 @@ def axes_off(poses: Array, truth: Array) -> Array:
     return np.degrees(np.arccos(np.clip((poses[:, :3, 2] * truth[:, :3, 2]).sum(axis=1), -1.0, 1.0)))
 
 
-def expected_at(poses: Array) -> ExpectedBody:
-    return ExpectedBody(poses, SIGMAS, 0.08)
+def expected_at(poses: Array) -> PredictedBody:
+    return PredictedBody(poses, SIGMAS, 0.08)
 
 
 def by_segment(said: list[SegmentPose]) -> dict[str, SegmentPose]:
@@ -87,7 +87,7 @@ def by_segment(said: list[SegmentPose]) -> dict[str, SegmentPose]:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_person_placed_by_hand_is_found(dressed: DressedBody, motion: Array, images: Images, seed: int) -> None:
     placed = placed_by_hand(dressed.body, motion[0], seed)
-    found = tracker_of(dressed).begin(images[0], placed)
+    found = tracker_of(dressed).initialise(images[0], placed)
     assert joints_off(found, motion[0]).mean() < min(0.008, 0.6 * joints_off(placed, motion[0]).mean())
     assert joints_off(found, motion[0]).max() < 0.02
     assert axes_off(found, motion[0]).mean() < min(3.0, 0.9 * axes_off(placed, motion[0]).mean())
@@ -100,9 +100,9 @@ def test_a_person_is_followed(dressed: DressedBody, motion: Array, light: str, r
     """Also while the light goes down to 0.7 of what it was, which moves most colours to other bins."""
     seen = request.getfixturevalue(light)
     tracker = tracker_of(dressed)
-    poses = start = tracker.begin(seen[0], placed_by_hand(dressed.body, motion[0], 1))
+    poses = start = tracker.initialise(seen[0], placed_by_hand(dressed.body, motion[0], 1))
     for frame in range(1, FRAMES):
-        poses = tracker.look(seen[frame], expected_at(poses)).world_T_segment
+        poses = tracker.measure(seen[frame], expected_at(poses)).world_T_segment
         assert joints_off(poses, motion[frame]).mean() < 0.012, frame
         assert joints_off(poses, motion[frame]).max() < 0.035, frame
         assert axes_off(poses, motion[frame]).mean() < 4.0, frame
@@ -111,10 +111,10 @@ def test_a_person_is_followed(dressed: DressedBody, motion: Array, light: str, r
 
 def test_what_a_station_says_is_as_far_off_as_it_says(dressed: DressedBody, motion: Array, images: Images) -> None:
     tracker = tracker_of(dressed)
-    poses = tracker.begin(images[0], placed_by_hand(dressed.body, motion[0], 1))
+    poses = tracker.initialise(images[0], placed_by_hand(dressed.body, motion[0], 1))
     squares, known = [], []
     for frame in range(1, FRAMES):
-        seen = tracker.look(images[frame], expected_at(poses))
+        seen = tracker.measure(images[frame], expected_at(poses))
         poses = seen.world_T_segment
         for said in seen.evidence.values():
             for each in said:
@@ -138,16 +138,16 @@ def test_what_a_station_says_is_as_far_off_as_it_says(dressed: DressedBody, moti
 def test_what_something_covers_is_not_said_to_be_seen(dressed: DressedBody, motion: Array, images: Images) -> None:
     """A board that nobody told of stands before the legs, in the sight of one station."""
     tracker = tracker_of(dressed)
-    tracker.begin(images[0], motion[0])
+    tracker.initialise(images[0], motion[0])
     covered, legs = "ext_00", ("shin_left", "shin_right", "foot_left", "foot_right")
     pictures = dict(images[1])
     pictures[covered] = pictures[covered].copy()
-    contour = tracker.views[covered].contour(motion[1])
+    contour = tracker.views[covered].find_contour(motion[1])
     rows = [dressed.body.segment_index[segment] for segment in legs]
     top = int(contour.points[np.isin(contour.segments, rows), 1].min()) - 15
     board = np.full_like(pictures[covered][top:], (170, 60, 160))
     pictures[covered][top:] = grained(board, np.random.default_rng(1))
-    seen = tracker.look(pictures, expected_at(motion[0]))
+    seen = tracker.measure(pictures, expected_at(motion[0]))
     said = {station: by_segment(each) for station, each in seen.evidence.items()}
     for row, segment in zip(rows, legs, strict=True):
         assert segment not in said[covered]
@@ -156,5 +156,5 @@ def test_what_something_covers_is_not_said_to_be_seen(dressed: DressedBody, moti
     assert {"shin_left", "shin_right"} <= set(said["ext_01"]) | set(said["ext_02"])
     assert joints_off(seen.world_T_segment, motion[1]).max() < 0.03
     # Nor are the board's colours taken for the legs'.
-    again = tracker.look(images[1], expected_at(motion[1]))
+    again = tracker.measure(images[1], expected_at(motion[1]))
     assert {"shin_left", "shin_right"} <= set(by_segment(again.evidence[covered]))

@@ -17,7 +17,7 @@ from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import ShapeEvidence
-from bodycam_ros.static_cameras.station import Contour, Station, StationView
+from bodycam_ros.static_cameras.station import Contour, RegionModel, Station
 from bodycam_ros.static_cameras.surface import BULGES
 
 SETTINGS = RegionSettings()
@@ -28,14 +28,14 @@ BLACK = np.zeros((480, 640, 3), np.uint8)
 class KnowingView:
     """A view whose lines find the contour where points of the surface have really gone."""
 
-    view: StationView
+    view: RegionModel
     station: Station
     now: ShapeEvidence
     then: ShapeEvidence
     poses_then: Array
 
-    def contour(self, poses: Array) -> Contour:
-        return self.view.contour(poses)
+    def find_contour(self, poses: Array) -> Contour:
+        return self.view.find_contour(poses)
 
     def line_shifts(self, image: NDArray[np.uint8], contour: Contour) -> tuple[Array, Array]:
         points, segments = contour.points, contour.segments
@@ -86,7 +86,7 @@ def said(now: ShapeEvidence, then: ShapeEvidence) -> tuple[Array, Array, Array]:
     rotations = now.body.joint_rotations(poses)
     root = poses[now.body.segment_index[now.body.root]]
     stations = stations_around(2)
-    views: Mapping[str, StationView] = RegionTracker(now.body, now.surface, stations, SETTINGS).views
+    views: Mapping[str, RegionModel] = RegionTracker(now.body, now.surface, stations, SETTINGS).views
     vectors = []
     for shown in (then, now):
         moved = shown.body.forward_kinematics(root, rotations)

@@ -20,7 +20,7 @@ from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.static_measurement import StationWatch
+from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 
 Images = dict[str, CameraImage]
 
@@ -56,11 +56,11 @@ def watch_of(
     dressed: DressedBody,
     placed: NDArray[np.float64] | None,
     told: list[tuple[Mapping[str, int], StaticMeasurement]] | None = None,
-) -> StationWatch:
+) -> ImageMeasurement:
     tracker = RegionTracker(dressed.body, BodySurface.of(dressed.body, dressed.surfaces), dressed.stations, SETTINGS)
     told = [] if told is None else told
     start = None if placed is None else PlacedBody(placed, np.zeros(len(placed), bool))
-    return StationWatch(tracker, start, MotionSettings(), lambda stamps_ns, seen: told.append((stamps_ns, seen)))
+    return ImageMeasurement(tracker, start, MotionSettings(), lambda stamps_ns, seen: told.append((stamps_ns, seen)))
 
 
 def test_the_first_images_place_the_body_and_the_next_are_asked(

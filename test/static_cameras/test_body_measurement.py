@@ -15,8 +15,8 @@ from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras import body_from_outside, region_tracker, shape_evidence
-from bodycam_ros.static_cameras.body_measurement import Instant, MeasuredBody, OutsideMeasurement
+from bodycam_ros.static_cameras import body_measurement, region_tracker, shape_evidence
+from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
@@ -43,9 +43,9 @@ class Painted:
     begun: BodyModel
     first: Array
     dressed: DressedBody
-    instants: list[Instant]
+    instants: list[FrameImages]
 
-    def read(self) -> Iterator[tuple[float, Instant]]:
+    def read(self) -> Iterator[tuple[float, FrameImages]]:
         yield from ((number / len(self.instants), instant) for number, instant in enumerate(self.instants))
 
     def placed(self, body: BodyModel) -> PlacedBody:
@@ -57,8 +57,8 @@ class Painted:
             for module in (region_tracker, shape_evidence):
                 patch.setattr(module, "LINES_ALIKE", 1.0)
             for name, value in {"_SURFACE_SIGMA_M": 0.002, "_ALIKE_S": 1e-9 * STEP_NS, "_ROUNDS": 3}.items():
-                patch.setattr(body_from_outside, name, value)
-            return OutsideMeasurement(
+                patch.setattr(body_measurement, name, value)
+            return BodyMeasurement(
                 self.begun,
                 self.dressed.stations,
                 lambda: list(self.read())[:instants],
@@ -82,7 +82,9 @@ def painted(sample: Path) -> Painted:
     begun = replace(shape.shaped(shares), girths={})
     dressed = DressedBody(person, capsule_surfaces(person), stations_around(STATIONS))
     motion = small_motion(person, 2 * INSTANTS, 0.35)[::2]
-    instants = [Instant(number * STEP_NS, dressed.images(poses, 1.0, number)) for number, poses in enumerate(motion)]
+    instants = [
+        FrameImages(number * STEP_NS, dressed.images(poses, 1.0, number)) for number, poses in enumerate(motion)
+    ]
     return Painted(person, begun, motion[0], dressed, instants)
 
 
