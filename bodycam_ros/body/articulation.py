@@ -321,22 +321,12 @@ def eliminate_instants(J_moving: Array, J_lasting: Array, hessians: Array, gradi
         out: Array = np.swapaxes(rows[0], 1, 2) @ rows[1]
         return out
 
-    gradient_column = gradients[..., None]
-    A = product(J_moving, HJ_moving)
-    B = product(J_moving, HJ_lasting)
-    C = product(J_lasting, HJ_lasting)
-    a = product(J_moving, gradient_column)[..., 0]
-    c = product(J_lasting, gradient_column)[..., 0]
+    A, B = product(J_moving, HJ_moving), product(J_moving, HJ_lasting)
+    a, c = (product(J, gradients[..., None]) for J in (J_moving, J_lasting))
     A = A + (_STIFFENING * np.einsum("tii->ti", A).mean() * np.eye(A.shape[-1]))
-    A_inverse_B = np.linalg.solve(A, B)
-    A_inverse_a = np.linalg.solve(A, a[..., None])[..., 0]
-    B_transposed = np.swapaxes(B, 1, 2)
-    return EliminatedInstants(
-        hessians=C - B_transposed @ A_inverse_B,
-        gradients=c - (B_transposed @ A_inverse_a[..., None])[..., 0],
-        own_steps=-A_inverse_a,
-        by_lasting=-A_inverse_B,
-    )
+    solved = -np.linalg.solve(A, np.concatenate([B, a], axis=2))
+    reduced = np.concatenate([product(J_lasting, HJ_lasting), c], axis=2) + np.swapaxes(B, 1, 2) @ solved
+    return EliminatedInstants(reduced[..., :-1], reduced[..., -1], solved[..., -1], solved[..., :-1])
 
 
 def distance_weights(squared: Array, known: NDArray[np.bool_], outlier_sigmas: float) -> Array:

@@ -58,11 +58,8 @@ class Coupling:
         self.motion = EquipmentMotion(body, equipment, motion)
         self.attachments = Attachments(body, equipment, self.fit.lengths, settings)
         self.joint_names = frozenset({*(j.name for j in self._tree), *self.attachments.names, equipment.name})
-        self._search, self._known, self._fitted_ns = (
-            EquipmentSearch(equipment, self.fit),
-            self.fit.unknown(),
-            -(1 << 62),
-        )
+        self._search, self._known = EquipmentSearch(equipment, self.fit), self.fit.unknown()
+        self._fitted_ns = -(1 << 62)
         self._rows = np.array([body.segment_index[name] for name in equipment.segments])
         self._joint_rows = [row for row, joint in enumerate(body.tree_joints) if joint.child in self.fit.chain.row]
         self._root, self._stands = self.fit.chain.row[equipment.root], equipment.segments[equipment.root].stands
