@@ -51,8 +51,8 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     Terminal().print(_table(summary))
     nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"
     print(f"{summary.instants} instants at {summary.scale:.2f} of the person's size; between its links {nearest}")
-    if summary.held:
-        print(f"at {summary.held} of them it could not move on: its limits would not let it")
+    if summary.blocked:
+        print(f"at {summary.blocked} of them no step satisfied all limits")
     each_ms = 1e3 * summary.cpu_s / summary.instants
     print(f"{each_ms:.1f} ms of inverse kinematics an instant; written to {printable(str(arguments.output))}")
     return 0

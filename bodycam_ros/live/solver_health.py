@@ -180,7 +180,7 @@ class RobotHealth:
     def add(self, state: RobotState) -> None:
         """The robot has followed an instant."""
         self._instants += 1
-        self._held += state.held
+        self._held += state.blocked
         self._farthest_m = max(self._farthest_m, *state.errors_m.values())
 
     def report(self, has_body: bool) -> Health:

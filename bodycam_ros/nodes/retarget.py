@@ -70,7 +70,7 @@ class RetargetStage(Stage[RetargetParameters]):
             if self._following is None:
                 self._following = Retargeting(body, self._robot, self._retarget)
             else:
-                self._following.imitate(body)
+                self._following.set_person(body)
         except BodyError as error:
             body = None  # what is told from now on is of a body that the robot cannot follow
             self.skipped.add("bodies skipped", f"robot_description: {error}")

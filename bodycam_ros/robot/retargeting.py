@@ -1,7 +1,7 @@
-"""Inverse kinematics: the configuration of a robot whose links are nearest to where they should be.
+"""Inverse kinematics: the configuration of a robot whose links are nearest to their targets.
 
-A quadratic program an instant and round (pink), with the limits of joints, of their speeds, and of what is between the
-robot's own links as inequalities. Hands and feet count most.
+A quadratic program per state and round (pink), with limits of joints, speeds and self-collision as inequalities. Hands
+and feet have the largest weight.
 """
 
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
-from bodycam_ros.robot.links_apart import LinksApart
 from bodycam_ros.robot.robot_model import FLOATING, JointBounds, Robot
 from bodycam_ros.robot.scaled_person import LinkTarget, ScaledPerson
+from bodycam_ros.robot.self_collision import SelfCollisionLimit
 from bodycam_ros.settings import SettingsGroups, setting
 
 _SOLVER = "daqp"
@@ -29,7 +29,7 @@ _FIRST_ROUNDS = 60  # from the N-pose, where any way is allowed
 
 @dataclass(frozen=True)
 class RetargetSettings:
-    """How a robot follows."""
+    """Settings of inverse kinematics."""
 
     clearance: float = setting(
         0.01,
@@ -48,16 +48,16 @@ class RobotSettings(SettingsGroups):
 
 @dataclass(frozen=True, eq=False)
 class RobotState:
-    """A robot at an instant.
+    """State of a robot.
 
     Attributes:
         stamp_ns: the person's.
-        world_T_root: (4, 4) of the link that all others of its URDF hang on [m].
+        world_T_root: (4, 4) of the root link of its URDF [m].
         positions: (J,) of its joints [rad or m].
-        velocities: (J,) since the instant before [rad/s or m/s].
-        errors_m: hand or foot -> how far it is from where it should be.
+        velocities: (J,) since the state before [rad/s or m/s].
+        errors_m: hand or foot -> distance from its target.
         nearest_m: distance of its two nearest links that must stay apart; infinite where none are near.
-        held: whether it stayed as it was, because no step keeps all limits.
+        blocked: whether it did not move, because no step satisfies all limits.
     """
 
     stamp_ns: int
@@ -66,16 +66,16 @@ class RobotState:
     velocities: Array
     errors_m: Mapping[str, float]
     nearest_m: float
-    held: bool
+    blocked: bool
 
 
 class Retargeting:
-    """Lets a robot do what a person does, instant by instant.
+    """Inverse kinematics of a robot that follows a person, state by state.
 
     Args:
         body: the person.
         robot: that follows.
-        settings: how.
+        settings: clearance.
 
     Raises:
         BodyError: as of ``ScaledPerson``.
@@ -88,8 +88,8 @@ class Retargeting:
 
         self._pink, self._pin = pink, pinocchio
         self._robot, self._settings = robot, settings
-        self.imitate(body)
-        self._bounds, self._apart = JointBounds(robot), LinksApart(robot, settings.clearance)
+        self.set_person(body)
+        self._bounds, self._collisions = JointBounds(robot), SelfCollisionLimit(robot, settings.clearance)
         self._posture = PostureTask(cost=_POSTURE)
         self._posture.set_target(robot.n_pose)
         self._tasks: dict[str, Any] = {}
@@ -99,11 +99,11 @@ class Retargeting:
 
     @property
     def scale(self) -> float:
-        """What the robot's ways through the world are of the person's."""
+        """Length of the robot's trajectories over the person's."""
         return self._person.scale
 
-    def imitate(self, body: BodyModel) -> None:
-        """Follow another person from now on, or one who is known better.
+    def set_person(self, body: BodyModel) -> None:
+        """Follow another person, or an improved body.
 
         Raises:
             BodyError: as of ``ScaledPerson``.
@@ -114,20 +114,20 @@ class Retargeting:
         """The robot when the person is at poses (S, 4, 4), later than at the call before."""
         targets = self._person.targets(world_T_segment)
         if self._configuration is None:
-            self._begin(targets)
+            self._initialise(targets)
             dt_s, rounds = np.inf, _FIRST_ROUNDS
         else:
             dt_s, rounds = 1e-9 * (stamp_ns - self._stamp_ns), _ROUNDS
         before = self._configuration.q.copy()
-        self._bounds.begin(before, dt_s)
-        held = False
+        self._bounds.set_previous(before, dt_s)
+        blocked = False
         for share in np.minimum(1.0, np.arange(1, rounds + 1) / (rounds - 1 or 1)):
-            self._aim(targets, float(share))
-            held |= not self._step()
+            self._set_targets(targets, float(share))
+            blocked |= not self._step()
         self._stamp_ns, self._targets = stamp_ns, targets
-        return self._state(stamp_ns, before, dt_s, targets, held)
+        return self._state(stamp_ns, before, dt_s, targets, blocked)
 
-    def _begin(self, targets: Mapping[str, LinkTarget]) -> None:
+    def _initialise(self, targets: Mapping[str, LinkTarget]) -> None:
         """The robot in the N-pose, its root where it should be."""
         q = self._robot.n_pose.copy()
         placed = targets[self._robot.mapping.root].world_T_link @ self._robot.link_in_n_pose(self._robot.tree_root)
@@ -135,11 +135,8 @@ class Retargeting:
         model = self._robot.model
         self._configuration = self._pink.Configuration(model, model.createData(), q)
 
-    def _aim(self, targets: Mapping[str, LinkTarget], share: float) -> None:
-        """Send links a share of the way from where they should have been to where they should be.
-
-        Whether links would meet is known to first order only, so no round should go far.
-        """
+    def _set_targets(self, targets: Mapping[str, LinkTarget], share: float) -> None:
+        """Interpolate targets from the previous ones by a share: collisions are limited to first order only."""
         from pink.tasks import FrameTask
 
         for link, target in targets.items():
@@ -147,8 +144,8 @@ class Retargeting:
                 place = _END_PLACE if target.is_end else _PLACE
                 self._tasks[link] = FrameTask(
                     link,
-                    position_cost=place if target.place_counts else 0.0,
-                    orientation_cost=_TURN if target.turn_counts else 0.0,
+                    position_cost=place if target.position_counts else 0.0,
+                    orientation_cost=_TURN if target.rotation_counts else 0.0,
                     lm_damping=1e-3,
                 )
             before = self._targets.get(link, target).world_T_link
@@ -156,35 +153,32 @@ class Retargeting:
             self._tasks[link].set_target(self._pin.SE3(before @ exp_se3(share * way)))
 
     def _step(self) -> bool:
-        """One round; whether there is a step that keeps all limits."""
+        """One round; False if no step satisfies all limits."""
         from pink.exceptions import NoSolutionFound
 
         tasks = [*self._tasks.values(), self._posture]
-        for self._apart.may_stay in (False, True):
+        for self._collisions.allows_contact in (False, True):
             try:
                 step = self._pink.solve_ik(
-                    self._configuration, tasks, 1.0, _SOLVER, _DAMPING, limits=[self._bounds, self._apart]
+                    self._configuration, tasks, 1.0, _SOLVER, _DAMPING, limits=[self._bounds, self._collisions]
                 )
             except NoSolutionFound:
                 continue
-            return self._taken(step)
+            return self._apply(step)
         return False
 
-    def _taken(self, step: Array) -> bool:
-        """Take a step, or the half, a quarter and so on of it: as much as brings no links too near; whether any was.
-
-        That links stay apart holds to first order only: feet that turn beside each other meet with other corners.
-        """
-        before, least_m = self._configuration.q.copy(), min(self._apart.nearest(self._configuration), _TOUCH_M)
+    def _apply(self, step: Array) -> bool:
+        """Apply the largest share of a step without collisions, which are limited to first order; False without."""
+        before, least_m = self._configuration.q.copy(), min(self._collisions.nearest(self._configuration), _TOUCH_M)
         for share in _SHARES:
             self._configuration.update(self._pin.integrate(self._robot.model, before, share * step))
-            if self._apart.nearest(self._configuration) >= least_m:
+            if self._collisions.nearest(self._configuration) >= least_m:
                 return True
         self._configuration.update(before)
         return False
 
     def _state(
-        self, stamp_ns: int, before: Array, dt_s: float, targets: Mapping[str, LinkTarget], held: bool
+        self, stamp_ns: int, before: Array, dt_s: float, targets: Mapping[str, LinkTarget], blocked: bool
     ) -> RobotState:
         positions = np.clip(self._configuration.q[FLOATING:], self._robot.lowest, self._robot.highest)
         return RobotState(
@@ -197,8 +191,8 @@ class Retargeting:
                 for link, target in targets.items()
                 if target.is_end
             },
-            self._apart.nearest(self._configuration),
-            held,
+            self._collisions.nearest(self._configuration),
+            blocked,
         )
 
     def _pose_of(self, link: str) -> Array:

@@ -1,4 +1,4 @@
-"""A robot as its URDF describes it: a tree that floats, limits of its joints, hulls of its links."""
+"""A robot by its URDF: a floating tree, joint limits, hulls of its links."""
 
 import os
 from collections.abc import Iterator
@@ -18,31 +18,31 @@ FLOATING = 7
 
 _FLOATING_SPEEDS = 6
 _TOUCHING_M = 0.02
-"""Links that are so near each other in the N-pose are neighbours, and are not kept apart."""
+"""Links closer than this in the N-pose are neighbours without a collision limit."""
 
 _SPACE = 3
 _FLAT = 1e-6
-"""A mesh whose corners lie so much nearer to a plane than they are apart is in it."""
+"""Least over largest extent of a mesh that is not flat."""
 
 _LIMITED_BY_JOINTS = 3
-"""Links so few joints from each other meet where their joints' limits say; hulls, which fill hollows, do sooner."""
+"""Links within so many joints are kept apart by joint limits; their convex hulls would collide too early."""
 
 
 class Robot:
     """A robot that can follow a person.
 
     Args:
-        urdf: file of the robot; its packages are looked for above the file and on AMENT_PREFIX_PATH.
-        mapping: which links follow what.
+        urdf: file of the robot; its packages are searched for above the file and on AMENT_PREFIX_PATH.
+        mapping: links that follow.
 
     Attributes:
         mapping: as given.
         text: of the URDF.
         model: pinocchio's, with a floating base.
         hulls: pinocchio's collision geometry, each mesh replaced by its convex hull.
-        pairs: (K, 2) of hulls that must stay apart.
-        tree_root: link that all others hang on, which need not be the one that follows the pelvis.
-        joint_names: (J,) that turn or slide, in the order of a configuration's.
+        pairs: (K, 2) of hulls with a collision limit.
+        tree_root: root link of the URDF, which need not be the one that follows the pelvis.
+        joint_names: (J,) in the order of a configuration.
         lowest, highest: (J,) limits [rad or m].
         fastest: (J,) limits of their speeds [rad/s or m/s].
         n_pose: (7 + J) configuration in the N-pose, the root at the origin.
@@ -70,7 +70,7 @@ class Robot:
         self.highest = np.asarray(self.model.upperPositionLimit[FLOATING:], np.float64)
         speeds = np.asarray(self.model.velocityLimit[_FLOATING_SPEEDS:], np.float64)
         self.fastest = np.where(speeds > 0.0, speeds, np.inf)
-        self.n_pose = self._standing()
+        self.n_pose = self._n_pose()
         self._data = self.model.createData()
         pin.framesForwardKinematics(self.model, self._data, self.n_pose)
         self.pairs = self._hulls_apart()
@@ -82,7 +82,7 @@ class Robot:
         return pose
 
     def _check(self, urdf: Path) -> None:
-        """Refuse a robot that lacks what the mapping names, or whose joints are no single angles or slides."""
+        """Refuse a robot without the mapped links, or with joints of several degrees of freedom."""
         path = self.mapping.path
         if missing := [link for link in self.mapping.links if not self.model.existFrame(link)]:
             raise BodyError(f"{path}: {urdf.name} has no link {', '.join(missing)}")
@@ -94,7 +94,7 @@ class Robot:
         if flat := [hull.name for hull in self.hulls.geometryObjects if _is_flat(hull.geometry)]:
             raise BodyError(f"{urdf}: the collision mesh of {', '.join(flat)} is flat; give it a thickness, or a box")
 
-    def _standing(self) -> Array:
+    def _n_pose(self) -> Array:
         """The configuration in the N-pose."""
         joints = np.clip(np.zeros(len(self.joint_names)), self.lowest, self.highest)
         for joint, angle in self.mapping.n_pose.items():
@@ -120,31 +120,20 @@ class Robot:
         self.hulls.addAllCollisionPairs()
         data = pin.GeometryData(self.hulls)
         pin.computeDistances(self.model, self.model.createData(), self.hulls, data, self.n_pose)
-        joints = [hull.parentJoint for hull in self.hulls.geometryObjects]
+        chains = [set(self.model.supports[hull.parentJoint]) for hull in self.hulls.geometryObjects]
         return np.array(
             [
                 (pair.first, pair.second)
                 for pair, result in zip(self.hulls.collisionPairs, data.distanceResults, strict=True)
                 if result.min_distance > _TOUCHING_M
-                and self._joints_between(joints[pair.first], joints[pair.second]) > _LIMITED_BY_JOINTS
+                and len(chains[pair.first] ^ chains[pair.second]) > _LIMITED_BY_JOINTS
             ],
             np.int64,
         ).reshape(-1, 2)
 
-    def _joints_between(self, one: int, other: int) -> int:
-        """How many joints a link is from another, by the joints that they hang on."""
-        ways = []
-        for joint in (one, other):
-            way = [joint]
-            while way[-1]:
-                way.append(self.model.parents[way[-1]])
-            ways.append(way)
-        shared = next(joint for joint in ways[0] if joint in ways[1])
-        return ways[0].index(shared) + ways[1].index(shared)
-
 
 def _is_flat(shape: Any) -> bool:
-    """Whether a shape is a mesh in a plane, of which no hull can be made: the library that makes them would crash."""
+    """Whether a shape is a mesh in a plane, whose hull would crash coal."""
     if not hasattr(shape, "num_vertices"):
         return False
     corners = np.array([shape.vertex(row) for row in range(shape.num_vertices)]).reshape(-1, 3)
@@ -172,10 +161,10 @@ def _package_folders(urdf: Path) -> Iterator[str]:
 
 
 class JointBounds:
-    """A limit of pink: what joints may reach from where they were at the instant before.
+    """A limit of pink: joints within their ranges and speeds since the previous state.
 
     Args:
-        robot: whose limits are kept.
+        robot: with the limits.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -185,8 +174,8 @@ class JointBounds:
         self._G = np.vstack([select, -select])
         self._low, self._high = robot.lowest, robot.highest
 
-    def begin(self, q: Array, dt_s: float) -> None:
-        """The instant before had the configuration (7 + J), so many seconds ago."""
+    def set_previous(self, q: Array, dt_s: float) -> None:
+        """Set the previous configuration (7 + J) and the time since [s]."""
         joints, way = q[FLOATING:], dt_s * self._robot.fastest
         self._low = np.maximum(self._robot.lowest, joints - way)
         self._high = np.minimum(self._robot.highest, joints + way)

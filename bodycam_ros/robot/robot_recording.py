@@ -1,4 +1,4 @@
-"""A solved recording as a robot's: its joint states and its place in the world, in a bag of their own."""
+"""A solved recording as a robot's: joint states and pose in the world, in a bag of their own."""
 
 import time
 from collections import defaultdict
@@ -24,28 +24,28 @@ _COMMAND = "bodycam export --to robot"
 
 @dataclass
 class RobotSummary:
-    """How well a robot followed.
+    """Quality of a robot's motion.
 
     Attributes:
-        scale: its ways through the world, of the person's.
+        scale: length of its trajectories over the person's.
         instants: of the recording.
-        held: at which it stayed as it was, at least in one round: no step kept all limits.
-        errors_m: hand or foot -> how far it was from where it should be, at each instant.
-        nearest_m: least distance between its own links; infinite if none were near.
-        cpu_s: that inverse kinematics took [s].
+        blocked: with a round in which no step satisfied all limits.
+        errors_m: hand or foot -> distance from its target, at each state.
+        nearest_m: smallest distance of its links; infinite if none were near.
+        cpu_s: of inverse kinematics [s].
     """
 
     scale: float
     instants: int = 0
-    held: int = 0
+    blocked: int = 0
     errors_m: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     nearest_m: float = np.inf
     cpu_s: float = 0.0
 
     def add(self, state: RobotState) -> None:
-        """One more instant."""
+        """Add a state."""
         self.instants += 1
-        self.held += state.held
+        self.blocked += state.blocked
         self.nearest_m = min(self.nearest_m, state.nearest_m)
         for link, error_m in state.errors_m.items():
             self.errors_m[link].append(error_m)
@@ -60,16 +60,16 @@ def write_robot(
     force: bool,
     progress: Progress,
 ) -> RobotSummary:
-    """Let a robot do what a solved recording has.
+    """Write the motion of a robot that follows a solved recording.
 
     Args:
         source: bag that was solved.
         urdf: of the robot.
-        mapping_path: YAML of what of it follows what.
+        mapping_path: its mapping, YAML.
         output: ros2 bag folder to be, with ``/robot_description``, ``/joint_states`` and ``/tf`` of the robot.
-        settings: how it follows.
-        force: replace an output that is there already, if it is of a robot.
-        progress: is told of the messages, then of the instants.
+        settings: of inverse kinematics.
+        force: replace an earlier output of a robot.
+        progress: of messages, then of states.
 
     Raises:
         RecordingError: the source is no solved bag.
@@ -98,7 +98,7 @@ def write_robot(
 
 
 def robot_messages(make: MessageFactory, robot: Robot, state: RobotState) -> dict[str, Message]:
-    """Topic -> message of one instant: joint states, and where the root is in the map."""
+    """Topic -> message of one state: joint states, and the pose of the root in the map."""
     return {
         "/joint_states": joint_state_message(
             make, state.stamp_ns, robot.joint_names, state.positions, state.velocities

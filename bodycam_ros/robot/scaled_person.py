@@ -1,8 +1,8 @@
-"""Where a robot's links would be if a person of the robot's bones did what was seen.
+"""Targets of a robot's links: the measured motion of a person, scaled to the robot's bones.
 
-Feet and pelvis keep their places in the world, scaled as the robot's legs are to the person's, so feet that stand do
-not slide. Elbows and wrists are where the arms point, as long as the robot's arms are, from shoulders on the robot's
-own trunk. Links turn as segments do since the N-pose.
+Feet and pelvis keep their positions in the world, scaled by the leg lengths, so feet in stance do not slide. Elbows and
+wrists are in the direction of the person's arms, scaled by the arm lengths, from shoulders on the robot's own trunk.
+Links rotate as segments do since the N-pose.
 """
 
 from collections.abc import Mapping
@@ -22,17 +22,17 @@ _LEG, _ARM = ("thigh", "shin", "foot"), ("upper_arm", "forearm")
 
 @dataclass(frozen=True)
 class LinkTarget:
-    """Where a link should be.
+    """Target of a link.
 
     Attributes:
         world_T_link: (4, 4) [m].
-        place_counts, turn_counts: whether its place, its rotation matter.
+        position_counts, rotation_counts: whether its position, its rotation have a weight.
         is_end: whether it is a hand or a foot, which must follow.
     """
 
     world_T_link: Array
-    place_counts: bool
-    turn_counts: bool
+    position_counts: bool
+    rotation_counts: bool
     is_end: bool = False
 
 
@@ -41,11 +41,11 @@ class ScaledPerson:
 
     Args:
         body: the person.
-        robot: that follows.
+        robot: with its mapping.
         reach: share of its limbs' lengths that the robot uses, so that it need not stretch them.
 
     Attributes:
-        scale: of what the legs reach, robot to person.
+        scale: of leg lengths, robot to person.
 
     Raises:
         BodyError: the person lacks legs, or an arm that the robot has; or the robot does not stand on its legs.
@@ -78,9 +78,9 @@ class ScaledPerson:
         self._arm_scales = {side: reach * self._arm_scale(at_rest, side) for side in mapping.arms}
 
     def targets(self, world_T_segment: Array) -> dict[str, LinkTarget]:
-        """Link -> where it should be when the person is at poses (S, 4, 4)."""
+        """Link -> its target for a person at poses (S, 4, 4)."""
         mapping, of = self._robot.mapping, dict(zip(self._body.segments, world_T_segment, strict=True))
-        place = {side: self._placed(self._bones(world_T_segment, side, _LEG)) for side in mapping.legs}
+        place = {side: self._scaled(self._bones(world_T_segment, side, _LEG)) for side in mapping.legs}
         pelvis_R = of["pelvis"][:3, :3]
         hips = np.mean([leg[0] for leg in place.values()], axis=0)
         root = rigid(pelvis_R, hips - pelvis_R @ self._hips)
@@ -107,8 +107,8 @@ class ScaledPerson:
         origins: Array = poses[[self._index[f"{kind}_{side}"] for kind in kinds], :3, 3]
         return origins
 
-    def _placed(self, points: Array) -> Array:
-        """Points (N, 3) of the person where the robot has them [m]."""
+    def _scaled(self, points: Array) -> Array:
+        """Points (N, 3) of the person, scaled to the robot [m]."""
         placed: Array = self.scale * points + [0.0, 0.0, self._lift]
         return placed
 
@@ -119,13 +119,13 @@ class ScaledPerson:
         return np.array([shoulder, forearm[:3, 3], wrist]) - shoulder
 
     def _arm_scale(self, at_rest: Array, side: str) -> float:
-        """How long the robot's arm is, of the person's."""
+        """Length of the robot's arm over the person's."""
         of = dict(zip(self._body.segments, at_rest, strict=True))
         ours = _length(self._arm(of, side))
         return _length(np.array([self._in_n[link][:3, 3] for link in self._robot.mapping.arms[side]])) / ours
 
     def _shoulder(self, root: Array, torso_R: Array, shoulder: str) -> Array:
-        """Where the robot's shoulder is if its trunk turns as the person's does (3,)."""
+        """Position (3,) of the robot's shoulder if its trunk rotates as the person's."""
         trunk = self._robot.mapping.trunk
         waist = self._in_n[trunk][:3, 3] if trunk is not None else np.zeros(3)
         place: Array = transform_points(root, waist[None])[0] + torso_R @ (self._in_n[shoulder][:3, 3] - waist)

@@ -73,7 +73,7 @@ def test_limits_of_angles_and_speeds_are_kept(robot: Robot, states: list[RobotSt
     assert (positions >= robot.lowest).all() and (positions <= robot.highest).all()
     assert (np.abs(speeds[1:]) <= robot.fastest * (1.0 + 1e-6)).all()
     assert np.ptp(positions, axis=0).max() > 0.3  # it moves
-    assert not any(state.held for state in states)
+    assert not any(state.blocked for state in states)
 
 
 def test_its_own_links_stay_apart(robot: Robot, states: list[RobotState]) -> None:

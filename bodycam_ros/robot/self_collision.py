@@ -1,7 +1,7 @@
-"""Keeps the links of a robot apart: to first order, no step brings two hulls nearer than they may be.
+"""Limit against self-collision of a robot: to first order, no step brings two hulls nearer than their clearance.
 
-Beside the nearest points of two hulls, corners that are nearly as near count: feet that turn beside each other would
-meet with these.
+Besides the nearest points of two hulls, corners at nearly the same distance count: feet that rotate beside each other
+would collide there.
 """
 
 from typing import Any, NamedTuple
@@ -13,32 +13,32 @@ from bodycam_ros.geometry import Array, hat, transform_points
 from bodycam_ros.robot.robot_model import Robot
 
 _NEAR_M = 0.06
-"""Hulls farther apart than this meet in no step."""
+"""Hulls farther apart than this do not collide in a step."""
 
 _BACK_M = 0.005
-"""A step takes hulls apart again that have come too near, by so much at most: more might be impossible."""
+"""Largest increase per step of a distance below the clearance: more might be infeasible."""
 
 _SLAB_M = 0.04  # corners so much farther from the other hull than the nearest point count as well
 
 
-class _Meetings(NamedTuple):
-    """Where hulls might meet: pairs (K, 2) of joints, places (K, 3), normals (K, 3) from the first, gaps (K,) [m]."""
+class _Contacts(NamedTuple):
+    """Possible contacts: pairs (K, 2) of joints, positions (K, 3), normals (K, 3) from the first, gaps (K,) [m]."""
 
     joints: NDArray[np.int64]
-    places: Array
+    positions: Array
     normals: Array
     gaps: Array
 
 
-class LinksApart:
+class SelfCollisionLimit:
     """A limit of pink.
 
     Args:
-        robot: whose links are kept apart.
+        robot: with the hulls.
         clearance_m: between hulls.
 
     Attributes:
-        may_stay: whether hulls that are too near already may stay so: where nothing else can be done.
+        allows_contact: whether hulls below the clearance may stay there, if no other step is feasible.
     """
 
     def __init__(self, robot: Robot, clearance_m: float) -> None:
@@ -54,39 +54,39 @@ class LinksApart:
         self._centres = np.array([shape.aabb_center for shape in self._shapes]).reshape(-1, 3)
         self._radii = np.array([shape.aabb_radius for shape in self._shapes])
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
-        self._known: tuple[Array, _Meetings] | None = None
-        self.may_stay = False
+        self._known: tuple[Array, _Contacts] | None = None
+        self.allows_contact = False
 
     def compute_qp_inequalities(self, configuration: Any, dt: float) -> tuple[Array, Array] | None:
         """G (K, V) and h (K,) of G dq <= h, at a configuration of pink; None if no hulls are near each other."""
-        meetings = self._meetings(configuration)
-        if not len(meetings.gaps):
+        contacts = self._contacts(configuration)
+        if not len(contacts.gaps):
             return None
-        used, rows = np.unique(meetings.joints, return_inverse=True)
-        rows = rows.reshape(meetings.joints.shape)
+        used, rows = np.unique(contacts.joints, return_inverse=True)
+        rows = rows.reshape(contacts.joints.shape)
         J = np.array([self._jacobian(configuration, joint) for joint in used.tolist()])[rows]
         origins = np.array([configuration.data.oMi[joint].translation for joint in used.tolist()])[rows]
-        # A place p on a link moves by v - (p - o) x w, with v and w of the link's joint at o.
-        moves = J[:, :, :3] - hat(meetings.places[:, None] - origins) @ J[:, :, 3:]
-        G = np.einsum("ki,kiv->kv", meetings.normals, moves[:, 0] - moves[:, 1])
-        return G, np.maximum(meetings.gaps - self._clearance_m, 0.0 if self.may_stay else -_BACK_M)
+        # A point p on a link moves by v - (p - o) x w, with v and w of the link's joint at o.
+        moves = J[:, :, :3] - hat(contacts.positions[:, None] - origins) @ J[:, :, 3:]
+        G = np.einsum("ki,kiv->kv", contacts.normals, moves[:, 0] - moves[:, 1])
+        return G, np.maximum(contacts.gaps - self._clearance_m, 0.0 if self.allows_contact else -_BACK_M)
 
     def nearest(self, configuration: Any) -> float:
         """Distance of the nearest two hulls [m], negative where they touch; infinite if none are near."""
-        return float(self._meetings(configuration).gaps.min(initial=np.inf))
+        return float(self._contacts(configuration).gaps.min(initial=np.inf))
 
     def _jacobian(self, configuration: Any, joint: int) -> Array:
-        """(6, V) of a joint's place and turn in the world's axes, place first."""
+        """(6, V) Jacobian of a joint's position and rotation in the world's axes, position first."""
         aligned = self._pin.LOCAL_WORLD_ALIGNED
         return np.asarray(self._pin.getJointJacobian(configuration.model, configuration.data, joint, aligned))
 
-    def _meetings(self, configuration: Any) -> _Meetings:
-        """Where hulls that are near each other might meet."""
+    def _contacts(self, configuration: Any) -> _Contacts:
+        """Possible contacts of near hulls."""
         if self._known is None or not np.array_equal(self._known[0], configuration.q):
-            self._known = configuration.q.copy(), self._found(configuration)
+            self._known = configuration.q.copy(), self._find_contacts(configuration)
         return self._known[1]
 
-    def _found(self, configuration: Any) -> _Meetings:
+    def _find_contacts(self, configuration: Any) -> _Contacts:
         self._pin.updateGeometryPlacements(configuration.model, configuration.data, self._robot.hulls, self._data)
         poses = np.array([pose.homogeneous for pose in self._data.oMg]).reshape(-1, 4, 4)
         centres = (poses[:, :3, :3] @ self._centres[..., None])[..., 0] + poses[:, :3, 3]
@@ -96,7 +96,7 @@ class LinksApart:
         placed = {
             row: self._coal.Transform3s(poses[row, :3, :3], poses[row, :3, 3]) for row in np.unique(near).tolist()
         }
-        joints, places, normals, gaps = [], [], [], []
+        joints, positions, normals, gaps = [], [], [], []
         for one, other in near.tolist():
             self._result.clear()
             gap = self._coal.distance(
@@ -106,18 +106,18 @@ class LinksApart:
                 continue
             normal = np.asarray(self._result.normal)
             ends = self._result.getNearestPoint1(), self._result.getNearestPoint2()
-            beside = [
-                *_beside(transform_points(poses[one], self._corners[one]), ends[1], normal, gap),
-                *_beside(transform_points(poses[other], self._corners[other]), ends[0], -normal, gap),
+            corners = [
+                *_outer_corners(transform_points(poses[one], self._corners[one]), ends[1], normal, gap),
+                *_outer_corners(transform_points(poses[other], self._corners[other]), ends[0], -normal, gap),
             ]
-            for place, to_other in ((0.5 * (ends[0] + ends[1]), gap), *beside):
+            for place, to_other in ((0.5 * (ends[0] + ends[1]), gap), *corners):
                 joints.append((self._joints[one], self._joints[other]))
-                places.append(place)
+                positions.append(place)
                 normals.append(normal)
                 gaps.append(to_other)
-        return _Meetings(
+        return _Contacts(
             np.array(joints, np.int64).reshape(-1, 2),
-            np.array(places).reshape(-1, 3),
+            np.array(positions).reshape(-1, 3),
             np.array(normals).reshape(-1, 3),
             np.array(gaps),
         )
@@ -128,7 +128,7 @@ def _corners(shape: Any) -> Array:
     return np.array(shape.points() if hasattr(shape, "points") else []).reshape(-1, 3)
 
 
-def _beside(corners: Array, other: Array, normal: Array, gap: float) -> list[tuple[Array, float]]:
+def _outer_corners(corners: Array, other: Array, normal: Array, gap: float) -> list[tuple[Array, float]]:
     """The outermost of the corners (N, 3) that are nearly as near to another hull, and their distances to its face.
 
     Args:
