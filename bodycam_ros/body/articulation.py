@@ -115,11 +115,7 @@ class ArticulatedMotion:
         for c in range(len(self.cameras)):
             lasting[:, c, :, self.mount_columns(c)] = np.eye(6)
         lasting[..., self.delay_columns] = self.delay_jacobians()
-        return self._moving_jacobians(lasting), lasting
-
-    def moving_jacobians(self) -> Array:
-        """(T, C, 6, moving_count) how the cameras' poses move with the unknowns of their instant."""
-        return self._moving_jacobians(None)
+        return self.moving_jacobians(lasting), lasting
 
     def delay_jacobians(self) -> Array:
         """(T, C, 6, C) how the cameras' poses move with their delays."""
@@ -128,8 +124,11 @@ class ArticulatedMotion:
         of_delays[:, each, :, each] = -np.swapaxes(self.twists, 0, 1)
         return of_delays
 
-    def _moving_jacobians(self, lasting: Array | None) -> Array:
-        """(T, C, 6, moving_count); the columns of the offsets are written into ``lasting`` on the way."""
+    def moving_jacobians(self, lasting: Array | None = None) -> Array:
+        """(T, C, 6, moving_count) how the cameras' poses move with the unknowns of their instant.
+
+        The columns of the offsets are written into ``lasting`` on the way.
+        """
         moving = np.zeros((len(self.rotations), len(self.cameras), 6, self.moving_count))
         for c, carrier in enumerate(self.carriers):
             R_mount, m = self.mounts[c, :3, :3], self.mounts[c, :3, 3]

@@ -7,6 +7,7 @@ is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inve
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,17 @@ KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
 
+class _Stacked:
+    """Arrays with a row for each measurement."""
+
+    def __add__(self, other: Self) -> Self:
+        """The rows of both."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return type(self)(*(np.concatenate(pair) for pair in pairs))
+
+
 @dataclass(frozen=True, eq=False)
-class SegmentPoses:
+class SegmentPoses(_Stacked):
     """Poses of segments by N cameras.
 
     Attributes:
@@ -53,14 +63,6 @@ class SegmentPoses:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __add__(self, other: "SegmentPoses") -> "SegmentPoses":
-        pairs = zip(
-            (self.rows, self.world_T_segment, self.covariances),
-            (other.rows, other.world_T_segment, other.covariances),
-            strict=True,
-        )
-        return SegmentPoses(*(np.concatenate(pair) for pair in pairs))
-
     def residuals(self, poses: Array) -> Array:
         """(N, 6) from poses (S, 4, 4) of all segments to the measured ones."""
         residuals: Array = log_se3(inverse(poses[self.rows]) @ self.world_T_segment)
@@ -68,7 +70,7 @@ class SegmentPoses:
 
 
 @dataclass(frozen=True, eq=False)
-class JointRotations:
+class JointRotations(_Stacked):
     """Expected rotations of U unobserved joints.
 
     Attributes:
@@ -85,13 +87,6 @@ class JointRotations:
     def nothing() -> "JointRotations":
         """Of no joint."""
         return JointRotations(np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))
-
-    def __add__(self, other: "JointRotations") -> "JointRotations":
-        return JointRotations(
-            np.concatenate([self.rows, other.rows]),
-            np.concatenate([self.rotations, other.rotations]),
-            np.concatenate([self.sigmas, other.sigmas]),
-        )
 
     def replaced(self, others: "JointRotations") -> "JointRotations":
         """The others, and those of joints that are not among them."""

@@ -117,13 +117,12 @@ class KinematicTree:
     @cached_property
     def rows_below(self) -> dict[int, list[int]]:
         """Row of each segment that hangs on another -> rows of it and of all that hang on it, free joints apart."""
-        row = self.segment_index
-        hanging = [joint for joint in self.tree_joints if joint.type != "free"]
-        below = {row[joint.child]: [row[joint.child]] for joint in hanging}
-        for joint in reversed(hanging):
-            if row[joint.parent] in below:
-                below[row[joint.parent]] += below[row[joint.child]]
-        return below
+        beside = self.named(self.equipment_segments)
+        return {
+            child: np.flatnonzero(self.moves[:, row] & (beside == beside[child])).tolist()
+            for row, child in enumerate(self.joint_ends[:, 1].tolist())
+            if self.tree_joints[row].type != "free"
+        }
 
     def joint_to_parent(self, segment: str) -> Joint | None:
         """The joint that hangs a segment on its parent; None for the root."""
