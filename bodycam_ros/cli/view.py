@@ -5,11 +5,16 @@ from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_map, add_stations, add_surface
 from bodycam_ros.errors import ViewError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import shown
+
+if TYPE_CHECKING:
+    from bodycam_ros.viewer.scene_nodes import Detail
+    from bodycam_ros.viewer.sources import Sources
 
 PORT = 8080
 
@@ -65,35 +70,43 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.over is not None:
         raise ViewError(f"--over {shown(arguments.over)}: is for a video; give its file with -o")
     # The web server takes half a second to load; the other commands and --help do without.
-    from bodycam_ros.viewer.footage import COARSE, FINE
     from bodycam_ros.viewer.session import view
 
-    view(
+    view(_read_sources(arguments), arguments.port, _detail(arguments))
+    return 0
+
+
+def _read_sources(arguments: argparse.Namespace) -> "Sources":
+    from bodycam_ros.viewer.sources import Sources
+
+    return Sources.read(
         arguments.solved,
         arguments.map,
         arguments.body,
         arguments.recording,
-        arguments.port,
         arguments.stations,
         arguments.surface,
         arguments.compare,
-        COARSE if arguments.coarse else FINE,
     )
-    return 0
+
+
+def _detail(arguments: argparse.Namespace) -> "Detail":
+    from bodycam_ros.viewer.scene_nodes import COARSE, FINE
+
+    return COARSE if arguments.coarse else FINE
 
 
 def _write_video(arguments: argparse.Namespace) -> None:
     from bodycam_ros.cli.progress import shown_progress
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.viewer.film import write_film
-    from bodycam_ros.viewer.sources import Sources
 
     if arguments.compare is not None:
         raise ViewError("--compare: is shown in the page alone; leave out -o, or compare without it")
-    given = (arguments.solved, arguments.map, arguments.body, arguments.recording, arguments.stations)
-    check_output(arguments.output, (*given, arguments.surface), makes_folders=False)
+    inputs = ("solved", "map", "body", "recording", "stations", "surface")
+    check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
     check_file(arguments.output, arguments.force, b"ftyp", "video")
-    sources = Sources.read(*given, arguments.surface)
+    sources = _read_sources(arguments)
     with shown_progress() as progress:
         write_film(sources, arguments.over, arguments.output, progress)
     Terminal().print(f"video written to {arguments.output}", soft_wrap=True)
@@ -111,8 +124,7 @@ def _view_live(arguments: argparse.Namespace) -> None:
             f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "
             "wheels that 'make test' installs"
         ) from error
-    from bodycam_ros.viewer.footage import COARSE, FINE
     from bodycam_ros.viewer.live_session import view_live
 
     open_listener = partial(listener, namespace=arguments.namespace)
-    view_live(open_listener, arguments.map, arguments.port, COARSE if arguments.coarse else FINE)
+    view_live(open_listener, arguments.map, arguments.port, _detail(arguments))

@@ -1,4 +1,4 @@
-"""What a person changes on a body: every step kept, so that each can be taken back, and written to the body's file."""
+"""Corrections of a body by hand: every step is kept, can be undone, and is written to the body's file."""
 
 from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import dataclass, replace
@@ -18,10 +18,9 @@ from bodycam_ros.viewer.scene_nodes import place, segment_name
 from bodycam_ros.whole_file import write_whole
 
 DECIMALS = 3
-"""Of the millimetres and degrees that a person sees."""
+"""Of the millimetres and degrees that are shown."""
 
-_SMALLEST_MM = 1e-6
-_SMALLEST_DEG = 1e-6  # what is less comes from rounding: nobody moved it
+_SMALLEST_MM, _SMALLEST_DEG = 1e-6, 1e-6  # a smaller move is rounding
 
 CORRECTIONS = "corrections"
 """Key of the body's report: what was moved by hand, the oldest first."""
@@ -71,7 +70,7 @@ class Move:
         return Move(np.round(self.shift_mm, DECIMALS) + 0.0, np.round(self.turn_deg, DECIMALS) + 0.0)
 
     def looks_like(self, other: "Move") -> bool:
-        """Whether a person sees no difference."""
+        """Whether both are shown by the same digits."""
         one, two = self.rounded(), other.rounded()
         return np.array_equal(one.shift_mm, two.shift_mm) and np.array_equal(one.turn_deg, two.turn_deg)
 
@@ -101,22 +100,22 @@ class Correction:
         cameras = tuple(Part("camera", camera) for camera in self.original.mounts)
         return cameras + tuple(Part("joint", joint.name) for joint in self.original.joints)
 
-    def moved_to(self, part: Part, segment_T_part: Array, *, going_on: bool = False) -> "Correction":
+    def moved_to(self, part: Part, segment_T_part: Array, *, continues: bool = False) -> "Correction":
         """The correction with a part elsewhere.
 
         Args:
             part: to be moved.
             segment_T_part: (4, 4) its new pose on the segment that carries it [m].
-            going_on: whether this continues the last step, to be taken back together with it.
+            continues: whether this continues the last step, to be undone together with it.
 
         Raises:
             BodyError: the body has no such part, or the pose is not finite.
         """
         move = move_mount if part.kind == "camera" else move_joint
-        kept = self.steps[:-1] if going_on else self.steps
+        kept = self.steps[:-1] if continues else self.steps
         return replace(self, steps=(*kept, move(self.body, part.name, segment_T_part)))
 
-    def moved_by(self, part: Part, move: Move, *, going_on: bool = False) -> "Correction":
+    def moved_by(self, part: Part, move: Move, *, continues: bool = False) -> "Correction":
         """The correction with a part so far from where the file has it; else as ``moved_to``."""
         root_T_segment, root_T_part = _in_n_pose(self.original, self._original_n_pose, part)
         segment_R_root = root_T_segment[:3, :3].T
@@ -124,7 +123,7 @@ class Correction:
         # From the segment's present origin, which moves along with the joint to its parent.
         present_origin = _in_n_pose(self.body, self._n_pose, part)[0][:3, 3]
         origin = segment_R_root @ (root_T_part[:3, 3] - present_origin) + move.shift_mm * 1e-3
-        return self.moved_to(part, rigid(segment_R_part, origin), going_on=going_on)
+        return self.moved_to(part, rigid(segment_R_part, origin), continues=continues)
 
     def undone(self) -> "Correction":
         """The correction without its last step."""
@@ -137,7 +136,7 @@ class Correction:
     def move_of(self, part: Part) -> Move:
         """How far a part is from where the file has it in the N-pose.
 
-        A part that another one took along has not moved: in the N-pose it is where it was.
+        A part that moves with another one has not moved: in the N-pose it is where it was.
         """
         root_T_segment, root_T_was = _in_n_pose(self.original, self._original_n_pose, part)
         _, root_T_now = _in_n_pose(self.body, self._n_pose, part)
@@ -176,9 +175,9 @@ def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:
 
 
 def can_turn(body: BodyModel, part: Part | None) -> bool:
-    """Whether it means something to turn a part.
+    """Whether a part can be turned.
 
-    A ball joint that is turned is the same joint: only its angles would be counted from elsewhere.
+    Turning a ball joint would only change the zero of its angles.
     """
     return part is not None and (part.kind == "camera" or joint_named(body, part.name).type == "hinge")
 
@@ -205,7 +204,7 @@ class BodyFile:
         self._added: frozenset[str] = frozenset()
 
     def read(self, extended: Callable[[BodyModel], BodyModel] = lambda body: body) -> BodyModel:
-        """The body, extended by segments that are to be seen, but not written.
+        """The body, extended by segments that are shown, but not written.
 
         Raises:
             BodyError: the file is missing, not YAML, or describes no body.
@@ -222,7 +221,7 @@ class BodyFile:
         The first write keeps the file as it was beside it; a file kept before is never replaced.
 
         Raises:
-            BodyError: somebody else changed the file since.
+            BodyError: another program changed the file since.
             OutputError: it cannot be written.
         """
         if self._content() != self._read:
@@ -304,7 +303,7 @@ class Gizmo:
         self.follow(body, part)
 
     def follow(self, body: BodyModel, part: Part) -> None:
-        """Put the handles where the part is; not while a person holds them."""
+        """Put the handles where the part is; not while they are dragged."""
         if self._controls is not None:
             place(self._controls, place_of(body, part)[1])
 

@@ -1,4 +1,4 @@
-"""The moving body as a video: from outside as the view opens, or over what one camera saw (A figures 1 and 8)."""
+"""The moving body as a video: from outside as the view opens, or over the images of a camera (A figures 1 and 8)."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
@@ -16,83 +17,42 @@ from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.plots.picture_style import EQUIPMENT, INK, QUIET, side_colour
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
-from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.topics import read_clock
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
+from bodycam_ros.viewer.camera_picture import draw_polyline
+from bodycam_ros.viewer.motion import mounted_camera
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
+from bodycam_ros.viewer.scene import grid_lines
 from bodycam_ros.viewer.scene_nodes import GRID, rgb
-from bodycam_ros.viewer.skeleton_scene import Image, paint_body
 from bodycam_ros.viewer.sources import Sources
-from bodycam_ros.viewer.surface_scene import hands_beyond
+from bodycam_ros.viewer.surface_scene import with_closed_forearms
 from bodycam_ros.whole_file import whole_file
 
-_REACH_M = 10  # of the grid, around what is looked at
-_STEP_M = 0.25  # lines are drawn in pieces: one that passes the viewer is not lost
-_SHIFT = 4
-_POINT_PX = 1.6
-_FADE = 0.55  # of a landmark's colour, towards white: the body stands out
-
-
-def draw_place(
-    picture: Image, lens: CameraModel, world_T_camera: Array, reference_map: ReferenceMap | None, way: Array
-) -> None:
-    """Draw it into a picture (H, W, 3) of blue, green, red.
-
-    Args:
-        picture: drawn into.
-        lens, world_T_camera: of the viewer.
-        reference_map: the place; None where static cameras are all that is known of it.
-        way: (T, 2) of the root over the floor so far [m].
-    """
-    camera_T_world = inverse(world_T_camera)
-    if reference_map is None or reference_map.gravity_aligned:
-        for line in _grid(world_T_camera[:2, 3]):
-            _draw_line(picture, lens, camera_T_world, line, GRID, 1)
-    if reference_map is not None:
-        points = transform_points(camera_T_world, reference_map.points_world)
-        pixels = lens.project(points)[0]
-        inside = np.isfinite(pixels).all(axis=1) & (points[:, 2] > 0.0)
-        inside[inside] &= ((pixels[inside] > 0.0) & (pixels[inside] < [lens.width, lens.height])).all(axis=1)
-        colours = 255.0 - (1.0 - _FADE) * (255.0 - reference_map.colours[inside].astype(np.float64))
-        centres = np.round(pixels[inside] * (1 << _SHIFT)).astype(int).tolist()
-        for centre, colour in zip(centres, colours[:, ::-1].tolist(), strict=True):
-            cv2.circle(picture, centre, round(_POINT_PX * (1 << _SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
-    _draw_line(picture, lens, camera_T_world, np.column_stack([way, np.zeros(len(way))]), QUIET, 2)
-
-
-def _grid(around: Array) -> list[Array]:
-    """Lines (N, 3) a metre apart on the floor."""
-    x, y = np.round(around)
-    along = np.arange(-_REACH_M, _REACH_M + _STEP_M, _STEP_M)
-    lines = []
-    for step in range(-_REACH_M, _REACH_M + 1):
-        lines.append(np.column_stack([x + along, np.full(len(along), y + step), np.zeros(len(along))]))
-        lines.append(np.column_stack([np.full(len(along), x + step), y + along, np.zeros(len(along))]))
-    return lines
-
-
-def _draw_line(
-    picture: Image, lens: CameraModel, camera_T_world: Array, points_world: Array, colour: str, width: int
-) -> None:
-    """Draw the pieces (N, 3) of a line that are before the camera."""
-    points = transform_points(camera_T_world, points_world)
-    pixels = lens.project(points)[0]
-    ahead = np.isfinite(pixels).all(axis=1) & (points[:, 2] > 0.1)
-    pieces = np.stack([pixels[:-1], pixels[1:]], axis=1)[ahead[:-1] & ahead[1:]]
-    pieces = pieces[(np.abs(pieces) < 1e4).all(axis=(1, 2))]
-    fixed = list(np.round(pieces * (1 << _SHIFT)).astype(np.int32))
-    cv2.polylines(picture, fixed, False, rgb(colour)[::-1], width, cv2.LINE_AA, _SHIFT)
-
+Image = NDArray[np.uint8]
 
 WIDTH, HEIGHT = 1280, 720
 """Of the video from outside [px]."""
 
+_REACH_M = 10.0  # of the floor's grid, around the viewer
+_STEPS = 80  # pieces of a grid line: those ahead of the viewer are drawn
+_NEAREST_M = 0.1  # of what is drawn of the place
+_POINT_PX = 2
+_FADE = 0.55  # of a landmark's colour, towards white: the body stands out
 _SHARP_PX = 720  # a camera's picture that is less high is magnified
-_OVER_IMAGE = 0.5  # opacity: what the camera saw of the limbs stays to be compared with
-_UNHURRIED_S = 0.7  # the view from outside follows the body's way, not each step
+_OVER_IMAGE = 0.5  # opacity of the body: the limbs in the image stay visible
+_FOLLOW_S = 1.4  # the view from outside follows the mean of the root's path over this time
+
+_LIGHT = np.array([-0.35, -0.75, -0.55]) / np.linalg.norm([-0.35, -0.75, -0.55])
+"""Towards the light, in the camera's axes: above the viewer's left shoulder."""
+
+_SHADE, _LIT = 0.55, 1.12  # brightness of a face turned from the light, and towards it
+_FINER = 2  # pixels painted for each of the picture's, along one side: smooth edges
+_MOUNT_M = 0.03  # a nearer face belongs to the camera's own mount, and would fill the picture
+_LONGEST_PX = 400.0  # of a face's side: longer ones cross the rim of a fisheye's field
+_FAR_PX = 8000.0  # OpenCV's coordinates are 32 bits
 
 
 def write_film(sources: Sources, camera: str | None, path: Path, progress: Progress) -> None:
@@ -102,27 +62,27 @@ def write_film(sources: Sources, camera: str | None, path: Path, progress: Progr
         sources: the body and how it moved.
         camera: whose images are under the body; None: from outside.
         path: the file to write.
-        progress: shown to a person.
+        progress: of the frames.
 
     Raises:
-        ViewError: there is no motion, or no image of the camera while it was solved.
+        ViewError: there is no motion, or no image of the camera within it.
         RecordingError: not a recording, or an image that cannot be decoded.
         OutputError: the video cannot be written.
     """
     if sources.solved is None:
         raise ViewError("-o: a body in its N-pose does not move; name OUT, a bag that 'bodycam replay' wrote")
     film = _Film(sources)
-    pictures = film.from_outside() if camera is None else film.over(camera)
-    count = len(sources.motion.stamps_ns)
+    pictures = film.from_outside() if camera is None else film.over(camera, sources.solved)
     rate_hz = 1e9 / sources.motion.frame_ns
     with (
         whole_file(path) as unfinished,
-        progress.step(path.name, count) as advance,
+        progress.step(path.name, len(sources.motion.stamps_ns)) as advance,
         video_writer(unfinished, rate_hz) as write,
     ):
         is_empty = True
         for seconds, picture in pictures:
-            write(seconds, _with_time(picture, seconds))
+            _write_time(picture, seconds)
+            write(seconds, picture)
             advance()
             is_empty = False
         if is_empty:
@@ -132,37 +92,35 @@ def write_film(sources: Sources, camera: str | None, path: Path, progress: Progr
 class _Film:
     def __init__(self, sources: Sources) -> None:
         self._sources, self._motion, self._body = sources, sources.motion, sources.body
-        surfaces = dict(surfaces_of(sources.body, sources.body_file.path, sources.surface))
-        self._surfaces: Mapping[str, Surface] = _with_closed_forearms(sources, surfaces)
-        self._colours = {segment: rgb(side_colour(segment))[::-1] for segment in self._surfaces}
+        surfaces = surfaces_of(sources.body, sources.body_file.path, sources.surface)
+        self._surfaces = with_closed_forearms(sources.body, surfaces)
 
     def from_outside(self) -> Iterator[tuple[float, Image]]:
-        """Seconds and picture of every instant."""
+        """Seconds and picture of every state."""
         focal = HEIGHT / 2.0 / np.tan(FIELD_OF_VIEW / 2.0)
         lens = PlumbBobCamera("outside", WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, (0.0,) * 5)
-        ways = self._motion.world_T_root[:, :2, 3]
-        followed = _smoothed(ways, round(_UNHURRIED_S * 1e9 / self._motion.frame_ns))
+        path = self._motion.world_T_root[:, :2, 3]
+        followed = uniform_filter1d(path, round(_FOLLOW_S * 1e9 / self._motion.frame_ns), axis=0, mode="nearest")
         first = self._motion.segments_at(self._body, 0)
         points = points_to_see(self._body, self._surfaces, first)
         opening = OpeningView.of_body(first[self._body.segment_index[self._body.root]], points)
-        for instant, (seconds, way) in enumerate(zip(self._motion.seconds.tolist(), followed, strict=True)):
-            moved = np.append(way - followed[0], 0.0)
+        for instant, seconds in enumerate(self._motion.seconds.tolist()):
+            moved = np.append(followed[instant] - followed[0], 0.0)
             world_T_camera = looking_at(opening.position + moved, opening.look_at + moved)
             picture = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
-            draw_place(picture, lens, world_T_camera, self._sources.reference_map, ways[: instant + 1])
+            self._draw_place(picture, lens, world_T_camera, path[: instant + 1])
             self._paint(picture, instant, world_T_camera, lens, 1.0)
             yield seconds, picture
 
-    def over(self, camera: str) -> Iterator[tuple[float, Image]]:
-        """Seconds and picture of every image of a camera while the body is known."""
+    def over(self, camera: str, solved: Path) -> Iterator[tuple[float, Image]]:
+        """Seconds and picture of every image of a camera that has a state."""
         recording, stations = self._sources.recording, self._sources.stations
         if recording is None:
             raise ViewError(f"--over {shown(camera)}: give the bag with its images with --recording")
         if camera not in self._sources.cameras:
             known = ", ".join(self._sources.cameras)
             raise ViewError(f"--over {shown(camera)}: is no camera that {recording} has images of; there are {known}")
-        assert self._sources.solved is not None
-        clock = read_clock(self._sources.solved, camera)
+        clock = read_clock(solved, camera)
         with open_recording(recording) as bag:
             lens = stations[camera].camera if camera in stations else bag.camera_model(camera)
             for image in bag.images([camera]):
@@ -173,32 +131,106 @@ class _Film:
                 if instant is None:
                     continue
                 picture = np.ascontiguousarray(decode_colour(image))
-                self._paint(picture, instant, self._world_T_camera(camera, instant), lens, _OVER_IMAGE)
+                poses = self._motion.segments_at(self._body, instant)
+                is_static = camera in stations
+                pose = stations[camera].world_T_camera if is_static else mounted_camera(self._body, poses, camera)
+                self._paint(picture, instant, pose, lens, _OVER_IMAGE)
                 times = -(-_SHARP_PX // lens.height)
                 large = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_LINEAR)
                 yield (stamp_ns - int(self._motion.stamps_ns[0])) * 1e-9, np.asarray(large, np.uint8)
 
-    def _world_T_camera(self, camera: str, instant: int) -> Array:
-        if camera in self._sources.stations:
-            return self._sources.stations[camera].world_T_camera
-        mount = self._body.mounts[camera]
-        poses = self._motion.segments_at(self._body, instant)
-        world_T_camera: Array = poses[self._body.segment_index[mount.segment]] @ mount.segment_T_camera
-        return world_T_camera
-
     def _paint(self, picture: Image, instant: int, world_T_camera: Array, lens: CameraModel, opacity: float) -> None:
         poses = dict(zip(self._body.segments, self._motion.segments_at(self._body, instant), strict=True))
-        paint_body(picture, self._surfaces, poses, self._colours, world_T_camera, lens, opacity)
+        paint_body(picture, self._surfaces, poses, world_T_camera, lens, opacity)
         for line in self._motion.equipment_at(instant):
-            ends = transform_points(inverse(world_T_camera), np.concatenate([line.start, line.end]))
-            pixels = lens.project(ends)[0]
-            if np.isfinite(pixels).all() and (ends[:, 2] > 0.0).all():
-                start, end = np.round(pixels).astype(int).tolist()
-                cv2.line(picture, start, end, rgb(EQUIPMENT)[::-1], 3, cv2.LINE_AA)
+            _draw_line(picture, lens, world_T_camera, np.concatenate([line.start, line.end]), EQUIPMENT, 3)
+
+    def _draw_place(self, picture: Image, lens: CameraModel, world_T_camera: Array, path: Array) -> None:
+        """Draw the floor, the landmarks, and the root's path (T, 2) over the floor so far [m]."""
+        reference_map = self._sources.reference_map
+        if reference_map is None or reference_map.gravity_aligned:
+            around = np.round(world_T_camera[:2, 3])
+            for start, end in grid_lines(around - _REACH_M, around + _REACH_M):
+                _draw_line(picture, lens, world_T_camera, np.linspace(start, end, _STEPS), GRID, 1)
+        if reference_map is not None:
+            pixels = _ahead(lens, world_T_camera, reference_map.points_world)
+            inside = ((pixels > 0.0) & (pixels < [lens.width, lens.height])).all(axis=1)
+            colours = 255.0 - (1.0 - _FADE) * (255.0 - reference_map.colours[inside].astype(np.float64))
+            for centre, colour in zip(
+                pixels[inside].round().astype(int).tolist(), colours[:, ::-1].tolist(), strict=True
+            ):
+                cv2.circle(picture, centre, _POINT_PX, colour, cv2.FILLED, cv2.LINE_AA)
+        _draw_line(picture, lens, world_T_camera, np.column_stack([path, np.zeros(len(path))]), QUIET, 2)
+
+
+def _ahead(lens: CameraModel, world_T_camera: Array, points_world: Array) -> Array:
+    """(N, 2) pixels of points (N, 3) [m]; NaN behind the camera and outside the lens."""
+    points = transform_points(inverse(world_T_camera), points_world)
+    pixels: Array = lens.project(points)[0].copy()
+    pixels[points[:, 2] <= _NEAREST_M] = np.nan
+    return pixels
+
+
+def _draw_line(
+    picture: Image, lens: CameraModel, world_T_camera: Array, points_world: Array, colour: str, width: int
+) -> None:
+    """Draw the pieces of a line (N, 3) [m] that are ahead of the camera."""
+    draw_polyline(picture, _ahead(lens, world_T_camera, points_world), colour, width, is_bgr=True)
+
+
+def paint_body(
+    picture: Image,
+    surfaces: Mapping[str, Surface],
+    world_T_segment: Mapping[str, Array],
+    world_T_camera: Array,
+    lens: CameraModel,
+    opacity: float = 1.0,
+) -> None:
+    """Paint a body over a picture (H, W, 3) of blue, green, red: its visible faces, the farthest first.
+
+    Args:
+        picture: that it is painted into.
+        surfaces: segment -> its surface.
+        world_T_segment: segment -> (4, 4) [m].
+        world_T_camera: (4, 4) of the camera's optical frame [m].
+        lens: of the camera.
+        opacity: of the body: 1 hides what is behind it.
+    """
+    camera_T_world = inverse(world_T_camera)
+    faces = [
+        _faces(surface, camera_T_world @ world_T_segment[segment], lens, rgb(side_colour(segment))[::-1])
+        for segment, surface in surfaces.items()
+    ]
+    corners, distances, colours = (np.concatenate(parts) for parts in zip(*faces, strict=True))
+    painted = np.zeros((_FINER * picture.shape[0], _FINER * picture.shape[1], 4), np.uint8)
+    order = np.argsort(-distances)
+    for face, colour in zip(corners[order], colours[order].tolist(), strict=True):
+        cv2.fillConvexPoly(painted, face, (*colour, 255.0))
+    small = cv2.resize(painted, picture.shape[1::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
+    covered = small[:, :, 3:] / 255.0
+    picture[:] = np.clip((1.0 - opacity * covered) * picture + opacity * small[:, :, :3], 0.0, 255.0).astype(np.uint8)
+
+
+def _faces(
+    surface: Surface, camera_T_segment: Array, lens: CameraModel, colour: tuple[int, ...]
+) -> tuple[NDArray[np.int32], Array, Array]:
+    """Corners (F, 3, 2) [finer px], distances (F,) [m] and colours (F, 3) of the faces of a surface in view."""
+    facing = np.flatnonzero(surface.faces_towards(inverse(camera_T_segment)[:3, 3]))
+    points = transform_points(camera_T_segment, surface.vertices)
+    pixels = lens.project(points)[0][surface.faces[facing]]
+    distances = np.linalg.norm(points, axis=1)[surface.faces[facing]]
+    sides = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).max(axis=1)
+    # NaN, outside the lens, is in no range.
+    is_shown = (sides < _LONGEST_PX) & (np.abs(pixels) < _FAR_PX).all(axis=(1, 2)) & (distances.min(axis=1) > _MOUNT_M)
+    normals = surface.face_normals[facing[is_shown]] @ camera_T_segment[:3, :3].T
+    brightness = _SHADE + (_LIT - _SHADE) * 0.5 * (1.0 + normals @ _LIGHT)
+    corners = np.round((pixels[is_shown] + 0.5) * _FINER - 0.5).astype(np.int32)
+    colours = np.clip(brightness[:, None] * np.array(colour), 0.0, 255.0)
+    return corners, distances[is_shown].mean(axis=1), colours
 
 
 def looking_at(position: Array, look_at: Array) -> Array:
-    """(4, 4) pose of a camera's optical frame (x right, y down, z ahead) at a place whose up is z [m]."""
+    """(4, 4) pose of a camera's optical frame (x right, y down, z ahead) at a point (3,), z of the world up [m]."""
     ahead = (look_at - position) / np.linalg.norm(look_at - position)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
@@ -208,29 +240,7 @@ def looking_at(position: Array, look_at: Array) -> Array:
     return pose
 
 
-def _with_closed_forearms(sources: Sources, surfaces: dict[str, Surface]) -> dict[str, Surface]:
-    """Surfaces with stretched hands on forearms whose hands nobody followed, as the view shows them."""
-    for forearm, hand in hands_beyond(sources.body, surfaces):
-        arm = surfaces[forearm]
-        vertices = np.concatenate([arm.vertices, hand.vertices])
-        faces = np.concatenate([arm.faces, hand.faces + len(arm.vertices)]).astype(np.int32)
-        surfaces[forearm] = Surface(forearm, vertices, faces)
-    return surfaces
-
-
-def _smoothed(ways: Array, half: int) -> Array:
-    """Means (T, 2) over so many instants before and after, fewer at the ends."""
-    total = np.concatenate([np.zeros((1, 2)), ways.cumsum(axis=0)])
-    rows = np.arange(len(ways))
-    reach = np.minimum(half, np.minimum(rows, len(ways) - 1 - rows))  # alike on both sides: the ends do not lag
-    means: Array = (total[rows + reach + 1] - total[rows - reach]) / (2 * reach + 1)[:, None]
-    return means
-
-
-def _with_time(picture: Image, seconds: float) -> NDArray[np.uint8]:
-    at, size = (12, picture.shape[0] - 14), 0.6
+def _write_time(picture: Image, seconds: float) -> None:
+    corner, font = (12, picture.shape[0] - 14), cv2.FONT_HERSHEY_SIMPLEX
     for colour, width in (("#ffffff", 4), (INK, 1)):
-        cv2.putText(
-            picture, f"{seconds:.2f} s", at, cv2.FONT_HERSHEY_SIMPLEX, size, rgb(colour)[::-1], width, cv2.LINE_AA
-        )
-    return picture
+        cv2.putText(picture, f"{seconds:.2f} s", corner, font, 0.6, rgb(colour)[::-1], width, cv2.LINE_AA)

@@ -1,4 +1,4 @@
-"""From where a browser looks at a body at first: all of it in the middle of the window, its cameras too."""
+"""The first viewpoint of a browser: the whole body in the middle of the window, its cameras too."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.surface import Surface
+from bodycam_ros.viewer.motion import mounted_camera
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 from bodycam_ros.viewer.surface_scene import surface_points
 
@@ -17,7 +18,7 @@ FIELD_OF_VIEW = float(np.radians(40.0))
 _TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
 _ELEVATION = np.radians(12.0)
 _FILLED = 0.8  # share of the window's height that the body takes
-_SMALLEST_M = 0.5  # of a body that is hardly one
+_SMALLEST_M = 0.5  # of a body of few segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +35,11 @@ class OpeningView:
 
     @classmethod
     def of_body(cls, scene_T_root: Array, points_scene: Array) -> "OpeningView":
-        """The view of a body.
+        """The viewpoint of a body.
 
         Args:
             scene_T_root: (4, 4) pose of its root, whose x is forward [m].
-            points_scene: (N, 3) what is to be seen of it [m].
+            points_scene: (N, 3) what is to be in view [m].
         """
         low, high = points_scene.min(axis=0), points_scene.max(axis=0)
         size = max(float((high - low).max()), _SMALLEST_M)
@@ -51,15 +52,13 @@ class OpeningView:
 
 
 def points_to_see(body: BodyModel, surfaces: Mapping[str, Surface], world_T_segment: Array) -> Array:
-    """(N, 3) the outermost of what is shown of a body at poses (S, 4, 4): bones, surface, cameras [m]."""
+    """(N, 3) points of all that is shown of a body at poses (S, 4, 4): bones, surface, cameras [m]."""
     limbs = limbs_of(body, world_T_segment)
-    cameras = [
-        world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera for mount in body.mounts.values()
-    ]
+    cameras = [mounted_camera(body, world_T_segment, camera)[:3, 3] for camera in body.mounts]
     return np.concatenate(
         [
             *(np.concatenate([limb.start, limb.end]) for limb in limbs),
             surface_points(surfaces, body, world_T_segment),
-            np.array([pose[:3, 3] for pose in cameras]).reshape(-1, 3),
+            np.array(cameras).reshape(-1, 3),
         ]
     )

@@ -1,28 +1,27 @@
-"""The controls: of time, of a correction, and of what is shown, with what the colours mean."""
+"""The controls of time, of a correction and of the camera's image, and the switches of what is shown."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from viser import GuiApi, GuiSliderHandle
 
 from bodycam_ros.plots.picture_style import LEFT, RIGHT, side_colour
-from bodycam_ros.viewer.camera_scene import Bands
 from bodycam_ros.viewer.correction import NO_MOVE, Move, Part
-from bodycam_ros.viewer.inbox import Action, Inbox, on_input, set_value
-from bodycam_ros.viewer.other_motion import OtherMotion
+from bodycam_ros.viewer.inbox import Action, Inbox, set_value
+from bodycam_ros.viewer.motion import Motion, OtherMotion
 from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
-from bodycam_ros.viewer.timeline import Curve, Motion, band_rows, cursor, curve_rows, height_of
+from bodycam_ros.viewer.timeline import Bands, Curve, band_rows, cursor, curve_rows
 
 _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
-_STEP_S = 0.001
-_DECIMALS = 3
-_PLAY, _PAUSE = "Play", "Pause"
+_STEP_S, _DECIMALS = 0.001, 3
+_LEAP = 15  # states; half a second at 30 images a second
 
-NOTHING = "nothing"
-"""What the list of parts says when no part is selected."""
+_NO_CAMERA, _NO_PART = "none", "nothing"
+_BLANK = np.full((12, 16, 3), 227, np.uint8)
 
 _UNDO, _RESET = "last step", "this part"
 _STEP_MM, _STEP_DEG = 0.1, 0.01
@@ -31,78 +30,55 @@ _PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
 _CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))
 _UNKNOWN = ((UNKNOWN, "camera"),)
 
+_CURVES_PX = 330
+_SIDES = ("_left", "_right")
+_MEANS = {"y": "bends", "x": "sideways", "z": "twists"}
+"""What a turn about an axis of the N-pose does; y is to the left, x forward, z up."""
 
-class Playback:
-    """Where playing is, in seconds of the recording; at the end it begins again, or stops if it is told to."""
+_FIRST_JOINT = "knee"
 
-    def __init__(self, duration_s: float, now: Callable[[], float]) -> None:
-        self._speed = 1.0
-        self._duration_s = duration_s
-        self._now = now
-        self._since: float | None = None
-        self.loops = True
+_HELP = "keys: space plays, ← → step, shift + ← → leap, Home and End; A W S D Q E ↑ ↓ move the view"
 
-    @property
-    def is_playing(self) -> bool:
-        """Whether time goes on."""
-        return self._since is not None
+# viser's page turns the view with the arrow keys, by a listener on the document: the keys below are handled by the
+# element beneath it, and stopped there. A checkbox would keep the keyboard. Only markup can be added to the page.
+_ARROWS_ARE_OURS = (
+    '<img alt="" src="data:," style="display:none" onerror="'
+    "document.documentElement.addEventListener('keydown',"
+    " e => { if (e.code === 'ArrowLeft' || e.code === 'ArrowRight') e.stopPropagation() });"
+    "document.addEventListener('change', e => { if (e.target.type === 'checkbox') e.target.blur() })\">"
+)
 
-    def play(self) -> None:
-        """Let time go on from now."""
-        self._since = self._now()
-
-    def pause(self) -> None:
-        """Hold time."""
-        self._since = None
-
-    def change_speed(self, speed: float) -> None:
-        """Let so many seconds of the recording pass in a second."""
-        self._speed = speed
-
-    def advance(self, seconds: float) -> float:
-        """The time to show after the time shown last, in seconds since the first instant."""
-        if self._since is None or self._duration_s <= 0.0:
-            return seconds
-        now = self._now()
-        seconds += (now - self._since) * self._speed
-        self._since = now
-        if seconds <= self._duration_s:
-            return seconds
-        if self.loops:
-            return 0.0
-        self.pause()
-        return self._duration_s
+_Key = Literal["space", "arrowleft", "arrowright", "home", "end"]
 
 
 class TimePanel:
-    """Slider and buttons; the time that they show is in seconds since the first instant."""
+    """Slider, buttons and keys of the time shown, which is in seconds since the first state.
 
-    def __init__(
-        self,
-        gui: GuiApi,
-        inbox: Inbox,
-        playback: Playback,
-        duration_s: float,
-        on_time: Callable[[], None],
-        on_follow: Callable[[], None],
-    ) -> None:
-        self._playback = playback
-        moves = duration_s > 0.0
+    Attributes:
+        is_playing: whether time passes.
+    """
+
+    def __init__(self, gui: GuiApi, inbox: Inbox, motion: Motion, on_change: Action) -> None:
+        self._motion, self._on_change = motion, on_change
+        self._duration_s = float(motion.seconds[-1])
+        self._speed, self._shown_s = 1.0, 0.0
+        self.is_playing = False
+        moves = self._duration_s > 0.0
         with gui.add_folder("Time"):
-            # A slider needs a length; that of a single instant cannot be moved.
+            # A slider needs a length; that of a single state cannot be moved.
             self._slider: GuiSliderHandle[float] = gui.add_slider(
-                "seconds", 0.0, max(round(duration_s, _DECIMALS), _STEP_S), _STEP_S, 0.0, disabled=not moves
+                "seconds", 0.0, max(round(self._duration_s, _DECIMALS), _STEP_S), _STEP_S, 0.0, disabled=not moves
             )
-            self._button = gui.add_button(_PLAY, disabled=not moves)
+            self._button = gui.add_button("Play", disabled=not moves)
             speed = gui.add_dropdown("speed", tuple(_SPEEDS), disabled=not moves)
-            loop = gui.add_checkbox("loop", True, disabled=not moves)
+            self._loop = gui.add_checkbox("loop", True, disabled=not moves)
             self._follow = gui.add_checkbox("follow the body", True)
-
-        on_input(self._slider, lambda: inbox.put(on_time, "time"))
-        self._button.on_click(lambda _: inbox.put(self.play_or_pause))
-        on_input(speed, lambda: inbox.put(lambda: playback.change_speed(_SPEEDS[speed.value])))
-        on_input(loop, lambda: inbox.put(lambda: setattr(playback, "loops", bool(loop.value))))
-        on_input(self._follow, lambda: inbox.put(on_follow))
+        inbox.on_input(self._slider, lambda _: on_change(), "time")
+        inbox.on_click(self._button, self._play_or_pause)
+        inbox.on_input(speed, lambda name: setattr(self, "_speed", _SPEEDS[name]))
+        inbox.on_input(self._follow, lambda _: on_change())
+        if moves:
+            self._add_keys(gui, inbox)
 
     @property
     def seconds(self) -> float:
@@ -111,51 +87,75 @@ class TimePanel:
 
     @property
     def follows(self) -> bool:
-        """Whether the view goes with the body."""
+        """Whether the view follows the body."""
         return bool(self._follow.value)
 
-    def show(self, seconds: float) -> None:
-        """Move the slider to a time."""
+    def advance(self) -> None:
+        """Show the time that playing has reached; at the end it starts again, or stops."""
+        now = time.monotonic()
+        seconds, self._shown_s = self.seconds + (now - self._shown_s) * self._speed, now
+        if seconds > self._duration_s and self._loop.value:
+            seconds = 0.0
+        if seconds > self._duration_s:
+            self._play(False)
+        self._show(seconds)
+
+    def _show(self, seconds: float) -> None:
         set_value(self._slider, min(round(seconds, _DECIMALS), self._slider.max))
-        self._label()
+        self._on_change()
 
-    def play_or_pause(self) -> None:
-        """Let time go on, or hold it; at the end it begins again."""
-        if self._playback.is_playing:
-            self._playback.pause()
-        else:
-            self._playback.play()
-            if self.seconds >= self._slider.max:
-                set_value(self._slider, 0.0)
-        self._label()
+    def _play_or_pause(self) -> None:
+        self._play(not self.is_playing)
+        if self.is_playing and self.seconds >= self._slider.max:
+            set_value(self._slider, 0.0)
 
-    def _label(self) -> None:
-        label = _PAUSE if self._playback.is_playing else _PLAY
-        if self._button.label != label:
-            self._button.label = label
+    def _play(self, is_playing: bool) -> None:
+        self.is_playing, self._shown_s = is_playing, time.monotonic()
+        self._button.label = "Pause" if is_playing else "Play"
 
+    def _pause_at(self, seconds: float) -> None:
+        self._play(False)
+        self._show(seconds)
 
-@dataclass(frozen=True)
-class CorrectionActions:
-    """What to do when a person uses the panel."""
+    def _step(self, states: int) -> None:
+        row = np.clip(self._motion.instant_at(self.seconds) + states, 0, len(self._motion.stamps_ns) - 1)
+        self._pause_at(float(self._motion.seconds[row]))
 
-    select: Callable[[Part | None], None]
-    move: Callable[[Move], None]
-    undo: Callable[[], None]
-    reset: Callable[[], None]
-    write: Callable[[], None]
+    def _add_keys(self, gui: GuiApi, inbox: Inbox) -> None:
+        gui.add_html(f'{_ARROWS_ARE_OURS}<div style="font-size:0.75em;padding:0.1em 0.9em 0.7em">{_HELP}</div>')
+        keys: tuple[tuple[str, _Key, bool, Action], ...] = (
+            ("play or pause", "space", False, self._play_or_pause),
+            ("one frame forward", "arrowright", False, lambda: self._step(1)),
+            ("one frame back", "arrowleft", False, lambda: self._step(-1)),
+            ("half a second forward", "arrowright", True, lambda: self._step(_LEAP)),
+            ("half a second back", "arrowleft", True, lambda: self._step(-_LEAP)),
+            ("to the start", "home", False, lambda: self._pause_at(0.0)),
+            ("to the end", "end", False, lambda: self._pause_at(self._duration_s)),
+        )
+        for label, key, shift, act in keys:
+            inbox.on_key(gui.add_command(label, hotkey=key, modifier="shift" if shift else None), act)
 
 
 class CorrectionPanel:
     """Shows and takes the correction of one selected part."""
 
     def __init__(
-        self, gui: GuiApi, inbox: Inbox, parts: Iterable[Part], file_name: str, actions: CorrectionActions
+        self,
+        gui: GuiApi,
+        inbox: Inbox,
+        parts: Iterable[Part],
+        file_name: str,
+        *,
+        select: Callable[[Part | None], None],
+        move: Callable[[Move], None],
+        undo: Action,
+        reset: Action,
+        write: Action,
     ) -> None:
-        self._parts = {str(part): part for part in parts}
+        named = {str(part): part for part in parts}
         with gui.add_folder("Correct"):
             self._part = gui.add_dropdown(
-                "move", (NOTHING, *self._parts), hint="or click a camera or a joint in the scene, and drag its arrows"
+                "move", (_NO_PART, *named), hint="or click a camera or a joint in the scene, and drag its arrows"
             )
             self._shift = gui.add_vector3(
                 "moved [mm]", (0.0, 0.0, 0.0), step=_STEP_MM, hint="along the segment's axes: forward, left, up"
@@ -166,16 +166,15 @@ class CorrectionPanel:
             back = gui.add_button_group("take back", (_UNDO, _RESET))
             self._write = gui.add_button(f"Write {file_name}")
             self._moved = gui.add_markdown("")
-
-        on_input(self._part, lambda: inbox.put(partial(actions.select, self._parts.get(self._part.value))))
-        for field in (self._shift, self._turn):
-            on_input(field, lambda: inbox.put(partial(actions.move, self._entered())))
-        back.on_click(lambda event: inbox.put(actions.undo if event.target.value == _UNDO else actions.reset))
-        self._write.on_click(lambda _: inbox.put(actions.write))
+        inbox.on_input(self._part, lambda name: select(named.get(name)))
+        inbox.on_input(self._shift, lambda shift: move(Move(np.array(shift), np.array(self._turn.value))))
+        inbox.on_input(self._turn, lambda turn: move(Move(np.array(self._shift.value), np.array(turn))))
+        back.on_click(lambda event: inbox.put(undo if event.target.value == _UNDO else reset))
+        inbox.on_click(self._write, write)
 
     def select(self, part: Part | None) -> None:
         """Show another part as the one to be moved."""
-        set_value(self._part, NOTHING if part is None else str(part))
+        set_value(self._part, _NO_PART if part is None else str(part))
 
     def show(self, move: Move | None, moves: Iterable[tuple[Part, Move]], *, can_turn: bool) -> None:
         """Show how far the selected part (None: no part) and all others are from where the file has them."""
@@ -183,51 +182,55 @@ class CorrectionPanel:
         for field, values in ((self._shift, shown.shift_mm), (self._turn, shown.turn_deg)):
             x, y, z = values.tolist()
             set_value(field, (x, y, z))
-        self._shift.disabled = move is None
-        self._turn.disabled = not can_turn
+        self._shift.disabled, self._turn.disabled = move is None, not can_turn
         lines = [f"{part}: {moved}" for part, moved in moves]
         self._moved.content = "\n\n".join(["**not written yet**", *lines]) if lines else ""
         self._write.disabled = not lines
 
-    def _entered(self) -> Move:
-        return Move(np.array(self._shift.value, dtype=np.float64), np.array(self._turn.value, dtype=np.float64))
 
-
-class ShowPanel:
-    """A legend, and a switch for each kind of thing; what is hidden at first is switched on later."""
+class PicturePanel:
+    """A list of cameras, and the image of the chosen one."""
 
     def __init__(
-        self,
-        gui: GuiApi,
-        inbox: Inbox,
-        switches: Mapping[str, Callable[[bool], None]],
-        hidden: Collection[str] = (),
-        *,
-        knows_registration: bool,
+        self, gui: GuiApi, inbox: Inbox, cameras: Iterable[str], on_choice: Callable[[str | None], None]
     ) -> None:
-        with gui.add_folder("Show"):
-            for label, switch in switches.items():
-                self._add_switch(gui, inbox, label, switch, label not in hidden)
-            gui.add_html(_legend(_PARTS, _CAMERAS if knows_registration else _UNKNOWN))
+        with gui.add_folder("Image"):
+            self._camera = gui.add_dropdown("camera", (_NO_CAMERA, *cameras))
+            self._image = gui.add_image(_BLANK, format="jpeg", visible=False)
+            self._remark = gui.add_markdown("")
+        inbox.on_input(self._camera, lambda name: on_choice(None if name == _NO_CAMERA else name), "camera")
 
-    def _add_switch(self, gui: GuiApi, inbox: Inbox, label: str, switch: Callable[[bool], None], is_on: bool) -> None:
-        box = gui.add_checkbox(label, is_on)
-        on_input(box, lambda: inbox.put(lambda: switch(bool(box.value))))
+    def choose(self, camera: str | None) -> None:
+        """Show which camera is chosen."""
+        set_value(self._camera, _NO_CAMERA if camera is None else camera)
+
+    def show(self, pixels: NDArray[np.uint8] | None, remark: str) -> None:
+        """Show an image (H, W, 3), or none, and a remark on it."""
+        if pixels is not None:
+            self._image.image = pixels
+        self._image.visible = pixels is not None
+        self._remark.content = remark
+
+
+def add_switches(
+    gui: GuiApi,
+    inbox: Inbox,
+    layers: Mapping[str, bool],
+    switch: Callable[[str, bool], None],
+    *,
+    has_registrations: bool,
+) -> None:
+    """Add a checkbox for each layer (its name, and whether it is shown), and a legend."""
+    with gui.add_folder("Show"):
+        for layer, visible in layers.items():
+            inbox.on_input(gui.add_checkbox(layer, visible), partial(switch, layer))
+        gui.add_html(_legend(_PARTS, _CAMERAS if has_registrations else _UNKNOWN))
 
 
 def _legend(*rows: tuple[tuple[str, str], ...]) -> str:
     square = '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;background:{}"></span> {}'
     lines = ("&ensp; ".join(square.format(colour, text) for colour, text in row) for row in rows)
     return f'<div style="font-size:0.75em;padding:0.1em 0.9em 0.5em;line-height:1.6">{"<br>".join(lines)}</div>'
-
-
-_WIDTH_PX = 330
-_SIDES = ("_left", "_right")
-_MEANS = {"y": "bends", "x": "sideways", "z": "twists"}
-"""What a turn about an axis of the N-pose does: y is to the left, x forward, z up."""
-
-_FIRST = "knee"
-"""What is shown at first, where a body has it: nothing tells walking more quickly."""
 
 
 class CurvePanel:
@@ -237,40 +240,36 @@ class CurvePanel:
         self._motion, self._other = motion, other
         self._duration_s = float(motion.seconds[-1])
         self._bands: Bands = {}
-        self._rows = 0
-        groups = joint_groups(motion.angle_names)
+        self._groups = joint_groups(motion.angle_names)
         panel = gui.add_panel()
         with panel.add_tab("Over time"):
-            self._joint = gui.add_dropdown("joint", tuple(groups) or ("none",))
-            if _FIRST in groups:
-                set_value(self._joint, _FIRST)
+            self._joint = gui.add_dropdown("joint", tuple(self._groups) or ("none",))
+            if _FIRST_JOINT in self._groups:
+                set_value(self._joint, _FIRST_JOINT)
             self._drawn = gui.add_html("")
             self._cursor = gui.add_html("")
             self._remark = gui.add_markdown("")
-        self._groups = groups
         panel.dock_left()
-        panel.set_width(_WIDTH_PX)
-        on_input(self._joint, lambda: inbox.put(self._draw, "joint"))
+        panel.set_width(_CURVES_PX)
+        inbox.on_input(self._joint, lambda _: self._draw(), "joint")
         self._draw()
 
     def show_bands(self, bands: Bands) -> None:
-        """Show what cameras knew."""
+        """Show the registrations of the cameras."""
         self._bands = bands
         self._draw()
 
     def show(self, seconds: float, remark: str) -> None:
-        """Show where the time is, and say something about it."""
-        share = min(seconds / self._duration_s, 1.0) if self._duration_s > 0.0 else 0.0
-        self._cursor.content = cursor(share, height_of(self._rows, len(self._bands)))
-        if self._remark.content != remark:
-            self._remark.content = remark
+        """Show a time, and a remark on it."""
+        curves = len(self._groups.get(self._joint.value, ()))
+        self._cursor.content = cursor(min(seconds / self._duration_s, 1.0), curves, len(self._bands))
+        self._remark.content = remark
 
     def _draw(self) -> None:
         rows = {
             label: [curve for name in names for curve in self._curves(name)]
             for label, names in self._groups.get(self._joint.value, {}).items()
         }
-        self._rows = len(rows)
         bands = band_rows(self._bands, self._duration_s) if self._bands else ""
         self._drawn.content = curve_rows(rows, self._duration_s) + bands
 
@@ -280,76 +279,26 @@ class CurvePanel:
         column = self._motion.angle_names.index(name)
         curves = [Curve(self._motion.seconds, np.degrees(self._motion.angles[:, column]), colour)]
         if self._other is not None and name in self._other.angles:
-            seconds = np.asarray((self._other.stamps_ns - self._motion.stamps_ns[0]) * 1e-9, np.float64)
+            seconds = (self._other.stamps_ns - self._motion.stamps_ns[0]) * 1e-9
             curves.insert(0, Curve(seconds, np.degrees(self._other.angles[name]), colour, is_other=True))
         return curves
 
 
 def joint_groups(angle_names: tuple[str, ...]) -> dict[str, dict[str, list[str]]]:
-    """Joint without its side -> how it turns -> names of the angles, the left one first; places are left out."""
+    """Joint without its side -> kind of turn -> its angles, the left one first; sliding joints are left out."""
     groups: dict[str, dict[str, list[str]]] = {}
     for name in angle_names:
         joint = _joint_of(name)
         if joint.endswith("_at"):
             continue
         axis = name.removeprefix(joint).removeprefix("_")
-        both = joint
-        for side in _SIDES:
-            both = both.removesuffix(side)
+        both = joint.removesuffix(_SIDES[0]).removesuffix(_SIDES[1])
         label = f"{_MEANS[axis]} ({axis})" if axis else "bends"
         groups.setdefault(both.replace("_", " "), {}).setdefault(label, []).append(name)
     return groups
 
 
 def _joint_of(angle_name: str) -> str:
-    """The joint of an angle: a ball's end with an axis."""
+    """The joint of an angle: the angles of a ball joint end in an axis."""
     joint, _, axis = angle_name.rpartition("_")
     return joint if axis in _MEANS else angle_name
-
-
-_LEAP = 15  # instants; half a second at 30 images a second
-
-HELP = "keys: space plays, ← → step, shift + ← → leap, Home and End; A W S D Q E ↑ ↓ move the view"
-
-_Key = Literal["space", "arrowleft", "arrowright", "home", "end"]
-
-# The page turns the view with the arrows to the sides, too. Its listener is on the document, that of our keys on the
-# element below: what is stopped there reaches ours alone. A box that was ticked would keep the keyboard to itself.
-# Markup is all that a page of viser takes over.
-_ARROWS_ARE_OURS = (
-    '<img alt="" src="data:," style="display:none" onerror="'
-    "document.documentElement.addEventListener('keydown',"
-    " e => { if (e.code === 'ArrowLeft' || e.code === 'ArrowRight') e.stopPropagation() });"
-    "document.addEventListener('change', e => { if (e.target.type === 'checkbox') e.target.blur() })\">"
-)
-
-
-class Keys:
-    """Listens to the keyboard while no field is being typed in."""
-
-    def __init__(
-        self,
-        gui: GuiApi,
-        inbox: Inbox,
-        play: Action,
-        step: Callable[[int], None],
-        go: Callable[[float], None],
-    ) -> None:
-        self._gui, self._inbox = gui, inbox
-        gui.add_html(f'{_ARROWS_ARE_OURS}<div style="font-size:0.75em;padding:0.1em 0.9em 0.7em">{HELP}</div>')
-        self._add("play or pause", "space", play)
-        self._add("an instant on", "arrowright", lambda: step(1))
-        self._add("an instant back", "arrowleft", lambda: step(-1))
-        self._add("half a second on", "arrowright", lambda: step(_LEAP), shift=True)
-        self._add("half a second back", "arrowleft", lambda: step(-_LEAP), shift=True)
-        self._add("to the start", "home", lambda: go(0.0))
-        self._add("to the end", "end", lambda: go(float("inf")))
-
-    def _add(self, label: str, key: _Key, act: Action, *, shift: bool = False) -> None:
-        command = self._gui.add_command(label, hotkey=key, modifier="shift" if shift else None)
-
-        # A coroutine, because the server runs others on several threads and out of order.
-        async def pressed(_: object) -> None:
-            self._inbox.put(act)
-
-        command.on_trigger(pressed)

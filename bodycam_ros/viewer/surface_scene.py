@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from viser import LabelHandle, MeshHandle, SceneApi
+from viser import MeshHandle, SceneApi
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, transform_points
@@ -13,8 +13,7 @@ from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
-from bodycam_ros.viewer.footage import Detail
-from bodycam_ros.viewer.scene_nodes import segment_name, segment_rgb
+from bodycam_ros.viewer.scene_nodes import Detail, segment_name, segment_rgb
 
 _OPACITY = 0.45
 
@@ -23,64 +22,53 @@ SurfaceReader = Callable[[BodyModel], Mapping[str, Surface]]
 
 
 class SurfaceScene:
-    """Draws the surface of a body once somebody wants to see it; what draws the skeleton moves it.
+    """Draws the surface of a body; the frames of its segments move it.
 
     Args:
         scene: that it is added to.
-        read: gives the surface of a body; asked once for each body that is shown.
+        read: gives the surface of a body.
         detail: how finely it is drawn.
+
+    Attributes:
+        surfaces: segment -> surface of the body shown last.
     """
 
     def __init__(self, scene: SceneApi, read: SurfaceReader, detail: Detail) -> None:
         self._scene, self._read, self._detail = scene, read, detail
-        self._surfaces: Mapping[str, Surface] | None = None
-        self._of: BodyModel | None = None
+        self.surfaces: Mapping[str, Surface] = {}
         self._meshes: list[MeshHandle] = []
-        self._is_old = True
+        self._is_visible = False
 
-    def surfaces(self, body: BodyModel) -> Mapping[str, Surface]:
-        """Segment -> its surface.
-
-        Raises:
-            BodyError: it cannot be used.
-        """
-        if self._surfaces is None or self._of is not body:
-            self._surfaces, self._of, self._is_old = self._read(body), body, True
-        return self._surfaces
-
-    def show(self, body: BodyModel, visible: bool) -> None:
-        """Show the surface of a body, or hide it.
+    def reshape(self, body: BodyModel) -> None:
+        """Show the surface of another body.
 
         Raises:
             BodyError: it cannot be used.
         """
-        if visible:
-            self._refresh(body)
-        for mesh in self._meshes:
-            mesh.visible = visible
-
-    def _refresh(self, body: BodyModel) -> None:
-        surfaces = self.surfaces(body)
-        if not self._is_old:
+        surfaces = self._read(body)
+        if surfaces is self.surfaces:
             return
+        self.surfaces = surfaces
         for mesh in self._meshes:
             mesh.remove()
-        shown = [
-            *(("surface", segment, surface) for segment, surface in surfaces.items()),
-            *(("hand", forearm, hand) for forearm, hand in hands_beyond(body, surfaces)),
-        ]
         self._meshes = [
             self._scene.add_mesh_simple(
-                f"{segment_name(segment)}/{name}",
+                f"{segment_name(segment)}/surface",
                 *self._detail.mesh(surface.vertices, surface.faces),
                 color=segment_rgb(segment),
                 opacity=_OPACITY,
                 cast_shadow=False,
                 receive_shadow=False,
+                visible=self._is_visible,
             )
-            for name, segment, surface in shown
+            for segment, surface in with_closed_forearms(body, surfaces).items()
         ]
-        self._is_old = False
+
+    def show(self, visible: bool) -> None:
+        """Show the surface, or hide it."""
+        self._is_visible = visible
+        for mesh in self._meshes:
+            mesh.visible = visible
 
 
 def surface_reader(body: BodyModel, body_path: Path, folder: Path | None) -> SurfaceReader:
@@ -104,64 +92,14 @@ def surface_points(surfaces: Mapping[str, Surface], body: BodyModel, world_T_seg
     return np.concatenate(points) if points else np.zeros((0, 3))
 
 
-def hands_beyond(body: BodyModel, surfaces: Mapping[str, Surface]) -> list[tuple[str, Surface]]:
-    """Forearm, and a stretched hand in its frame, where nobody followed one: a body without looks cut off."""
-    whole = with_hands(body)
+def with_closed_forearms(body: BodyModel, surfaces: Mapping[str, Surface]) -> dict[str, Surface]:
+    """Surfaces with a stretched hand on each forearm of a body without hands."""
+    closed, whole = dict(surfaces), with_hands(body)
     wrists = [joint for joint in whole.joints if joint.child not in body.segments and joint.parent in surfaces]
-    of_whole = capsule_surfaces(whole) if wrists else {}
-    hands = []
+    hands = capsule_surfaces(whole) if wrists else {}
     for wrist in wrists:
-        hand = of_whole[wrist.child]
-        hands.append(
-            (wrist.parent, Surface(wrist.child, transform_points(wrist.parent_T_joint, hand.vertices), hand.faces))
-        )
-    return hands
-
-
-_SCALE = 0.7
-_ASIDE_M = 0.03
-
-
-class NameScene:
-    """Draws names; they move with the segments that joints and cameras are on."""
-
-    def __init__(self, scene: SceneApi, body: BodyModel) -> None:
-        self._is_shown, self._shows_cameras = False, True
-        self._joints = {
-            joint.name: _label(scene, f"{segment_name(joint.parent)}/name_{joint.name}", joint.name)
-            for joint in body.joints
-        }
-        self._cameras = {
-            camera: _label(scene, f"{segment_name(mount.segment)}/camera_name_{camera}", camera)
-            for camera, mount in body.mounts.items()
-        }
-        self.reshape(body)
-
-    def reshape(self, body: BodyModel) -> None:
-        """Put the names where a body has its joints and cameras."""
-        for joint in body.joints:
-            self._joints[joint.name].position = joint.parent_T_joint[:3, 3]
-        for camera, mount in body.mounts.items():
-            # In the pyramid, not at its tip, where a joint's name may be.
-            self._cameras[camera].position = mount.segment_T_camera[:3, 3] + _ASIDE_M * mount.segment_T_camera[:3, 2]
-
-    def show(self, visible: bool) -> None:
-        """Show or hide all names."""
-        self._is_shown = visible
-        self._refresh()
-
-    def show_cameras(self, visible: bool) -> None:
-        """Say whether cameras are shown: hidden ones have no names."""
-        self._shows_cameras = visible
-        self._refresh()
-
-    def _refresh(self) -> None:
-        for label in self._joints.values():
-            label.visible = self._is_shown
-        for label in self._cameras.values():
-            label.visible = self._is_shown and self._shows_cameras
-
-
-def _label(scene: SceneApi, name: str, text: str) -> LabelHandle:
-    words = text.replace("_", " ")
-    return scene.add_label(name, words, visible=False, font_screen_scale=_SCALE, anchor="center-left")
+        arm, hand = surfaces[wrist.parent], hands[wrist.child]
+        vertices = np.concatenate([arm.vertices, transform_points(wrist.parent_T_joint, hand.vertices)])
+        faces = np.concatenate([arm.faces, hand.faces + len(arm.vertices)]).astype(np.int32)
+        closed[wrist.parent] = Surface(wrist.parent, vertices, faces)
+    return closed

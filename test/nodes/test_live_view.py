@@ -15,7 +15,7 @@ from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.viewer.live_session import LiveSession
 from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, rgb, segment_name
-from bodycam_ros.viewer.sources import LocalServer
+from bodycam_ros.viewer.server import LocalServer
 
 SECOND = 1_000_000_000
 
@@ -42,7 +42,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
     joints = graph.publisher("/anna/joint_states", "sensor_msgs/msg/JointState")
     odometry = graph.publisher("/anna/odometry", "nav_msgs/msg/Odometry")
     camera = graph.publisher("/anna/head/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
-    listener = BodyListener(session.hear_body, session.hear_instant, namespace="anna")
+    listener = BodyListener(session.put_body, session.put_instant, namespace="anna")
     session.listener = listener
     try:
         assert "waiting for /robot_description" in session.state
@@ -88,7 +88,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
         def is_seen() -> bool:
             publish()
             session.step(0.05)
-            frustum = server.scene.get_handle_by_name(f"{segment_name('head')}/camera_head")
+            frustum = server.scene.get_handle_by_name(f"{segment_name('head')}/camera_head/pyramid")
             return frustum is not None and frustum.color == rgb(REGISTERED)  # type: ignore[attr-defined]
 
         graph.until(is_seen, 60.0, "the head's camera as registered")
@@ -101,9 +101,9 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
         world = server.scene.get_handle_by_name("/world")
         assert world is not None
         assert_allclose(world.position, [-2.0, -1.0, 0.0], atol=1e-6)  # followed
-        other = server.scene.get_handle_by_name(f"{shin}/camera_shin_left")
+        other = server.scene.get_handle_by_name(f"{shin}/camera_shin_left/pyramid")
         assert other is not None and other.color == rgb(LOST)  # type: ignore[attr-defined]
-        graph.until(stepped(lambda: "instants a second" in session.state), 60.0, "how many instants come")
+        graph.until(stepped(lambda: "states a second" in session.state), 60.0, "how many instants come")
     finally:
         listener.stop()
 

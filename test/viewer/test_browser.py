@@ -12,10 +12,10 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.correction import SIZE_M, Correction, Move, Part, place_of
+from bodycam_ros.viewer.motion import Motion, read_motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, rgb, segment_rgb
 from bodycam_ros.viewer.skeleton_scene import limbs_of
-from bodycam_ros.viewer.timeline import Motion, read_motion
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
 from view_in_browser import BrowserView, find_chromium, served  # noqa: E402

@@ -18,11 +18,11 @@ from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
-from bodycam_ros.viewer.camera_scene import CameraPicture, draw_picture
+from bodycam_ros.viewer.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.viewer.footage import read_footage
+from bodycam_ros.viewer.motion import read_motion
 from bodycam_ros.viewer.scene_nodes import segment_rgb
 from bodycam_ros.viewer.skeleton_scene import limbs_of
-from bodycam_ros.viewer.timeline import read_motion
 
 WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
 GREY = 90

@@ -54,7 +54,7 @@ def test_a_drag_is_one_step(rider: BodyModel) -> None:
     drag = before.moved_to(SHIN, was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001])))
     for step in range(2, 6):
         target = was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001 * step]))
-        drag = drag.moved_to(SHIN, target, going_on=True)
+        drag = drag.moved_to(SHIN, target, continues=True)
     assert len(drag.steps) == 2
     assert np.linalg.norm(drag.move_of(SHIN).shift_mm) == pytest.approx(5.0, abs=EXACT_MM)
     assert_move(drag.undone().move_of(KNEE), MOVE)

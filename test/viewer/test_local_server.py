@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from bodycam_ros.errors import ViewError
-from bodycam_ros.viewer.sources import HOST, LocalServer
+from bodycam_ros.viewer.server import HOST, LocalServer
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_it_listens_on_loopback_only(server: LocalServer) -> None:
 
 _HALF_A_PAGE = """
 import socket, time
-from bodycam_ros.viewer.sources import HOST, LocalServer
+from bodycam_ros.viewer.server import HOST, LocalServer
 server = LocalServer(0, "test")
 with socket.create_connection((HOST, server.get_port())) as page:
     page.sendall(b"GET / HTTP/1.1\\r\\nHost: half of a hea")

@@ -15,8 +15,8 @@ from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.viewer.motion import Motion, read_motion
 from bodycam_ros.viewer.skeleton_scene import limbs_of, segment_bones
-from bodycam_ros.viewer.timeline import Motion, read_motion
 
 
 @pytest.fixture(scope="module")

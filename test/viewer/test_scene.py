@@ -14,16 +14,18 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.plots.picture_style import EQUIPMENT
 from bodycam_ros.plots.stick_figure import Bone
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Correction, Move, Part
+from bodycam_ros.viewer.footage import read_footage
+from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene import Scene, SeenScene
+from bodycam_ros.viewer.scene import CAMERAS, NAMES, Scene
 from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
+from bodycam_ros.viewer.server import LocalServer
 from bodycam_ros.viewer.skeleton_scene import limbs_of
-from bodycam_ros.viewer.sources import LocalServer
-from bodycam_ros.viewer.timeline import Motion
 
 KNEE = Part("joint", "knee_left")
 FLOAT32 = 1e-6
@@ -81,13 +83,13 @@ def test_everything_is_where_the_corrected_body_puts_it(
 ) -> None:
     corrected = Correction(body).moved_by(KNEE, Move(np.array([10.0, -20.0, 30.0]), np.zeros(3))).body
     scene.reshape(corrected)
-    scene.show(corrected, 1, follow=False)
+    scene.show(1, follow=False)
     world_T_segment = motion.segments_at(corrected, 1)
     for camera, mount in corrected.mounts.items():
         expected = world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera
         found = pose_of(server, f"/world/body/{mount.segment}/camera_{camera}")
         assert_allclose(found, expected, rtol=0.0, atol=FLOAT32, err_msg=camera)
-        assert_allclose(scene.world_T_camera(corrected, 1, camera), expected, rtol=0.0, atol=1e-12)
+        assert_allclose(scene.world_T_camera(camera), expected, rtol=0.0, atol=1e-12)
     for joint in corrected.joints:
         expected = world_T_segment[body.segment_index[joint.parent]] @ joint.parent_T_joint
         found = pose_of(server, f"/world/body/{joint.parent}/joint_{joint.name}")
@@ -110,10 +112,10 @@ def test_following_keeps_the_body_in_the_middle_and_on_the_floor(
     server: LocalServer, scene: Scene, body: BodyModel, motion: Motion
 ) -> None:
     for instant in (0, 1):
-        scene.show(body, instant, follow=True)
+        scene.show(instant, follow=True)
         expected = [0.0, 0.0, motion.world_T_root[instant, 2, 3]]
         assert_allclose(pose_of(server, "/world/body/pelvis")[:3, 3], expected, rtol=0.0, atol=FLOAT32)
-    scene.show(body, 0, follow=False)  # the world stays where it was left
+    scene.show(0, follow=False)  # the world stays where it was left
     step = motion.world_T_root[0, :2, 3] - motion.world_T_root[1, :2, 3]
     assert_allclose(pose_of(server, "/world/body/pelvis")[:2, 3], step, rtol=0.0, atol=FLOAT32)
 
@@ -121,58 +123,38 @@ def test_following_keeps_the_body_in_the_middle_and_on_the_floor(
 def test_cameras_are_coloured_by_what_they_know_and_by_selection(
     server: LocalServer, scene: Scene, body: BodyModel
 ) -> None:
-    head, shin = "/world/body/head/camera_head", "/world/body/shin_left/camera_shin_left"
-    scene.show(body, 0, follow=True)
+    head, shin = "/world/body/head/camera_head/pyramid", "/world/body/shin_left/camera_shin_left/pyramid"
+    scene.show(0, follow=True)
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(REGISTERED), rgb(LOST))
-    assert colour_of(server, "/world/body/torso/camera_torso_back") == rgb(UNKNOWN)
-    scene.show(body, 1, follow=True)
+    assert colour_of(server, "/world/body/torso/camera_torso_back/pyramid") == rgb(UNKNOWN)
+    scene.show(1, follow=True)
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(LOST), rgb(REGISTERED))
-    scene.select(body, Part("camera", "head"))
+    scene.select(Part("camera", "head"))
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(SELECTED), rgb(REGISTERED))
-    scene.select(body, KNEE)
+    scene.select(KNEE)
     assert colour_of(server, head) == rgb(LOST)
     assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)
 
 
 def test_the_chosen_camera_shows_its_image_instead_of_a_pyramid(server: LocalServer, body: BodyModel) -> None:
-    cameras = CameraScene(server.scene, body, lambda part: None)
+    cameras = CameraScene(server.scene, body, lambda part: None, {})
     image = np.full((4, 6, 3), 100, np.uint8)
 
-    def shown(name: str) -> bool:
-        node = server.scene.get_handle_by_name(name)
-        return node is not None and node.visible
-
-    def seen() -> dict[str, bool]:
-        parts = {"head": "head", "shin_left": "shin_left"}
-        return {
-            f"{kind} of {camera}": shown(f"/world/body/{segment}/{kind}_{camera}")
-            for camera, segment in parts.items()
-            for kind in ("camera", "picture")
+    def shown() -> set[str]:
+        names = {
+            f"/world/body/{camera}/camera_{camera}/{kind}"
+            for camera in ("head", "shin_left")
+            for kind in ("pyramid", "picture")
         }
+        return {name for name in names if (node := server.scene.get_handle_by_name(name)) and node.visible}
 
+    head, shin = "/world/body/head/camera_head", "/world/body/shin_left/camera_shin_left"
     cameras.show_image("head", image)
-    before = seen()
-    assert before == {
-        "camera of head": False,
-        "picture of head": True,
-        "camera of shin_left": True,
-        "picture of shin_left": False,
-    }
-    found = pose_of(server, "/world/body/head/picture_head")
-    assert_allclose(found, pose_of(server, "/world/body/head/camera_head"), rtol=0.0, atol=FLOAT32)
-    cameras.show(False)
-    assert not any(seen().values())
-    cameras.show(True)
-    assert seen() == before
+    assert shown() == {f"{head}/picture", f"{shin}/pyramid"}
     cameras.show_image("shin_left", image)
-    assert seen() == {
-        "camera of head": True,
-        "picture of head": False,
-        "camera of shin_left": False,
-        "picture of shin_left": True,
-    }
+    assert shown() == {f"{head}/pyramid", f"{shin}/picture"}
     cameras.show_image(None, None)
-    assert [name for name, is_shown in seen().items() if is_shown] == ["camera of head", "camera of shin_left"]
+    assert shown() == {f"{head}/pyramid", f"{shin}/pyramid"}
 
 
 def test_equipment_stands_where_the_recording_has_it_whatever_is_corrected(
@@ -181,7 +163,7 @@ def test_equipment_stands_where_the_recording_has_it_whatever_is_corrected(
     start, end = np.array([[1.0, 0.0, 0.5], [1.0, 0.0, 0.6]]), np.array([[1.0, 0.0, 1.5], [1.8, 0.0, 0.0]])
     beside = replace(motion, equipment=(Bone("frame", start, end, True),))
     scene = Scene(server, body, ReferenceMap.load(sample / "map"), beside, lambda part: None)
-    scene.show(Correction(body).moved_by(KNEE, Move(np.array([9.0, 0.0, 0.0]), np.zeros(3))).body, 1, follow=False)
+    scene.show(1, follow=False)
     rod = server.scene.get_handle_by_name("/world/equipment/line_0")
     assert rod is not None and rod.height == pytest.approx(1.0)  # type: ignore[attr-defined]
     assert_allclose(rod.position, [1.4, 0.0, 0.3], rtol=0.0, atol=FLOAT32)
@@ -199,7 +181,7 @@ def test_equipment_is_not_shown_while_nobody_knows_where_it_is(
     rod = server.scene.get_handle_by_name("/world/equipment/line_0")
     assert rod is not None
     for instant, is_shown in ((0, False), (1, True), (0, False)):
-        scene.show(body, instant, follow=False)
+        scene.show(instant, follow=False)
         assert rod.visible == is_shown
 
 
@@ -228,28 +210,41 @@ def test_legs_alone_are_drawn_to_their_tips_and_fill_the_opening_view(body: Body
     assert np.ptp(y / z) > edge  # half of the window's height at least
 
 
-def test_names_are_shown_with_what_they_name(server: LocalServer, scene: Scene, body: BodyModel) -> None:
-    joint = server.scene.get_handle_by_name("/world/body/thigh_left/name_knee_left")
-    camera = server.scene.get_handle_by_name("/world/body/shin_left/camera_name_shin_left")
-    assert (joint.text, joint.visible, camera.text, camera.visible) == ("knee left", False, "shin left", False)
-    scene.show_names(True)
-    assert joint.visible and camera.visible
-    scene.show_cameras(False)
-    assert joint.visible and not camera.visible
-    longer = Correction(body).moved_by(KNEE, Move(np.array([0.0, 0.0, -50.0]), np.zeros(3))).body
-    scene.reshape(longer)
-    knee = next(joint for joint in longer.joints if joint.name == "knee_left")
-    assert_allclose(joint.position, knee.parent_T_joint[:3, 3], atol=FLOAT32)
+def test_layers_are_shown_and_hidden(server: LocalServer, scene: Scene) -> None:
+    name = server.scene.get_handle_by_name("/world/body/thigh_left/joint_knee_left/name")
+    camera = server.scene.get_handle_by_name("/world/body/shin_left/camera_shin_left")
+    camera_name = server.scene.get_handle_by_name("/world/body/shin_left/camera_shin_left/name")
+    assert (name.text, name.visible, camera_name.text, camera_name.visible) == ("knee left", False, "shin left", False)
+    scene.show_layer(NAMES, True)
+    assert name.visible and camera_name.visible and camera.visible
+    scene.show_layer(CAMERAS, False)
+    assert name.visible and not camera.visible  # and all beneath it, its name included
 
 
-def test_landmarks_that_a_camera_sees_are_shown_while_it_sees_them(server: LocalServer) -> None:
-    seen = SeenScene(server.scene)
-    seen.show(None)
-    assert server.scene.get_handle_by_name("/world/seen") is None
-    for points in (np.array([[1.0, 2.0, 3.0]]), np.arange(6.0).reshape(2, 3)):
-        seen.show(points)
-        cloud = server.scene.get_handle_by_name("/world/seen")
-        assert cloud is not None and cloud.visible
-        assert_allclose(cloud.points, points)  # type: ignore[attr-defined]
-    seen.show(np.zeros((0, 3)))
+def test_landmarks_that_a_camera_matched_are_shown_with_its_image(
+    server: LocalServer, scene: Scene, sample: Path
+) -> None:
+    cloud = server.scene.get_handle_by_name("/world/matched")
+    assert cloud is not None and not cloud.visible
+    footage = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
+    assert footage is not None
+    points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], np.float32)
+    found = LandmarkMatches(
+        camera="head",
+        stamp_ns=footage.images[0].stamp_ns,
+        previous_stamp_ns=0,
+        track_ids=np.arange(2, dtype=np.uint32),
+        landmark_ids=np.arange(2, dtype=np.uint32),
+        pixels=np.full((2, 2), 100.0, np.float32),
+        points_world=points,
+        world_T_camera=None,
+        pose_covariance=np.eye(6),
+        current_R_previous=np.eye(3),
+        rotation_inliers=0,
+    )
+    first = replace(footage, times_ns=np.zeros(1, np.int64), images=footage.images[:1])
+    assert scene.show_picture("head", replace(first, matches={found.stamp_ns: found})) is not None
+    assert cloud.visible
+    assert_allclose(cloud.points, points)  # type: ignore[attr-defined]
+    assert scene.show_picture("head", replace(first, matches={})) is not None
     assert not cloud.visible

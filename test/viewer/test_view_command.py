@@ -65,7 +65,7 @@ def test_a_recording_that_does_not_fit_is_refused(
     assert "has none of the body's cameras; it has left, right, the body waist_front" in result.stderr
     result = bodycam_view(*given)
     assert result.returncode == 1
-    assert "without OUT nobody knows where the body was" in result.stderr
+    assert "without OUT the body's motion in these images is unknown" in result.stderr
 
 
 def test_a_port_in_use_is_one_line(sample: Path, body_file: Path) -> None:

@@ -1,0 +1,100 @@
+"""A camera's image with the body, its equipment and the landmarks drawn over it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.geometry import Array
+from bodycam_ros.plots.overlay import GOOD, GOOD_PX, project_overlay
+from bodycam_ros.plots.picture_style import EQUIPMENT, WARNING, side_colour
+from bodycam_ros.plots.stick_figure import Bone
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.static_cameras.contour_painting import CONTOUR
+from bodycam_ros.viewer.scene_nodes import rgb
+
+WIDTH = 640
+"""Of the picture [px]; a larger image is scaled down."""
+
+_LANDMARK_PX, _CONTOUR_PX = 3, 1
+_SHIFT = 4  # fraction bits of OpenCV's coordinates
+_FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPicture:
+    """What to show of one camera at one time.
+
+    Attributes:
+        pixels: (H, W, 3) red, green, blue.
+        error_px: median reprojection error of the landmarks [px]; NaN without landmarks.
+        landmarks_world: (N, 3) matched landmarks [m].
+    """
+
+    pixels: NDArray[np.uint8]
+    error_px: float
+    landmarks_world: Array
+
+
+def draw_picture(
+    image: CameraImage,
+    model: CameraModel,
+    world_T_camera: Array,
+    limbs: list[Bone],
+    matches: LandmarkMatches | None,
+    contour: Array | None = None,
+) -> CameraPicture:
+    """Draw one image.
+
+    Args:
+        image: of the camera.
+        model: its lens.
+        world_T_camera: (4, 4) where the body has it [m].
+        limbs: lines of the body and its equipment at this one time [m].
+        matches: landmarks that were matched in the image.
+        contour: (N, 2) pixels of the contour of the body's surface, for a static camera.
+
+    Raises:
+        RecordingError: the image cannot be decoded.
+    """
+    scale = min(1.0, WIDTH / model.width)
+    size = (round(model.width * scale), round(model.height * scale))
+    pixels = cv2.cvtColor(cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2RGB)
+    overlay = project_overlay(model, world_T_camera, limbs, matches)
+    for line in overlay.equipment:
+        draw_polyline(pixels, line * scale, EQUIPMENT, 1)
+    for segment, line in overlay.limbs:
+        draw_polyline(pixels, line * scale, side_colour(segment), 3)
+    is_good = overlay.errors <= GOOD_PX
+    for ends in np.stack([overlay.pixels, overlay.projected], axis=1)[~is_good]:
+        draw_polyline(pixels, ends * scale, WARNING, 1)
+    for chosen, colour in ((is_good, GOOD), (~is_good, WARNING)):
+        draw_dots(pixels, overlay.pixels[chosen] * scale, colour, _LANDMARK_PX, 1)
+    if contour is not None:
+        draw_dots(pixels, (contour + 0.5) * scale - 0.5, CONTOUR, _CONTOUR_PX, cv2.FILLED)
+    errors = overlay.errors[np.isfinite(overlay.errors)]
+    landmarks = np.zeros((0, 3)) if matches is None else matches.points_world.astype(np.float64)
+    return CameraPicture(
+        np.asarray(pixels, np.uint8), float(np.median(errors)) if len(errors) else float("nan"), landmarks
+    )
+
+
+def draw_polyline(pixels: NDArray[np.generic], points: Array, colour: str, width: int, *, is_bgr: bool = False) -> None:
+    """Draw the pieces of a line (N, 2) [px] whose ends are both near the image; NaN is outside the lens."""
+    pieces = np.stack([points[:-1], points[1:]], axis=1)
+    near = pieces[(np.abs(pieces) < _FAR_PX).all(axis=(1, 2))]
+    drawn = rgb(colour)[::-1] if is_bgr else rgb(colour)
+    cv2.polylines(pixels, list(_fixed(near)), False, drawn, width, cv2.LINE_AA, _SHIFT)
+
+
+def draw_dots(pixels: NDArray[np.generic], centres: Array, colour: str, radius: int, thickness: int) -> None:
+    """Draw circles (N, 2) of a radius and a line's thickness [px]."""
+    for centre in _fixed(centres).tolist():
+        cv2.circle(pixels, centre, radius << _SHIFT, rgb(colour), thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _fixed(points: Array) -> NDArray[np.int32]:
+    return np.round(points * (1 << _SHIFT)).astype(np.int32)

@@ -1,0 +1,221 @@
+"""How a body moves: of a solved bag, of another solution of the same recording, or standing in the N-pose."""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import BodyError, RecordingError, ViewError
+from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_angles import JointAngles
+from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.messages.health import EQUIPMENT, EQUIPMENT_TYPE
+from bodycam_ros.messages.tracks import transform_from_pose
+from bodycam_ros.plots.stick_figure import Bone, body_bones, equipment_lines
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.results.body_motion import MotionJoiner, nearest
+from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, ROBOT, camera_topics, published_robot
+from bodycam_ros.results.urdf_tree import UrdfTree
+
+_POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
+_FRAME_NS = 33_333_333  # of a motion with a single state
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The body's movement over T states, apart from its shape.
+
+    Attributes:
+        stamps_ns: (T,) increasing [ns].
+        world_T_root: (T, 4, 4) poses of the root segment [m].
+        angle_names: (A) joint angles, in the order of ``angles``.
+        angles: (T, A) [rad], [m] of joints that slide.
+        registered: camera -> (stamps (K,) increasing [ns], world_T_camera (K, 4, 4) [m]) of its registrations; only
+            cameras of which the recording has them.
+        equipment: lines of the recording's equipment that is not in the body file, over the T states.
+        unplaced: states at which the equipment's pose is unknown.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    world_T_root: Array
+    angle_names: tuple[str, ...]
+    angles: Array
+    registered: Mapping[str, tuple[NDArray[np.int64], Array]]
+    equipment: tuple[Bone, ...] = ()
+    unplaced: frozenset[int] = frozenset()
+
+    @classmethod
+    def standing(cls, body: BodyModel) -> "Motion":
+        """The N-pose at the map's origin, the lowest end of a bone on the floor."""
+        names = JointAngles(body).names
+        standing = body_bones(body, body.n_pose(np.eye(4)))
+        world_T_root = np.eye(4)
+        world_T_root[2, 3] = -min((min(bone.start[0, 2], bone.end[0, 2]) for bone in standing), default=0.0)
+        return cls(np.zeros(1, np.int64), world_T_root[None], names, np.zeros((1, len(names))), {})
+
+    @property
+    def seconds(self) -> Array:
+        """(T,) times since the first state [s]."""
+        return np.asarray((self.stamps_ns - self.stamps_ns[0]) * 1e-9, dtype=np.float64)
+
+    @property
+    def frame_ns(self) -> int:
+        """Time from one state to the next, the median [ns]."""
+        return int(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else _FRAME_NS
+
+    def instant_at(self, seconds: float) -> int:
+        """The state nearest to a time since the first."""
+        return int(np.argmin(np.abs(self.seconds - seconds)))
+
+    def segments_at(self, body: BodyModel, instant: int) -> Array:
+        """Poses world_T_segment (S, 4, 4) [m] of a body with this motion, in the order of its segments."""
+        joint_angles = JointAngles(body)
+        column = {name: column for column, name in enumerate(self.angle_names)}
+        angles = self.angles[instant, [column[name] for name in joint_angles.names]]
+        return joint_angles.forward_kinematics(self.world_T_root[instant], angles)
+
+    def equipment_at(self, instant: int) -> list[Bone]:
+        """The lines of equipment at one state; none while its pose is unknown."""
+        return [] if instant in self.unplaced else [line.at(instant) for line in self.equipment]
+
+    def registered_at(self, camera: str, instant: int) -> Array | None:
+        """Registered pose world_T_camera (4, 4) of a camera within half a frame of a state; None: lost."""
+        stamps_ns, world_T_camera = self.registered[camera]
+        row = nearest(stamps_ns, int(self.stamps_ns[instant]), self.frame_ns // 2)
+        return None if row is None else world_T_camera[row]
+
+
+def mounted_camera(body: BodyModel, world_T_segment: Array, camera: str) -> Array:
+    """(4, 4) pose world_T_camera of a camera on a body at poses (S, 4, 4) [m]."""
+    mount = body.mounts[camera]
+    world_T_camera: Array = world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera
+    return world_T_camera
+
+
+def in_order(poses: Mapping[int, Array]) -> tuple[NDArray[np.int64], Array]:
+    """Stamps (K,) increasing [ns] and poses (K, 4, 4) of a table of them."""
+    stamps = sorted(poses)
+    return np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]).reshape(-1, 4, 4)
+
+
+def read_motion(path: Path, body: BodyModel) -> Motion:
+    """Read how a body moved.
+
+    Args:
+        path: ros2 bag folder or .mcap file.
+        body: that it should be the motion of.
+
+    Raises:
+        RecordingError: not a bag, or without joint states and odometry of the same stamps.
+        BodyError: the bag is of a body with other joints or another root.
+    """
+    names = JointAngles(body).names
+    poses: dict[str, dict[int, Array]] = defaultdict(dict)
+    unplaced_ns = set()
+    with BagFile(path) as bag:
+        _check_topics(bag)
+        robot = UrdfTree.parse(text, f"{path}: {ROBOT}") if (text := published_robot(bag)) else None
+        beside = () if robot is None else tuple(name for name in robot.moving_beside if name not in names)
+        joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
+        cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
+        coupled = [EQUIPMENT] if beside and bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
+        for topic, _, message in bag.messages([*MOTION_TOPICS, *coupled, *cameras]):
+            if topic in MOTION_TOPICS:
+                joiner.add(topic, message)
+            elif topic in cameras:
+                poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
+            elif not message.placed:
+                unplaced_ns.add(stamp_ns(message.header.stamp))
+    motion = joiner.joined()
+    _check_body(joiner, body, path)
+    lines: list[Bone] = []
+    if robot is not None and beside:
+        angles = dict(zip(motion.joint_names, motion.joint_angles.T, strict=True))
+        lines = equipment_lines(robot.forward_kinematics(motion.world_T_root, angles), robot.equipment)
+    return Motion(
+        stamps_ns=motion.stamps_ns,
+        world_T_root=motion.world_T_root,
+        angle_names=names,
+        angles=motion.joint_angles[:, : len(names)],
+        # Where some cameras' poses were recorded, a camera without one was never registered.
+        registered={camera: in_order(poses[camera]) for camera in body.mounts} if cameras else {},
+        equipment=tuple(lines),
+        unplaced=frozenset(np.flatnonzero(np.isin(motion.stamps_ns, sorted(unplaced_ns))).tolist()),
+    )
+
+
+def _check_topics(bag: BagFile) -> None:
+    for topic, wanted in MOTION_TOPICS.items():
+        kind = bag.topics.get(topic)
+        if kind != wanted or bag.message_count(topic) == 0:
+            came = "no such topic" if kind is None else "no message on it" if kind == wanted else f"it is {kind}"
+            raise RecordingError(
+                f"{bag.path}: expected {topic} ({wanted}), {came}; OUT is a bag that 'bodycam replay' wrote, the "
+                "images that it was made from go to --recording"
+            )
+
+
+def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path) -> None:
+    if joiner.others:
+        raise BodyError(
+            f"{path}: {JOINT_STATES} is of another body than the one given with --body: only the bag has "
+            f"{', '.join(sorted(joiner.others))}"
+        )
+    if others := sorted(joiner.roots - {body.root}):
+        raise BodyError(f"{path}: {ODOMETRY} is of {', '.join(others)}, but the root of the body is {body.root}")
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMotion:
+    """Another solution of a recording: a body of any shape over T states.
+
+    Attributes:
+        path: of the bag.
+        stamps_ns: (T,) increasing [ns].
+        lines: of the body and its equipment, over the T states.
+        angles: joint angle -> (T,) [rad].
+        places: segment -> (T, 3) its origin, which is the joint to its parent [m].
+    """
+
+    path: Path
+    stamps_ns: NDArray[np.int64]
+    lines: tuple[Bone, ...]
+    angles: Mapping[str, Array]
+    places: Mapping[str, Array]
+
+    def row(self, motion: Motion, instant: int) -> int | None:
+        """The state within half a frame of one of another motion."""
+        return nearest(self.stamps_ns, int(motion.stamps_ns[instant]), motion.frame_ns // 2)
+
+
+def read_other_motion(path: Path, motion: Motion) -> OtherMotion:
+    """Read a solved bag that is compared with another one.
+
+    Args:
+        path: ros2 bag folder or .mcap file.
+        motion: what it is compared with.
+
+    Raises:
+        RecordingError: not a bag that 'bodycam replay' wrote.
+        ViewError: none of its states is near one of the other, so it is of another recording.
+    """
+    with BagFile(path) as bag:
+        _check_topics(bag)
+        urdf = UrdfTree.parse(published_robot(bag), f"{path}: {ROBOT}")
+        joiner = MotionJoiner(path, urdf.moving, ROBOT)
+        for topic, _, message in bag.messages(MOTION_TOPICS):
+            joiner.add(topic, message)
+    moved = joiner.joined()
+    angles = dict(zip(moved.joint_names, moved.joint_angles.T, strict=True))
+    world_T_link = urdf.forward_kinematics(moved.world_T_root, angles)
+    if not any(nearest(moved.stamps_ns, int(stamp), motion.frame_ns) is not None for stamp in motion.stamps_ns):
+        raise ViewError(
+            f"--compare {path}: solved at other times than OUT, so from another recording; expected another solution "
+            "of the same one"
+        )
+    places = {segment: world_T_link[segment][:, :3, 3] for segment in urdf.body_segments}
+    return OtherMotion(path, moved.stamps_ns, tuple(urdf.bones(world_T_link)), angles, places)

@@ -1,0 +1,78 @@
+"""The web server of the view, for this machine only."""
+
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
+from functools import partial
+from io import StringIO
+
+import viser
+from websockets.asyncio import server as websockets_server
+
+from bodycam_ros.errors import ViewError
+from bodycam_ros.terminal import Terminal
+from bodycam_ros.viewer.scene_nodes import Detail
+
+HOST = "127.0.0.1"
+
+_OUR_PAGES = re.compile(r"http://(127\.0\.0\.1|localhost)(:\d+)?")
+"""Origins that may connect: any page of the web that the user has open could reach a server on this machine too."""
+
+_HIGHEST_PORT = 65535
+
+
+class LocalServer(viser.ViserServer):
+    """viser's server, bound to this machine.
+
+    viser itself takes the next port when one is in use, offers to share the scene through a server of its authors, and
+    lets any page connect. All three are off here.
+
+    Raises:
+        ViewError: the port cannot be used.
+    """
+
+    def __init__(self, port: int, label: str) -> None:
+        if not 0 <= port <= _HIGHEST_PORT:
+            raise ViewError(f"port {port}: expected 0 (any free port) to {_HIGHEST_PORT}")
+        # A page that is closed while it connects would be a traceback.
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+        with redirect_stdout(StringIO()), _only_our_pages():
+            super().__init__(HOST, port, label, verbose=False)
+        self.gui.configure_theme(show_logo=False, show_share_button=False)
+        self.gui.main_panel.dock_right()
+        if port not in (0, self.get_port()):
+            self.stop()
+            raise ViewError(
+                f"port {port} of this machine is in use or not allowed; is another 'bodycam view' running? Choose "
+                "another one with --port, or any free one with --port 0"
+            )
+
+    @property
+    def address(self) -> str:
+        """What to open in a browser."""
+        return f"http://{HOST}:{self.get_port()}"
+
+    def print_address(self, detail: Detail) -> None:
+        """Print what to open in a browser."""
+        Terminal().print(f"open {self.address}{detail.page} in a browser; Ctrl-C ends it", soft_wrap=True)
+
+    def request_share_url(self, verbose: bool = True) -> str | None:
+        """Share nothing; a page that asks for it is not answered."""
+        return None
+
+    def stop(self) -> None:
+        """Stop serving."""
+        with redirect_stdout(StringIO()):
+            super().stop()
+
+
+@contextmanager
+def _only_our_pages() -> Iterator[None]:
+    """Servers that are started meanwhile refuse other pages: viser does not hand this setting through."""
+    serve = websockets_server.serve
+    websockets_server.serve = partial(serve, origins=[_OUR_PAGES])  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        websockets_server.serve = serve  # type: ignore[misc]
