@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
+from trimesh.remesh import subdivide_to_size
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
@@ -50,6 +51,7 @@ _LIGHT = np.array([-0.35, -0.75, -0.55]) / np.linalg.norm([-0.35, -0.75, -0.55])
 
 _SHADE, _LIT = 0.55, 1.12  # brightness of a face turned from the light, and towards it
 _FINER = 2  # pixels painted for each of the picture's, along one side: smooth edges
+_LARGEST_M = 0.02  # side of a face: faces are sorted as a whole, which shows where segments run into each other
 _MOUNT_M = 0.03  # a nearer face belongs to the camera's own mount, and would fill the picture
 _LONGEST_PX = 400.0  # of a face's side: longer ones cross the rim of a fisheye's field
 _FAR_PX = 8000.0  # OpenCV's coordinates are 32 bits
@@ -93,7 +95,10 @@ class _Film:
     def __init__(self, sources: Sources) -> None:
         self._sources, self._motion, self._body = sources, sources.motion, sources.body
         surfaces = surfaces_of(sources.body, sources.body_file.path, sources.surface)
-        self._surfaces = with_closed_forearms(sources.body, surfaces)
+        self._surfaces = {
+            segment: Surface(segment, *subdivide_to_size(surface.vertices, surface.faces, _LARGEST_M))  # type: ignore[no-untyped-call]
+            for segment, surface in with_closed_forearms(sources.body, surfaces).items()
+        }
 
     def from_outside(self) -> Iterator[tuple[float, Image]]:
         """Seconds and picture of every state."""
