@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
+    PIPELINE,
+    add_config,
     add_imu,
     add_jobs,
     add_map,
     add_output,
-    add_pipeline_config,
     add_recording,
     add_start,
     add_stations,
@@ -33,16 +35,14 @@ from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
-    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
     from bodycam_ros.static_cameras.body_measurement import MeasuredBody
-    from bodycam_ros.static_cameras.body_shape import MeasureSettings
 
 _SUFFIXES = (".yaml", ".yml")
 _MM_PER_M = 1000.0
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("body", description=__doc__)
     add_recording(parser)
@@ -76,7 +76,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="with --stations: begin with lengths of people of this height",
     )
     add_jobs(parser, "processes for the cameras")
-    add_pipeline_config(parser, _calibration_settings, _measure_settings)
+    add_config(
+        parser,
+        PIPELINE,
+        "calibration.body_calibrator:CalibrationSettings",
+        "static_cameras.body_shape:MeasureSettings",
+    )
     parser.set_defaults(run=run)
 
 
@@ -130,13 +135,14 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     import numpy as np
 
     from bodycam_ros.body.body_file import write_body
+    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.offline.measure_body import calibrate
     from bodycam_ros.plots.body_report import write_html_report
     from bodycam_ros.plots.report_tables import body_report
 
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, _calibration_settings(), arguments.config)
+    settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
     with shown_progress() as progress:
         calibrated = calibrate(
             arguments.recording,
@@ -190,10 +196,11 @@ def _print_imus(body: "BodyModel") -> None:
 def _measure(arguments: argparse.Namespace, name: str) -> None:
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.offline.measure_body import measure_body
+    from bodycam_ros.static_cameras.body_shape import MeasureSettings
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, _measure_settings(), arguments.config)
+    settings = settings_from_flags(arguments, MeasureSettings, arguments.config)
     initial = _initial_body(arguments, name)
     with shown_progress() as progress:
         measured = measure_body(
@@ -283,18 +290,6 @@ def _measured_tables(measured: "MeasuredBody") -> Iterator[Table]:
         figures = [f"{girth.found:.2f}", f"{girth.sigma:.2f}", "yes" if girth.told else "no"]
         girths.add_row(girth.name, *figures, style=None if girth.told else "yellow")
     yield girths
-
-
-def _calibration_settings() -> "type[CalibrationSettings]":
-    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
-
-    return CalibrationSettings
-
-
-def _measure_settings() -> "type[MeasureSettings]":
-    from bodycam_ros.static_cameras.body_shape import MeasureSettings
-
-    return MeasureSettings
 
 
 def _degrees(text: str) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_map, add_output, add_stations, add_surface
 from bodycam_ros.cli.progress import shown_progress, waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
@@ -25,7 +26,7 @@ _ALIGNMENTS = ("similarity", "rigid", "none")
 _FOUND, _SHARED = "found", "shared"
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("evaluate", description=__doc__)
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.export_robot import ROBOT, run_robot
 from bodycam_ros.cli.options import add_config, add_output
 from bodycam_ros.cli.progress import shown_progress
@@ -17,11 +18,10 @@ from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
 from bodycam_ros.formats.sampled_motion import MAX_RATE, UP_AXES, MotionOptions
 from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
-from bodycam_ros.robot.retargeting import RobotSettings
 from bodycam_ros.shown import printable
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "export",
@@ -74,7 +74,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="YAML",
         help=f"links of the robot and their segments, as in config/robot ({ROBOT})",
     )
-    add_config(parser, lambda: RobotSettings)
+    add_config(parser, "robot.retargeting:RobotSettings")
     parser.set_defaults(run=run)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_output, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import OutputError
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("ingest", description=__doc__)
     parser.add_argument(
@@ -48,7 +49,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     add_jobs(parser, "threads")
-    add_config(parser, lambda: IngestSettings)
+    add_config(parser, "ingest.clock_settings:IngestSettings")
     parser.set_defaults(run=run)
 
 

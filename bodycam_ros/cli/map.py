@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
@@ -24,12 +25,11 @@ from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.build import BuiltMap
-    from bodycam_ros.mapping.map_settings import MapSettings
 
 _MORE = "'bodycam map check MAP' measures what a map covers; a folder that is named check is given as ./check."
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("map", description=__doc__, epilog=_MORE)
     add_source_flags(parser)
@@ -41,7 +41,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
     add_output(parser, "MAP", "map folder to write", "MAP, and DIR of --keep-frames,")
     add_jobs(parser, "threads")
-    add_config(parser, _settings)
+    add_config(parser, "mapping.map_settings:MapSettings")
     parser.set_defaults(run=run)
 
 
@@ -50,11 +50,12 @@ def run(arguments: argparse.Namespace) -> int:
     # COLMAP and matplotlib take a second to load; the other commands and --help do without.
     from bodycam_ros.mapping.build import build_map
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
+    from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import check_replaceable
 
     output: Path = arguments.output
-    settings = settings_from_flags(arguments, _settings(), arguments.config)
+    settings = settings_from_flags(arguments, MapSettings, arguments.config)
     sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
     check_output(output, (*sources, arguments.board, arguments.colmap, arguments.config))
     check_replaceable(output, arguments.force)
@@ -94,12 +95,6 @@ def run(arguments: argparse.Namespace) -> int:
     )
     terminal.print("\n".join(lines), soft_wrap=True)
     return 0
-
-
-def _settings() -> "type[MapSettings]":
-    from bodycam_ros.mapping.map_settings import MapSettings
-
-    return MapSettings
 
 
 def _tables(built: "BuiltMap") -> Iterator[Table]:

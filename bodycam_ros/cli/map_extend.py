@@ -3,11 +3,13 @@
 import argparse
 from pathlib import Path
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
+    PIPELINE,
+    add_config,
     add_jobs,
     add_map,
     add_output,
-    add_pipeline_config,
     add_recording,
     pipeline_settings,
 )
@@ -18,14 +20,14 @@ from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("map extend", description=__doc__)
     add_recording(parser)
     add_map(parser)
     add_output(parser, "MAP2", "map folder to write")
     add_jobs(parser, "processes for the cameras")
-    add_pipeline_config(parser)
+    add_config(parser, PIPELINE)
     parser.set_defaults(run=run)
 
 

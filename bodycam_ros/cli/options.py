@@ -2,9 +2,9 @@
 
 import argparse
 import os
-from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from bodycam_ros.pipeline_settings import PipelineSettings
 
 G = TypeVar("G", bound=SettingsGroups)
+
+PIPELINE = "pipeline_settings:PipelineSettings"
+"""Settings of all stages, for ``add_config``."""
 
 _BOOLEAN = {"true": True, "false": False}
 
@@ -106,27 +109,20 @@ def positive(text: str) -> int:
     return number
 
 
-def add_config(parser: argparse.ArgumentParser, *loaders: Callable[[], type[SettingsGroups]]) -> None:
+def add_config(parser: CommandParser, *groups: str) -> None:
     """Add --config and, once one of them is used, the flags of settings.
 
     Args:
-        loaders: import the groups, which takes a second where they are the whole pipeline's.
+        groups: ``module:class`` of settings, imported once a flag is used: those of the pipeline take a second.
     """
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    for load in loaders:
-        if isinstance(parser, CommandParser):
-            parser.defer(partial(_load_and_add, parser, load))
-        else:
-            add_settings_flags(parser, load())
+    for group in groups:
+        parser.defer(partial(_import_and_add, parser, group))
 
 
-def _load_and_add(parser: argparse.ArgumentParser, load: Callable[[], type[SettingsGroups]]) -> None:
-    add_settings_flags(parser, load())
-
-
-def add_pipeline_config(parser: argparse.ArgumentParser, *loaders: Callable[[], type[SettingsGroups]]) -> None:
-    """Add --config with the settings of all stages, and others."""
-    add_config(parser, _load_pipeline_settings, *loaders)
+def _import_and_add(parser: argparse.ArgumentParser, group: str) -> None:
+    module, _, name = group.partition(":")
+    add_settings_flags(parser, getattr(import_module(f"bodycam_ros.{module}"), name))
 
 
 def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
@@ -135,13 +131,9 @@ def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
     Raises:
         SettingsError: a value that is unknown or out of range.
     """
-    return settings_from_flags(arguments, _load_pipeline_settings(), arguments.config)
-
-
-def _load_pipeline_settings() -> "type[PipelineSettings]":
     from bodycam_ros.pipeline_settings import PipelineSettings
 
-    return PipelineSettings
+    return settings_from_flags(arguments, PipelineSettings, arguments.config)
 
 
 def add_settings_flags(parser: argparse.ArgumentParser, groups_type: type[SettingsGroups]) -> None:

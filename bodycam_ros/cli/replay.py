@@ -9,13 +9,15 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn,
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
+    PIPELINE,
+    add_config,
     add_equipment,
     add_imu,
     add_jobs,
     add_map,
     add_output,
-    add_pipeline_config,
     add_recording,
     add_start,
     add_stations,
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from bodycam_ros.timing.clock_state import ClockHistory
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("replay", description=__doc__)
     add_recording(parser)
@@ -66,7 +68,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="leave tracks and landmarks out of OUT, three quarters of it; reprojection errors are then unknown",
     )
     add_jobs(parser, "processes for the cameras")
-    add_pipeline_config(parser)
+    add_config(parser, PIPELINE)
     parser.set_defaults(run=run)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import StationError
@@ -18,10 +19,10 @@ from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationsSettings
+    from bodycam_ros.static_cameras.station_registration import RegisteredStation
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser("stations", description=__doc__)
     add_recording(parser)
@@ -34,7 +35,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default="yaml",
         help="yaml: for bodycam replay (default); toml: for anipose, Pose2Sim, FreeMoCap and Caliscope, in metres",
     )
-    add_config(parser, _settings)
+    add_config(parser, "static_cameras.station_registration:StationsSettings")
     parser.set_defaults(run=run)
 
 
@@ -44,9 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
     from bodycam_ros.static_cameras.calibration_files import TOML_MARK
+    from bodycam_ros.static_cameras.station_registration import StationsSettings
     from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
 
-    settings = settings_from_flags(arguments, _settings(), arguments.config)
+    settings = settings_from_flags(arguments, StationsSettings, arguments.config)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
     mark = MARK if arguments.to == "yaml" else TOML_MARK
     check_file(arguments.output, arguments.force, mark.encode(), "file of static cameras that this command wrote")
@@ -84,12 +86,6 @@ def run(arguments: argparse.Namespace) -> int:
         f"{len(found)} of {len(cameras)} cameras written to {printable(str(arguments.output))}", soft_wrap=True
     )
     return 0
-
-
-def _settings() -> "type[StationsSettings]":
-    from bodycam_ros.static_cameras.station_registration import StationsSettings
-
-    return StationsSettings
 
 
 def _table(found: "Iterable[RegisteredStation]") -> Table:

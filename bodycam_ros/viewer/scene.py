@@ -186,7 +186,7 @@ class Scene:
         if self._tracker is None or self._tracker[0] is not surfaces:
             shape = BodySurface.of(self._body, surfaces)
             self._tracker = surfaces, RegionTracker(self._body, shape, self._stations, RegionSettings())
-        pixels: Array = self._tracker[1].views[station].contour(self._world_T_segment).points[:, :2]
+        pixels: Array = self._tracker[1].views[station].find_contour(self._world_T_segment).points[:, :2]
         return pixels
 
 
