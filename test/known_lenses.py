@@ -5,7 +5,7 @@ import numpy as np
 from rendered_board import held_poses
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.lens.board_detector import BoardSight
+from bodycam_ros.lens.board_detector import BoardView
 from bodycam_ros.lens.board_layout import BoardLayout
 
 _TAGS = cv2.aruco.DICT_APRILTAG_36h11
@@ -31,19 +31,19 @@ LENSES = {
 }
 
 
-def sights_of(camera, poses, points, noise_px=0.02, seed=1):
+def views_of(camera, poses, points, noise_px=0.02, seed=1):
     """What is in the picture of the points (N, 3) of a board, with noise."""
     random = np.random.default_rng(seed)
-    sights = []
+    views = []
     for number, pose in enumerate(poses):
         pixels, valid = camera.project(points @ pose[:3, :3].T + pose[:3, 3])
         seen = valid & camera.in_image(pixels)
         if seen.sum() >= 8:
             noisy = pixels[seen] + random.normal(0.0, noise_px, (int(seen.sum()), 2))
-            sights.append(BoardSight(str(number), points[seen], noisy, np.ones(len(noisy)), 0.4))
-    return sights
+            views.append(BoardView(str(number), points[seen], noisy, np.ones(len(noisy)), 0.4))
+    return views
 
 
 def held(camera, count=30, size=0.6):
     """Sights of a ChArUco board that is held everywhere."""
-    return sights_of(camera, held_poses(camera, CHARUCO, count, size=size), CHARUCO.inner_corners)
+    return views_of(camera, held_poses(camera, CHARUCO, count, size=size), CHARUCO.inner_corners)

@@ -56,8 +56,8 @@ def add_parser(subparsers: Subparsers) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.lens.board_design import MARK, BoardWish, board_words, board_yaml, design, stretched
-    from bodycam_ros.lens.board_page import PAGES, board_pdf, room_on, ruler_lengths
+    from bodycam_ros.lens.board_design import MARK, BoardOptions, board_caption, board_yaml, design_layout, scale_layout
+    from bodycam_ros.lens.board_page import PAGES, board_pdf, print_area, ruler_lengths
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.whole_file import whole_files
 
@@ -70,11 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
         check_file(path, arguments.force, mark, what)
     page = PAGES[arguments.page] if arguments.page in PAGES else _size_mm(arguments.page)
     sizes = (arguments.tag_size, arguments.square_size)
-    wish = BoardWish(arguments.kind, arguments.columns, arguments.rows, *sizes, arguments.family, arguments.first_tag)
-    layout = design(wish, room_on(page))
-    words, rulers = board_words(layout, arguments.family), ruler_lengths(page)
+    options = BoardOptions(
+        arguments.kind, arguments.columns, arguments.rows, *sizes, arguments.family, arguments.first_tag
+    )
+    layout = design_layout(options, print_area(page))
+    words, rulers = board_caption(layout, arguments.family), ruler_lengths(page)
     content = board_pdf(layout, page, words)
-    printed = layout if arguments.ruler_mm is None else stretched(layout, _shares(arguments.ruler_mm, rulers))
+    printed = layout if arguments.ruler_mm is None else scale_layout(layout, _shares(arguments.ruler_mm, rulers))
     placement = f"{'lying' if arguments.up == 'z' else 'standing'}: board {arguments.up} is up"
     text = board_yaml(printed, placement)
     with whole_files(pdf.parent) as scratch:

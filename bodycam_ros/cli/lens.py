@@ -58,9 +58,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.cli.tables import WRONG_RESULT
     from bodycam_ros.lens.board_detector import LensBoard
-    from bodycam_ros.lens.calibration_picture import calibration_picture
+    from bodycam_ros.lens.calibration_plot import calibration_plot
     from bodycam_ros.lens.lens_calibration import calibrate_lens
-    from bodycam_ros.lens.lens_pictures import lens_pictures
+    from bodycam_ros.lens.lens_images import lens_images
     from bodycam_ros.whole_file import write_whole
 
     output: Path = arguments.output
@@ -74,13 +74,13 @@ def run(arguments: argparse.Namespace) -> int:
     models = _MODELS if arguments.model == "auto" else (arguments.model,)
     name = arguments.name or output.stem
     with shown_progress() as progress:
-        pictures = lens_pictures(arguments.pictures)
+        pictures = lens_images(arguments.pictures)
         calibration = calibrate_lens(pictures, board, models, progress)
     console = Terminal()
     console.print(_table(calibration))
     _print_found(console, calibration)
     output.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(picture, calibration_picture(calibration, f"Lens {name}: {calibration.chosen.model}"))
+    write_whole(picture, calibration_plot(calibration, f"Lens {name}: {calibration.chosen.model}"))
     for warning in calibration.warnings:
         console.print(f"less certain than it could be: {warning}", style="yellow", soft_wrap=True)
     if calibration.objections:
@@ -100,7 +100,7 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
     camera.name = name
     fx, fy, cx, cy = validation.lens_sigma[:4]
     lines = [
-        f"{_MARK} by {len(calibration.chosen.fit.sights)} pictures of {Path(board).name}; those left out are off by",
+        f"{_MARK} by {len(calibration.chosen.fit.views)} pictures of {Path(board).name}; those left out are off by",
         f"# {validation.median_px:.3f} px (median), rays where the board was seen by up to "
         f"{validation.worst_ray_px:.2f} px;",
         f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",
@@ -128,11 +128,11 @@ def _table(calibration: "LensCalibration") -> Table:
 
 
 def _print_found(console: Terminal, calibration: "LensCalibration") -> None:
-    area, sights = calibration.area, calibration.chosen.fit.sights
+    area, views = calibration.area, calibration.chosen.fit.views
     if calibration.remark:
         console.print(calibration.remark, style="yellow", soft_wrap=True)
     console.print(
-        f"{calibration.given} pictures, {calibration.found} show the board, {len(sights)} taken; it was "
+        f"{calibration.given} pictures, {calibration.found} show the board, {len(views)} taken; it was "
         f"seen in {area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, turned {area.tilts} ways",
         soft_wrap=True,
     )

@@ -16,7 +16,7 @@ import yaml
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array
 from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, tags_in
-from bodycam_ros.lens.board_page import Room
+from bodycam_ros.lens.board_page import PrintArea
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
@@ -163,8 +163,8 @@ _TAG_OF_SQUARE = 0.75  # leaves a tag an eighth of the square on either side, in
 
 
 @dataclass(frozen=True)
-class BoardWish:
-    """What a board is to be like; None where the paper decides.
+class BoardOptions:
+    """Options of a board; None: as large as the paper allows.
 
     Attributes:
         kind: of ``KINDS``.
@@ -183,53 +183,53 @@ class BoardWish:
     first_tag: int = 0
 
 
-def design(wish: BoardWish, room: Room) -> BoardLayout:
-    """The board that is wished, in whole millimetres where the paper decides.
+def design_layout(options: BoardOptions, area: PrintArea) -> BoardLayout:
+    """The board of the options, in whole millimetres where the paper decides.
 
     Raises:
-        LensError: the wish contradicts itself.
+        LensError: the options contradict each other.
     """
-    kind = wish.kind
-    columns, rows = wish.columns or COUNTS[kind][0], wish.rows or COUNTS[kind][1]
+    kind = options.kind
+    columns, rows = options.columns or COUNTS[kind][0], options.rows or COUNTS[kind][1]
     if kind == CHECKERBOARD:
-        if wish.tag_mm is not None:
+        if options.tag_mm is not None:
             raise LensError("a checkerboard has no tags; give the size of its squares with --square-size")
         if min(columns, rows) < 3 or columns % 2 == rows % 2:
             raise LensError(
                 f"a checkerboard of {columns} x {rows} squares has no orientation; of columns and rows one "
                 "must be even and the other odd, both 3 or more"
             )
-        side = _side(wish.square_mm, room, columns, rows)
+        side = _side(options.square_mm, area, columns, rows)
         return BoardLayout(kind, columns, rows, (side, side))
-    if wish.family not in dictionaries():
+    if options.family not in dictionaries():
         known = ", ".join(sorted(dictionaries()))
-        raise LensError(f"there is no family of tags '{wish.family}'; known are {known}")
+        raise LensError(f"there is no family of tags '{options.family}'; known are {known}")
     if kind == APRILTAG:
-        if wish.square_mm is not None:
+        if options.square_mm is not None:
             raise LensError("a board of AprilTags has no squares; give the size of its tags with --tag-size")
         gaps = _GAP_OF_TAG * np.array([columns - 1, rows - 1])
-        tag = _side(wish.tag_mm, room, *(np.array([columns, rows]) + gaps).tolist())
+        tag = _side(options.tag_mm, area, *(np.array([columns, rows]) + gaps).tolist())
         pitch = tag * (1.0 + _GAP_OF_TAG)
     else:
         if min(columns, rows) < 3:
             raise LensError(f"a ChArUco board has 3 columns and rows or more, not {columns} x {rows}")
-        pitch = _side(wish.square_mm, room, columns, rows)
-        tag = _TAG_OF_SQUARE * pitch if wish.tag_mm is None else 1e-3 * wish.tag_mm
+        pitch = _side(options.square_mm, area, columns, rows)
+        tag = _TAG_OF_SQUARE * pitch if options.tag_mm is None else 1e-3 * options.tag_mm
         if tag >= pitch:
             raise LensError(f"tags of {1e3 * tag:g} mm do not fit into squares of {1e3 * pitch:g} mm")
-    dictionary = dictionaries()[wish.family]
-    layout = BoardLayout(kind, columns, rows, (pitch, pitch), (tag, tag), dictionary, wish.first_tag)
-    check_tags(layout, wish.family, "the board")
+    dictionary = dictionaries()[options.family]
+    layout = BoardLayout(kind, columns, rows, (pitch, pitch), (tag, tag), dictionary, options.first_tag)
+    check_tags(layout, options.family, "the board")
     return layout
 
 
-def stretched(layout: BoardLayout, share: tuple[float, float]) -> BoardLayout:
+def scale_layout(layout: BoardLayout, share: tuple[float, float]) -> BoardLayout:
     """The board as a printer made it: by these shares larger to the right and upwards."""
     pitch, tag = (np.multiply(size, share).tolist() for size in (layout.pitch_m, layout.tag_m))
     return replace(layout, pitch_m=tuple(pitch), tag_m=tuple(tag))
 
 
-def board_words(layout: BoardLayout, family: str) -> str:
+def board_caption(layout: BoardLayout, family: str) -> str:
     """What is printed beneath a board, for who finds it."""
     parts = f"{layout.columns} x {layout.rows}"
     pitch, tag = f"{1e3 * layout.pitch_m[0]:g} mm", f"{1e3 * layout.tag_m[0]:g} mm"
@@ -241,9 +241,9 @@ def board_words(layout: BoardLayout, family: str) -> str:
     return f"AprilTags, {parts} of {tag}, {pitch} apart from middle to middle ({tags})"
 
 
-def _side(wished_mm: float | None, room: Room, across: float, upwards: float) -> float:
+def _side(given_mm: float | None, area: PrintArea, across: float, upwards: float) -> float:
     """Of a part [m] of which so many make the board's width and height."""
-    if wished_mm is not None:
-        return 1e-3 * wished_mm
-    side_mm = min(room.width / across, room.height / upwards)
+    if given_mm is not None:
+        return 1e-3 * given_mm
+    side_mm = min(area.width / across, area.height / upwards)
     return 1e-3 * float(np.floor(side_mm) if side_mm >= 1.0 else side_mm)

@@ -33,7 +33,7 @@ _FLAT_SHARE = 0.03  # of the picture's width by which points of a plane may diff
 
 
 @dataclass(frozen=True)
-class BoardSight:
+class BoardView:
     """The points of a board in one picture.
 
     Attributes:
@@ -110,7 +110,7 @@ class LensBoard:
         return boards
 
 
-def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | None) -> BoardSight | None:
+def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | None) -> BoardView | None:
     """The points of a board that a picture (H, W) shows, or None if it shows none, or too few.
 
     Args:
@@ -136,28 +136,28 @@ def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | No
     if board.is_mirrored:
         points = points * [-1.0, 1.0, 1.0]
         pixels = np.column_stack([gray.shape[1] - 1 - pixels[:, 0], pixels[:, 1]])
-    return BoardSight(name, points, pixels, spreads, _sharpness(gray, pixels))
+    return BoardView(name, points, pixels, spreads, _sharpness(gray, pixels))
 
 
-def board_pose(camera: CameraModel, sight: BoardSight) -> tuple[Array, float] | None:
+def board_pose(camera: CameraModel, view: BoardView) -> tuple[Array, float] | None:
     """camera_T_board (4, 4) and its median error [px] by a lens, or None where that sees too few points."""
-    rays, valid = camera.unproject(sight.pixels)
+    rays, valid = camera.unproject(view.pixels)
     if valid.sum() < _LEAST_POINTS:
         return None
     middle = rays[valid].mean(axis=0)
-    view_R_camera = turned_to(middle / np.linalg.norm(middle))
+    view_R_camera = view_rotation(middle / np.linalg.norm(middle))
     rays_view = rays @ view_R_camera.T
     with np.errstate(invalid="ignore"):
         used = valid & (rays_view[:, 2] > _NARROW)
     if used.sum() < _LEAST_POINTS:
         return None
     image = rays_view[used, :2] / rays_view[used, 2:]
-    points = sight.points_board[used]
+    points = view.points_board[used]
     best = None
     for view_T_board in _perspective_poses(points, image):
         camera_T_board = rigid(view_R_camera.T, np.zeros(3)) @ view_T_board
-        seen, in_view = camera.project(sight.points_board @ camera_T_board[:3, :3].T + camera_T_board[:3, 3])
-        error = np.where(in_view, np.linalg.norm(seen - sight.pixels, axis=1), np.inf)
+        seen, in_view = camera.project(view.points_board @ camera_T_board[:3, :3].T + camera_T_board[:3, 3])
+        error = np.where(in_view, np.linalg.norm(seen - view.pixels, axis=1), np.inf)
         median = float(np.median(error))
         if best is None or median < best[1]:
             best = camera_T_board, median
@@ -176,7 +176,7 @@ def _perspective_poses(points: Array, image: Array) -> list[Array]:
     return [pose for pose in poses if np.isfinite(pose).all()]
 
 
-def turned_to(direction: Array) -> Array:
+def view_rotation(direction: Array) -> Array:
     """view_R_camera (3, 3) of a view along a unit direction."""
     across = np.cross([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0], direction)
     across /= np.linalg.norm(across)
@@ -260,7 +260,7 @@ def _beside(corners: Array, tag_board: Array, points_board: Array, camera: Camer
     if camera is not None:
         bearings, valid = camera.unproject(corners)
         middle = bearings.mean(axis=0)
-        view_R_camera = turned_to(middle / np.linalg.norm(middle)) if valid.all() else view_R_camera
+        view_R_camera = view_rotation(middle / np.linalg.norm(middle)) if valid.all() else view_R_camera
         in_view = bearings @ view_R_camera.T
         if not valid.all() or in_view[:, 2].min() <= _NARROW:
             return np.full((len(points_board), 2), np.nan)

@@ -24,8 +24,8 @@ _RULER_STEP = 50.0  # [mm] a ruler is a whole number of these long
 
 
 @dataclass(frozen=True)
-class Room:
-    """What of a page is left for a board.
+class PrintArea:
+    """Area of a page for the board.
 
     Attributes:
         left, lower: of its lower left corner [mm].
@@ -38,17 +38,17 @@ class Room:
     height: float
 
 
-def room_on(page_mm: tuple[float, float]) -> Room:
-    """Room beside the rulers; the text beneath the board shares its strip with the lower one."""
+def print_area(page_mm: tuple[float, float]) -> PrintArea:
+    """Area beside the rulers; the text beneath the board shares its strip with the lower one."""
     beside = _BORDER + _RULER + _QUIET
     lower = beside + 4.0
-    return Room(beside, lower, page_mm[0] - beside - _BORDER, page_mm[1] - lower - _BORDER)
+    return PrintArea(beside, lower, page_mm[0] - beside - _BORDER, page_mm[1] - lower - _BORDER)
 
 
 def ruler_lengths(page_mm: tuple[float, float]) -> tuple[float, float]:
     """Lengths of the rulers across and upwards [mm]."""
-    room = room_on(page_mm)
-    across, up = (max(1.0, side // _RULER_STEP) * _RULER_STEP for side in (room.width, room.height))
+    area = print_area(page_mm)
+    across, up = (max(1.0, side // _RULER_STEP) * _RULER_STEP for side in (area.width, area.height))
     return across, up
 
 
@@ -61,29 +61,29 @@ def board_pdf(layout: BoardLayout, page_mm: tuple[float, float], words: str) -> 
         words: printed beneath the board.
 
     Raises:
-        OutputError: the board is larger than the paper's room.
+        OutputError: the board is larger than the printable area.
     """
-    room = room_on(page_mm)
+    area = print_area(page_mm)
     width, height = (1e3 * side for side in layout.size_m)
-    if width > room.width + 1e-6 or height > room.height + 1e-6:
+    if width > area.width + 1e-6 or height > area.height + 1e-6:
         raise OutputError(
-            f"the board of {width:.0f} x {height:.0f} mm is larger than what the page has room for, "
-            f"{room.width:.0f} x {room.height:.0f} mm; take fewer columns and rows, smaller parts or a larger page"
+            f"the board of {width:.0f} x {height:.0f} mm is larger than the printable area, "
+            f"{area.width:.0f} x {area.height:.0f} mm; take fewer columns and rows, smaller parts or a larger page"
         )
     figure = Figure(figsize=(page_mm[0] / _MM_PER_INCH, page_mm[1] / _MM_PER_INCH))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_xlim(0.0, page_mm[0])
     axes.set_ylim(0.0, page_mm[1])
     axes.axis("off")
-    middle = np.array([room.left + 0.5 * room.width, room.lower + 0.5 * room.height])
+    middle = np.array([area.left + 0.5 * area.width, area.lower + 0.5 * area.height])
     loops = [middle + 1e3 * loop for loop in layout.outlines()]
     outline = Outline.make_compound_path(*(Outline(np.vstack([loop, loop[:1]]), closed=True) for loop in loops))
     axes.add_patch(PathPatch(outline, facecolor="black", edgecolor="none", linewidth=0.0))
     across, up = ruler_lengths(page_mm)
-    _draw_ruler(axes, (room.left, _BORDER + _RULER), across, upwards=False)
-    _draw_ruler(axes, (_BORDER + _RULER, room.lower), up, upwards=True)
+    _draw_ruler(axes, (area.left, _BORDER + _RULER), across, upwards=False)
+    _draw_ruler(axes, (_BORDER + _RULER, area.lower), up, upwards=True)
     beneath = f"{words}; print at 100 %; this is the lower edge"
-    axes.text(room.left, _BORDER + _RULER + 2.0, beneath, fontsize=_LETTERS_PT, va="bottom", ha="left")
+    axes.text(area.left, _BORDER + _RULER + 2.0, beneath, fontsize=_LETTERS_PT, va="bottom", ha="left")
     written = BytesIO()
     figure.savefig(written, format="pdf", metadata={"Title": words, "Creator": "bodycam board"})
     return written.getvalue()

@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.board_detector import BoardSight, LensBoard, find_board
+from bodycam_ros.lens.board_detector import BoardView, LensBoard, find_board
 from bodycam_ros.lens.board_layout import CHECKERBOARD
-from bodycam_ros.lens.lens_fit import LensFit, as_model, first_fit, fit_lens, placed_fit
-from bodycam_ros.lens.lens_pictures import LensPicture, lit
+from bodycam_ros.lens.lens_fit import LensFit, as_model, fit_lens, fit_unplaced, initial_fit
+from bodycam_ros.lens.lens_images import LensImage, illuminated_pixels
 from bodycam_ros.lens.lens_quality import (
     CELLS,
     TRUSTED_RADIUS,
-    SeenArea,
+    BoardCoverage,
     Validation,
+    board_coverage,
     cell_numbers,
     objections,
     ray_grid,
-    seen_area,
     validate,
     warnings,
 )
 from bodycam_ros.mapping.progress import Progress, in_parallel
 
-_LEAST_SIGHTS = 3  # as many as cameras' five to twelve numbers need
-_MOST_SIGHTS = 60  # sharp pictures that are spread best; more add time, hardly truth
+_MIN_VIEWS = 3  # as many as cameras' five to twelve numbers need
+_MAX_VIEWS = 60  # sharp pictures that are spread best; more add time, hardly truth
 _TRIED_PICTURES = 12  # on which variants of the board are compared
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
 _TILTED = np.sin(np.radians(15.0))
@@ -68,7 +68,7 @@ class LensCalibration:
 
     chosen: ModelTrial
     trials: tuple[ModelTrial, ...]
-    area: SeenArea
+    area: BoardCoverage
     is_lit: NDArray[np.bool_]
     given: int
     found: int
@@ -78,7 +78,7 @@ class LensCalibration:
 
 
 def calibrate_lens(
-    pictures: Sequence[LensPicture], board: LensBoard, models: Sequence[str], progress: Progress
+    pictures: Sequence[LensImage], board: LensBoard, models: Sequence[str], progress: Progress
 ) -> LensCalibration:
     """Measure a lens.
 
@@ -92,32 +92,32 @@ def calibrate_lens(
         LensError: too few pictures show the board for any lens, or they are of two cameras.
     """
     height, width = pictures[0].grey.shape
-    is_lit = lit(pictures)
+    is_lit = illuminated_pixels(pictures)
     board = _chosen_variant(pictures, board, progress)
     rough = _find(pictures, board, None, "finding the board", progress)
-    if len(rough) < _LEAST_SIGHTS:
+    if len(rough) < _MIN_VIEWS:
         raise LensError(
-            f"{board.name}: {len(rough)} of {len(pictures)} pictures show this board; {_LEAST_SIGHTS} are needed, and "
+            f"{board.name}: {len(rough)} of {len(pictures)} pictures show this board; {_MIN_VIEWS} are needed, and "
             "8 or more make a good lens. Is it the board's own file? Film it from near by, still, in bright light, "
             "with all of it in the picture"
         )
-    fit = first_fit(rough, width, height)
+    fit = initial_fit(rough, width, height)
     if board.dictionary is not None:
         # What was found without a lens is good to a pixel at best; and a lens finds more, where it bends much.
-        fit = placed_fit(fit.camera, _find(pictures, board, fit.camera, "finding it through the lens", progress))
-    found = len(fit.sights)
-    rows = _spread_sights(fit, width, height)
-    fit = fit_lens(fit.camera, [fit.sights[row] for row in rows], fit.poses[rows])
-    reach = min(TRUSTED_RADIUS, seen_area(fit, is_lit).reach)
+        fit = fit_unplaced(fit.camera, _find(pictures, board, fit.camera, "finding it through the lens", progress))
+    found = len(fit.views)
+    rows = _spread_views(fit, width, height)
+    fit = fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows])
+    reach = min(TRUSTED_RADIUS, board_coverage(fit, is_lit).reach)
     trials = []
     with progress.step("fitting lenses", len(models)) as advance:
         for model in models:
-            trial = fit_lens(as_model(model, fit), fit.sights, fit.poses)
+            trial = fit_lens(as_model(model, fit), fit.views, fit.poses)
             trials.append(ModelTrial(model, trial, validate(trial, ray_grid(is_lit, reach))))
             advance()
     best = _best(trials, ray_grid(is_lit))
     _check_one_camera(best.fit)
-    area = seen_area(best.fit, is_lit)
+    area = board_coverage(best.fit, is_lit)
     is_checkerboard = board.squares is not None and board.squares.kind == CHECKERBOARD
     return LensCalibration(
         best,
@@ -132,14 +132,14 @@ def calibrate_lens(
     )
 
 
-def _chosen_variant(pictures: Sequence[LensPicture], board: LensBoard, progress: Progress) -> LensBoard:
+def _chosen_variant(pictures: Sequence[LensImage], board: LensBoard, progress: Progress) -> LensBoard:
     """The way of reading the board that finds most of it; as described unless another finds clearly more."""
     step = max(1, len(pictures) // _TRIED_PICTURES)
     some = pictures[::step]
     best, most = board, -1.0
     for variant in board.variants():
         found = _find(some, variant, None, "comparing the board with its file", progress)
-        points = float(sum(sight.flat_points for sight in found))
+        points = float(sum(view.flat_points for view in found))
         if points > most:
             best, most = variant, 1.25 * points
         if len(found) > 0.5 * len(some) and variant is board:
@@ -150,12 +150,12 @@ def _chosen_variant(pictures: Sequence[LensPicture], board: LensBoard, progress:
 def _check_one_camera(fit: LensFit) -> None:
     """Refuse pictures whose names make two groups, each of which fits a lens of its own clearly better."""
     groups: dict[str, list[int]] = {}
-    for row, sight in enumerate(fit.sights):
-        groups.setdefault(_LAST_NUMBER.sub("*", sight.name.split(" at ")[0]), []).append(row)
+    for row, view in enumerate(fit.views):
+        groups.setdefault(_LAST_NUMBER.sub("*", view.name.split(" at ")[0]), []).append(row)
     large = {name: rows for name, rows in sorted(groups.items()) if len(rows) >= _LEAST_GROUP}
     if len(large) < 2:
         return
-    fits = [fit_lens(fit.camera, [fit.sights[row] for row in rows], fit.poses[rows]) for rows in large.values()]
+    fits = [fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]) for rows in large.values()]
     own_px = max(each.median_px for each in fits)
     if fit.median_px > _TWO_CAMERAS * own_px:
         raise LensError(
@@ -164,16 +164,16 @@ def _check_one_camera(fit: LensFit) -> None:
         )
 
 
-def _spread_sights(fit: LensFit, width: int, height: int) -> list[int]:
+def _spread_views(fit: LensFit, width: int, height: int) -> list[int]:
     """Rows of the sharp pictures to take, spread over the image and over the ways the board was turned, best first."""
-    sharpness = np.array([sight.sharpness for sight in fit.sights])
+    sharpness = np.array([view.sharpness for view in fit.views])
     usual = max(1e-9, float(np.percentile(sharpness, _SHARP)))
-    left = [row for row in range(len(fit.sights)) if sharpness[row] >= _MIN_SHARPNESS * usual]
+    left = [row for row in range(len(fit.views)) if sharpness[row] >= _MIN_SHARPNESS * usual]
     kinds = _turned(fit.poses)
-    cells = [np.unique(cell_numbers(sight.pixels, width, height)) for sight in fit.sights]
+    cells = [np.unique(cell_numbers(view.pixels, width, height)) for view in fit.views]
     seen = np.zeros((1 + _DIRECTIONS, CELLS[0] * CELLS[1]))
     chosen: list[int] = []
-    while left and len(chosen) < _MOST_SIGHTS:
+    while left and len(chosen) < _MAX_VIEWS:
         gains = [
             float((1.0 / (1.0 + seen[kinds[row], cells[row]])).sum()) * min(1.0, sharpness[row] / usual) for row in left
         ]
@@ -214,13 +214,13 @@ def _is_better(one: Validation, other: Validation) -> bool:
 
 
 def _find(
-    pictures: Sequence[LensPicture], board: LensBoard, camera: CameraModel | None, step: str, progress: Progress
-) -> list[BoardSight]:
-    find: Callable[[LensPicture], BoardSight | None] = lambda p: find_board(p.grey, p.name, board, camera)  # noqa: E731
+    pictures: Sequence[LensImage], board: LensBoard, camera: CameraModel | None, step: str, progress: Progress
+) -> list[BoardView]:
+    find: Callable[[LensImage], BoardView | None] = lambda p: find_board(p.grey, p.name, board, camera)  # noqa: E731
     with progress.step(step, len(pictures)) as advance:
         found = []
-        for sight in in_parallel(find, pictures, os.cpu_count() or 1):
+        for view in in_parallel(find, pictures, os.cpu_count() or 1):
             advance()
-            if sight is not None:
-                found.append(sight)
+            if view is not None:
+                found.append(view)
     return found

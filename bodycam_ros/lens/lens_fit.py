@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array, exp_so3, hat, rigid
-from bodycam_ros.lens.board_detector import BoardSight, board_pose
+from bodycam_ros.lens.board_detector import BoardView, board_pose
 
 _TINY = 1e-300
 _OMEGA_STEP = 1e-6
@@ -99,14 +99,14 @@ class LensFit:
 
     Attributes:
         camera: the lens.
-        sights: the pictures that it was fitted to.
+        views: the pictures that it was fitted to.
         poses: (V, 4, 4) camera_T_board of each.
         residuals: (N, 2) [px] of all points, picture by picture; measured minus projected.
         rows: (N,) picture of each point.
     """
 
     camera: CameraModel
-    sights: tuple[BoardSight, ...]
+    views: tuple[BoardView, ...]
     poses: Array
     residuals: Array
     rows: NDArray[np.int64]
@@ -125,12 +125,12 @@ class LensFit:
     @property
     def pixels(self) -> Array:
         """(N, 2) of all points."""
-        return np.concatenate([sight.pixels for sight in self.sights])
+        return np.concatenate([view.pixels for view in self.views])
 
     @property
     def spreads(self) -> Array:
         """(N,) of all points."""
-        return np.concatenate([sight.spreads for sight in self.sights])
+        return np.concatenate([view.spreads for view in self.views])
 
 
 def with_lens(camera: CameraModel, lens: Array) -> CameraModel:
@@ -145,25 +145,25 @@ def lens_numbers(camera: CameraModel) -> Array:
 
 
 def fit_lens(
-    camera: CameraModel, sights: Sequence[BoardSight], poses: Array, fixed: bool = False, rounds: int = _ROUNDS
+    camera: CameraModel, views: Sequence[BoardView], poses: Array, fixed: bool = False, rounds: int = _ROUNDS
 ) -> LensFit:
     """Fit lens and poses.
 
     Args:
         camera: where to start, and the model.
-        sights: the pictures.
+        views: the pictures.
         poses: (V, 4, 4) camera_T_board to start from.
         fixed: leave the lens as it is, for pictures that it was not fitted to.
         rounds: how often the weights are found anew.
     """
-    bundle = _Bundle(camera, sights, fixed)
+    bundle = _Bundle(camera, views, fixed)
     lens = lens_numbers(camera)
     errors = bundle.residuals(lens, poses)
     scale = _FIRST_SCALE_PX
     for _ in range(rounds):
         scale = min(scale, _TAIL * max(_LEAST_SCALE_PX, _scale(np.linalg.norm(errors, axis=1))))
         lens, poses, errors = bundle.descend(lens, poses, errors, max(scale, _TAIL * _LEAST_SCALE_PX))
-    return LensFit(with_lens(camera, lens), tuple(sights), poses, -errors * bundle.spreads[:, None], bundle.rows)
+    return LensFit(with_lens(camera, lens), tuple(views), poses, -errors * bundle.spreads[:, None], bundle.rows)
 
 
 def _scale(errors: Array) -> float:
@@ -173,13 +173,13 @@ def _scale(errors: Array) -> float:
 class _Bundle:
     """What is fitted to what."""
 
-    def __init__(self, camera: CameraModel, sights: Sequence[BoardSight], fixed: bool) -> None:
+    def __init__(self, camera: CameraModel, views: Sequence[BoardView], fixed: bool) -> None:
         self._camera = camera
-        self._points = np.concatenate([sight.points_board for sight in sights])
-        self._pixels = np.concatenate([sight.pixels for sight in sights])
-        self.spreads = np.concatenate([sight.spreads for sight in sights])
-        counts = [len(sight.pixels) for sight in sights]
-        self.rows = np.repeat(np.arange(len(sights)), counts)
+        self._points = np.concatenate([view.points_board for view in views])
+        self._pixels = np.concatenate([view.pixels for view in views])
+        self.spreads = np.concatenate([view.spreads for view in views])
+        counts = [len(view.pixels) for view in views]
+        self.rows = np.repeat(np.arange(len(views)), counts)
         self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
         self._fixed = fixed
 
@@ -288,38 +288,38 @@ def _possible(lens: Array, camera: CameraModel) -> bool:
 
 _FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)
 _TRIED = 12  # pictures that focal lengths are tried on
-_LEAST_SIGHTS = 3
+_MIN_VIEWS = 3
 _ANGLES = 60
 _LARGEST = 100.0  # coefficient of a lens to start from
 _STEEPEST_DEG = 80.0  # beyond it a perspective image is useless
 
 
-def first_fit(sights: Sequence[BoardSight], width: int, height: int) -> LensFit:
+def initial_fit(views: Sequence[BoardView], width: int, height: int) -> LensFit:
     """An equidistant lens with the pictures' poses: with its four coefficients it resembles any lens.
 
     Raises:
         LensError: no lens explains the pictures.
     """
-    most_points = sorted(sights, key=lambda sight: -len(sight.pixels))
-    tried = most_points[: 3 * _TRIED : 3] if len(sights) >= 3 * _TRIED else most_points[:_TRIED]
+    most_points = sorted(views, key=lambda view: -len(view.pixels))
+    tried = most_points[: 3 * _TRIED : 3] if len(views) >= 3 * _TRIED else most_points[:_TRIED]
     costs = [_start_cost(_plain(focal * max(width, height), width, height), tried) for focal in _FOCAL_OF_WIDTH]
     camera = _plain(float(_FOCAL_OF_WIDTH[int(np.argmin(costs))]) * max(width, height), width, height)
-    return placed_fit(camera, sights)
+    return fit_unplaced(camera, views)
 
 
-def placed_fit(camera: CameraModel, sights: Sequence[BoardSight], rounds: int = 4) -> LensFit:
+def fit_unplaced(camera: CameraModel, views: Sequence[BoardView], rounds: int = 4) -> LensFit:
     """Fit a lens that is roughly known to pictures whose poses are not.
 
     Raises:
         LensError: fewer than three of them can be placed by it.
     """
-    placed = [(sight, found[0]) for sight in sights if (found := board_pose(camera, sight)) is not None]
-    if len(placed) < _LEAST_SIGHTS:
+    placed = [(view, found[0]) for view in views if (found := board_pose(camera, view)) is not None]
+    if len(placed) < _MIN_VIEWS:
         raise LensError(
-            f"{len(placed)} of {len(sights)} pictures fit any lens, {_LEAST_SIGHTS} are needed: is it the board's own "
+            f"{len(placed)} of {len(views)} pictures fit any lens, {_MIN_VIEWS} are needed: is it the board's own "
             "file, with its counts and sizes?"
         )
-    return fit_lens(camera, [sight for sight, _ in placed], np.array([pose for _, pose in placed]), rounds=rounds)
+    return fit_lens(camera, [view for view, _ in placed], np.array([pose for _, pose in placed]), rounds=rounds)
 
 
 def as_model(model: str, fit: LensFit) -> CameraModel:
@@ -367,8 +367,8 @@ def _plain(focal_px: float, width: int, height: int) -> CameraModel:
     return camera_from_info("camera", width, height, "equidistant", [0.0] * 4, k)
 
 
-def _start_cost(camera: CameraModel, sights: Sequence[BoardSight]) -> float:
+def _start_cost(camera: CameraModel, views: Sequence[BoardView]) -> float:
     """Mean of the pictures' median errors [px], those that cannot be placed counted as far off."""
     far = float(max(camera.width, camera.height))
-    errors = [far if (found := board_pose(camera, sight)) is None else min(far, found[1]) for sight in sights]
+    errors = [far if (found := board_pose(camera, view)) is None else min(far, found[1]) for view in views]
     return float(np.mean(errors))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, nearest_rotation
-from bodycam_ros.lens.board_detector import turned_to
+from bodycam_ros.lens.board_detector import view_rotation
 from bodycam_ros.lens.lens_fit import LensFit, fit_lens, lens_numbers
 
 TRUSTED_RADIUS = 0.9
@@ -58,7 +58,7 @@ class Validation:
 
 
 @dataclass(frozen=True)
-class SeenArea:
+class BoardCoverage:
     """Where in the picture the board was seen.
 
     Attributes:
@@ -90,15 +90,15 @@ def validate(fit: LensFit, grid: Array) -> Validation:
         fit: the whole.
         grid: (G, 2) pixels at which rays are compared.
     """
-    pictures = np.arange(len(fit.sights))
+    pictures = np.arange(len(fit.views))
     folds = min(_FOLDS, len(pictures))
     tests, rows = [], []
     squares, lens_squares = np.zeros(len(grid)), np.zeros(len(lens_numbers(fit.camera)))
     for fold in range(folds):
         left_out = pictures[pictures % folds == fold]
         used = np.setdiff1d(pictures, left_out)
-        part = fit_lens(fit.camera, [fit.sights[row] for row in used], fit.poses[used], rounds=_FOLD_ROUNDS)
-        test = fit_lens(part.camera, [fit.sights[row] for row in left_out], fit.poses[left_out], True, _FOLD_ROUNDS)
+        part = fit_lens(fit.camera, [fit.views[row] for row in used], fit.poses[used], rounds=_FOLD_ROUNDS)
+        test = fit_lens(part.camera, [fit.views[row] for row in left_out], fit.poses[left_out], True, _FOLD_ROUNDS)
         tests.append(test)
         rows.append(left_out[test.rows])
         squares += ray_difference_px(fit.camera, part.camera, grid) ** 2
@@ -158,7 +158,7 @@ def cell_numbers(pixels: Array, width: int, height: int) -> NDArray[np.int64]:
     return down * columns + across
 
 
-def seen_area(fit: LensFit, is_lit: NDArray[np.bool_]) -> SeenArea:
+def board_coverage(fit: LensFit, is_lit: NDArray[np.bool_]) -> BoardCoverage:
     """Where the board was seen, in a picture of which some pixels (H, W) are lit."""
     height, width = is_lit.shape
     every = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.float64)
@@ -167,7 +167,7 @@ def seen_area(fit: LensFit, is_lit: NDArray[np.bool_]) -> SeenArea:
     points = np.bincount(cell_numbers(fit.pixels, width, height), minlength=CELLS[0] * CELLS[1])
     radius = image_radius(is_lit)
     distances = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1)
-    return SeenArea(
+    return BoardCoverage(
         is_lit=(share >= _LIT_SHARE).reshape(CELLS),
         is_covered=(points >= _LEAST_POINTS).reshape(CELLS),
         radius_px=radius,
@@ -194,7 +194,7 @@ def objections(validation: Validation) -> list[str]:
     return found
 
 
-def warnings(fit: LensFit, validation: Validation, area: SeenArea, must_be_whole: bool) -> list[str]:
+def warnings(fit: LensFit, validation: Validation, area: BoardCoverage, must_be_whole: bool) -> list[str]:
     """What makes the lens less certain than it could be, each with what to film.
 
     Args:
@@ -204,9 +204,9 @@ def warnings(fit: LensFit, validation: Validation, area: SeenArea, must_be_whole
         must_be_whole: a checkerboard, which is found only where all of it is in the picture.
     """
     found = []
-    if len(fit.sights) < _MIN_PICTURES:
+    if len(fit.views) < _MIN_PICTURES:
         found.append(
-            f"{len(fit.sights)} sharp pictures show the board; take {_MIN_PICTURES} or more, the board still while the "
+            f"{len(fit.views)} sharp pictures show the board; take {_MIN_PICTURES} or more, the board still while the "
             "camera looks, in bright light"
         )
     if area.coverage < _MIN_COVERAGE:
@@ -240,7 +240,7 @@ def _pixels(error_px: float) -> str:
 def _faces_in_view(poses: Array) -> Array:
     """(V, 3) the boards' faces in a view straight at each."""
     towards = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
-    turns = np.array([turned_to(direction) for direction in towards])
+    turns = np.array([view_rotation(direction) for direction in towards])
     faces: Array = np.einsum("vij,vj->vi", turns, poses[:, :3, 2])
     return faces
 
@@ -254,7 +254,7 @@ def _distinct(faces: Array) -> int:
     return len(kept)
 
 
-def _where_lacking(area: SeenArea) -> str:
+def _where_lacking(area: BoardCoverage) -> str:
     """The parts of the picture, in words, where the board was seen least."""
     lacking = area.is_lit & ~area.is_covered
     parts = []

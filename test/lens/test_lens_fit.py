@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from known_lenses import LENSES, held
 
-from bodycam_ros.lens.lens_fit import as_model, derivatives_by_lens, first_fit, fit_lens, lens_numbers, with_lens
+from bodycam_ros.lens.lens_fit import as_model, derivatives_by_lens, fit_lens, initial_fit, lens_numbers, with_lens
 from bodycam_ros.lens.lens_quality import ray_difference_px, ray_grid
 
 _LIT = np.ones((480, 640), dtype=bool)
@@ -15,7 +15,7 @@ def first():
 
     def get(model):
         if model not in made:
-            made[model] = first_fit(held(LENSES[model]), 640, 480)
+            made[model] = initial_fit(held(LENSES[model]), 640, 480)
         return made[model]
 
     return get
@@ -37,7 +37,7 @@ def test_derivatives_are_those_of_the_camera_model(model):
 @pytest.mark.parametrize("model", LENSES)
 def test_every_model_is_found_again_without_knowing_anything(model, first):
     start = first(model)
-    fit = fit_lens(as_model(model, start), start.sights, start.poses)
+    fit = fit_lens(as_model(model, start), start.views, start.poses)
     grid = ray_grid(_LIT)
     assert ray_difference_px(fit.camera, LENSES[model], grid).max() < 0.15
     # Also without making up for a turn of the camera.

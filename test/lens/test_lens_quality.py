@@ -1,21 +1,21 @@
 from dataclasses import replace
 
 import numpy as np
-from known_lenses import CHARUCO, LENSES, held, sights_of
+from known_lenses import CHARUCO, LENSES, held, views_of
 from rendered_board import held_poses
 
 from bodycam_ros.geometry import exp_so3, rigid
-from bodycam_ros.lens.lens_fit import as_model, first_fit, fit_lens
-from bodycam_ros.lens.lens_quality import objections, ray_grid, seen_area, validate, warnings
+from bodycam_ros.lens.lens_fit import as_model, fit_lens, initial_fit
+from bodycam_ros.lens.lens_quality import board_coverage, objections, ray_grid, validate, warnings
 
 _LIT = np.ones((480, 640), dtype=bool)
 _FACING = np.diag([1.0, -1.0, -1.0])
 
 
-def _judged(sights):
-    start = first_fit(sights, 640, 480)
-    fit = fit_lens(as_model("plumb_bob", start), start.sights, start.poses)
-    area = seen_area(fit, _LIT)
+def _judged(views):
+    start = initial_fit(views, 640, 480)
+    fit = fit_lens(as_model("plumb_bob", start), start.views, start.poses)
+    area = board_coverage(fit, _LIT)
     validation = validate(fit, ray_grid(_LIT, min(0.9, area.reach)))
     return area, objections(validation), warnings(fit, validation, area, must_be_whole=False)
 
@@ -34,7 +34,7 @@ def test_a_board_held_in_the_middle_and_never_tilted_is_named_with_what_to_film(
         rigid(exp_so3(np.array([0.0, 0.0, turn])) @ _FACING, np.array([*random.normal(0.0, 0.01, 2), 0.8 + 0.02 * k]))
         for k, turn in enumerate(random.uniform(-0.5, 0.5, 10))
     ]
-    area, _, warned = _judged(sights_of(LENSES["plumb_bob"], poses, CHARUCO.inner_corners))
+    area, _, warned = _judged(views_of(LENSES["plumb_bob"], poses, CHARUCO.inner_corners))
     assert area.tilts == 1
     assert "tilt it by" in " ".join(warned) and "upper left" in " ".join(warned)
 
@@ -43,7 +43,7 @@ def test_a_board_that_is_bent_is_refused():
     points = CHARUCO.inner_corners
     bent = points + np.column_stack([np.zeros((len(points), 2)), 2.0 * points[:, 0] ** 2])  # by 2 cm
     camera = LENSES["plumb_bob"]
-    sights = sights_of(camera, held_poses(camera, CHARUCO, 30, size=0.6), bent)
-    flat = [replace(s, points_board=s.points_board * [1.0, 1.0, 0.0]) for s in sights]
+    views = views_of(camera, held_poses(camera, CHARUCO, 30, size=0.6), bent)
+    flat = [replace(s, points_board=s.points_board * [1.0, 1.0, 0.0]) for s in views]
     _, against, _ = _judged(flat)
     assert any("left out are off by" in why and "its file right" in why for why in against)

@@ -33,7 +33,7 @@ _LETTERS = 165  # of a line of the verdict
 _BINS = 12
 
 
-def calibration_picture(calibration: LensCalibration, title: str) -> bytes:
+def calibration_plot(calibration: LensCalibration, title: str) -> bytes:
     """A PNG with three panels."""
     refused, warned = calibration.objections, calibration.warnings
     verdict = f"not to be used: {'; '.join(refused)}" if refused else "; ".join(warned) or "good to use"

@@ -22,14 +22,14 @@ _SMALL_PX = 640  # width at which frames of a video are compared
 
 
 @dataclass(frozen=True)
-class LensPicture:
+class LensImage:
     """A grey picture (H, W) and what to call it."""
 
     name: str
     grey: Grey
 
 
-def lens_pictures(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[LensPicture]:
+def lens_images(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[LensImage]:
     """Pictures of videos, of images and of folders with images, all of one size, each with a name of its own.
 
     Raises:
@@ -37,7 +37,7 @@ def lens_pictures(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[L
         RecordingError: one cannot be read.
     """
     images: list[Path] = []
-    pictures: list[LensPicture] = []
+    pictures: list[LensImage] = []
     for source in dict.fromkeys(sources):
         if not source.exists():
             raise LensError(f"{source}: no such file or folder; give a video or images of the board")
@@ -54,7 +54,7 @@ def lens_pictures(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[L
         if len(images) > most:
             images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
         called = Counter(path.name for path in images)
-        pictures += [LensPicture(path.name if called[path.name] == 1 else str(path), _image(path)) for path in images]
+        pictures += [LensImage(path.name if called[path.name] == 1 else str(path), _image(path)) for path in images]
     if not pictures:
         raise LensError(f"{', '.join(map(str, sources))}: no pictures; give a video, images (jpg, png) or their folder")
     first = pictures[0]
@@ -67,7 +67,7 @@ def lens_pictures(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[L
     return pictures
 
 
-def lit(pictures: Sequence[LensPicture], threshold: int = 24) -> NDArray[np.bool_]:
+def illuminated_pixels(pictures: Sequence[LensImage], threshold: int = 24) -> NDArray[np.bool_]:
     """Which pixels (H, W) are ever lit: a fisheye may show a disc with black around it."""
     height, width = pictures[0].grey.shape
     size = (max(1, width // 8), max(1, height // 8))
@@ -77,13 +77,13 @@ def lit(pictures: Sequence[LensPicture], threshold: int = 24) -> NDArray[np.bool
     return np.asarray(full, np.bool_)
 
 
-def _of_video(path: Path, most: int, name: str) -> Iterator[LensPicture]:
+def _of_video(path: Path, most: int, name: str) -> Iterator[LensImage]:
     video = CameraVideo.of_files(path.stem, [path])
     facts = video.facts
     frames = facts.frames or round(facts.rate_hz * facts.duration_s)
     most = max(2, min(most, _MOST_BYTES // (facts.width * facts.height)))
     length = max(1, -(-frames // most))
-    best: tuple[float, LensPicture] | None = None
+    best: tuple[float, LensImage] | None = None
     before: NDArray[np.float32] | None = None
     for number, (seconds, frame) in enumerate(video.frames()):
         if number % length == 0 and best is not None:
@@ -96,7 +96,7 @@ def _of_video(path: Path, most: int, name: str) -> Iterator[LensPicture]:
         before = small
         if best is None or score > best[0]:
             upright = np.ascontiguousarray(np.rot90(grey, facts.rotation_deg // 90))
-            best = score, LensPicture(f"{name} at {seconds:.2f} s", upright)
+            best = score, LensImage(f"{name} at {seconds:.2f} s", upright)
     if best is not None:
         yield best[1]
 
@@ -123,6 +123,6 @@ def _image(path: Path) -> Grey:
     return np.asarray(grey, np.uint8)
 
 
-def _describe(picture: LensPicture) -> str:
+def _describe(picture: LensImage) -> str:
     height, width = picture.grey.shape
     return f"{width} x {height}"
