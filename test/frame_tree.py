@@ -7,7 +7,7 @@ import numpy as np
 
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.messages.factory import stamp_ns
-from bodycam_ros.messages.tracks import rotation_from_message
+from bodycam_ros.messages.poses import rotation_from_message
 
 
 class FrameTree:

@@ -18,8 +18,8 @@ from bodycam_ros.geometry import exp_so3, inverse, quaternion_xyzw, rigid, trans
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles, JointAngleTracker
 from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.messages.factory import Message, header_message
-from bodycam_ros.messages.health import text_message
 from bodycam_ros.messages.tracks import landmarks_message, tracks_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages

@@ -22,7 +22,7 @@ class SaidBySolver:
         return all(each.get_subscription_count() for each in (self._described, self._angles, self._root))
 
     def describe(self, text: str) -> None:
-        from bodycam_ros.messages.health import text_message
+        from bodycam_ros.messages.diagnostics import text_message
 
         self._described.publish(text_message(self._make, text))
 
@@ -30,7 +30,7 @@ class SaidBySolver:
         """An instant; angles are given to joints by name instead of what was solved."""
         from bodycam_ros.messages.body import joint_state_message
         from bodycam_ros.messages.factory import MAP_FRAME, header_message
-        from bodycam_ros.messages.tracks import pose_with_covariance_message
+        from bodycam_ros.messages.poses import pose_with_covariance_message
 
         motion = self._solved.motion
         stamp, root = int(motion.stamps_ns[row]), motion.world_T_root[row]

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from bodycam_ros import geometry
 from bodycam_ros.body_state import BodyState, BodyUncertainty
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory, stamp_ns
-from bodycam_ros.messages.health import equipment_message, equipment_report
-from bodycam_ros.messages.timing import SaidTiming, camera_timing, timing_message
+from bodycam_ros.messages.timing import CameraTiming, camera_timing, timing_message
 from bodycam_ros.messages.tracks import (
     body_covariance,
     landmark_matches,
@@ -141,11 +141,11 @@ def test_landmarks_survive_the_wire(
 @pytest.mark.parametrize("readout", [Readout(0.012, 0.0), Readout(-0.0123, 0.0004), None])
 def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send], readout: Readout | None) -> None:
     make, send = library
-    sent = SaidTiming(STAMP_NS, "claps", readout, 0.003, 0.0005, 2e-6, 1e-6)
+    sent = CameraTiming(STAMP_NS, "claps", readout, 0.003, 0.0005, 2e-6, 1e-6)
     message = send(timing_message(make, "head", sent))
     assert message.header.frame_id == "head_optical_frame"
     assert camera_timing(message) == sent
-    unknown = camera_timing(send(timing_message(make, "head", SaidTiming(STAMP_NS, "body", readout))))
+    unknown = camera_timing(send(timing_message(make, "head", CameraTiming(STAMP_NS, "body", readout))))
     assert unknown.readout == readout and math.isnan(unknown.offset_sigma)
 
 
@@ -153,7 +153,7 @@ def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send]
 def test_a_readout_time_that_cannot_be_is_refused(readout: Readout) -> None:
     make = recorded_messages()
     with pytest.raises(ValueError, match="0.1 s"):
-        camera_timing(timing_message(make, "head", SaidTiming(STAMP_NS, "given", readout)))
+        camera_timing(timing_message(make, "head", CameraTiming(STAMP_NS, "given", readout)))
 
 
 def test_lengths_that_disagree_are_refused(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:

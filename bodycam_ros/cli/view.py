@@ -119,7 +119,7 @@ def _view_live(arguments: argparse.Namespace) -> None:
     if unused := [name for name, value in given.items() if value is not None]:
         raise ViewError(f"--live: the running graph publishes the body; leave out {', '.join(unused)}")
     try:
-        listener = import_module("bodycam_ros.nodes.body_topics").BodyListener
+        listener = import_module("bodycam_ros.nodes.body_listener").BodyListener
     except ImportError as error:
         raise ViewError(
             f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "

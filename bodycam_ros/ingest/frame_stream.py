@@ -19,7 +19,7 @@ from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, optical_frame, time_message
 from bodycam_ros.messages.images import camera_info_message
-from bodycam_ros.messages.timing import SaidTiming, timing_message
+from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
 from bodycam_ros.recording.video_encoder import h264_packets, jpegs
@@ -134,7 +134,7 @@ class FrameStream:
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
         readout = None if self.camera.readout_s is None else Readout(self.camera.readout_s, 0.0)
-        timing = SaidTiming(
+        timing = CameraTiming(
             stamp_ns, time.source, readout, offset_sigma=time.start_sigma_s, drift_sigma=time.drift_sigma
         )
         return timing_message(recorded_messages(), self.camera.topic_name, timing)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from bodycam_ros.settings import setting
+from bodycam_ros.settings import describe, setting
 
 TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
@@ -24,7 +24,7 @@ class CommonParameters:
         reason="before the names of all frames but the map's, such as 'anna/', as robot_state_publisher has it: so "
         "several people share one map and one /tf; the node's namespace and a slash if empty, '/' for none",
     )
-    moments: str = setting("", reason="CSV file to be, of when each frame came and went; benchmarks.latency reads it")
+    moments: str = setting("", reason="output CSV of when each frame arrived and left, for benchmarks.latency")
 
 
 @dataclass(frozen=True)
@@ -39,30 +39,20 @@ class ManagedParameters(CommonParameters):
 
 
 @dataclass(frozen=True)
-class TrackerParameters(ManagedParameters):
-    """Of the node ``tracker``."""
+class ImageParameters(ManagedParameters):
+    """Of a node that processes the images of one camera."""
 
-    camera: str = setting("", reason="the camera to track; its images are on <camera>/image_raw/compressed")
+    camera: str = setting("", reason="the camera; its images are on <camera>/image_raw/compressed")
     map: str = setting(
         "",
-        reason="folder of the reference map, made by 'bodycam map'; with its photographs landmarks are found directly, "
-        "without it features are tracked until the registration names them",
+        reason="folder of the reference map, made by 'bodycam map'; optional: with its photographs the tracker finds "
+        "landmarks directly, and its frame is the world's for the region tracker",
     )
     transport: str = setting(
         "compressed",
         reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "
         "'foxglove' <camera>/image_raw/compressed_video or foxglove, which need foxglove_msgs; another one is taken if "
         "it alone is published",
-    )
-    image_queue: int = setting(
-        60, unit="images", limits=(1, 10000), reason="how far the tracker may fall behind before images are lost: 2 s"
-    )
-    most_ahead: int = setting(
-        5,
-        unit="frames",
-        limits=(1, 10000),
-        reason="how far the tracker may run ahead of the registration: 0.2 s",
-        live=True,
     )
     longest_wait: float = setting(
         1.0,
@@ -72,13 +62,21 @@ class TrackerParameters(ManagedParameters):
         "until it does again: before 'image_queue' is full; 0: never, where a slow machine is to catch up later",
         live=True,
     )
-    recovery: float = setting(
-        5.0,
-        unit="s",
-        limits=(0.0, 600.0),
-        reason="how long no image may have waited for more than a quarter of that, before all are tracked again",
+    image_queue: int = setting(
+        60, unit="images", limits=(1, 10000), reason="images that may wait, 2 s; beyond, the oldest are dropped"
+    )
+    most_ahead: int = setting(
+        5,
+        unit="frames",
+        limits=(1, 10000),
+        reason="frames by which the tracker may run ahead of the registration: 0.2 s",
         live=True,
     )
+
+
+@dataclass(frozen=True)
+class TrackerParameters(ImageParameters):
+    """Of the node ``tracker``."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +101,14 @@ class RegistrationParameters(ManagedParameters):
     )
     grown_map: str = setting(
         "",
-        reason="folder to be, in which each registration keeps its map with all that has grown, under its own name; "
-        "started again it goes on from there; nothing is kept if empty",
+        reason="output folder, in which each registration stores its grown map under its own name; "
+        "after a restart it continues from there; not stored if empty",
     )
     save_interval: float = setting(
         60.0,
         unit="s",
         limits=(1.0, 86400.0),
-        reason="how often 'grown_map' is written if it has changed; so much of the growth is lost by a crash, and the "
+        reason="how often 'grown_map' is written if it has changed; growth since then is lost by a crash, and the "
         "whole map, some 20 MB, is written each time",
         live=True,
     )
@@ -126,7 +124,7 @@ class SolverParameters(ManagedParameters):
         reason="what the person rides, holds or stands on: a YAML file that says where, or the name of a supplied one "
         "such as 'bicycle'",
     )
-    cameras: tuple[str, ...] = setting((), reason="the cameras to listen to; all of the body if empty")
+    cameras: tuple[str, ...] = setting((), reason="the cameras to use; all of the body if empty")
     rig: str = setting(
         "", reason="rig YAML; if given, the node collects a range of motion, and the service ~/calibrate makes the body"
     )
@@ -135,30 +133,21 @@ class SolverParameters(ManagedParameters):
         reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made; "
         "with 'stations': the map whose frame is the world",
     )
-    stations: str = setting(
-        "", reason="YAML of static cameras, whose <camera>/segment_poses are listened to; none if empty"
-    )
+    stations: str = setting("", reason="YAML of static cameras, whose <camera>/segment_poses are used; none if empty")
     start: str = setting(
-        "", reason="with 'stations': YAML of where the body is at first; if empty worn cameras must tell"
+        "", reason="with 'stations': YAML of the body in the first images; if empty body cameras must find it"
     )
-    worn: bool = setting(True, reason="whether to listen to cameras on the body; false where static ones alone tell")
+    worn: bool = setting(True, reason="whether to use cameras on the body; false for static ones alone")
     publish_links: bool = setting(
         True,
         reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
-        "robot_state_publisher says so: then /tf has the root alone",
+        "robot_state_publisher publishes them: then /tf has the root alone",
     )
     mass: float = setting(
         0.0,
         unit="kg",
         limits=(0.0, 1000.0),
         reason="mass of the whole person; robot_description then has inertials, by the table of de Leva 1996; 0: none",
-    )
-    marker_rate: float = setting(
-        1000.0,
-        unit="Hz",
-        limits=(0.0, 1000.0),
-        reason="/skeleton is published at most so often, for people who look at it; 0: never",
-        live=True,
     )
     overwrite_body: bool = setting(False, reason="with 'rig': whether a body that is there already may be replaced")
     facing: float = setting(
@@ -179,64 +168,37 @@ class SolverParameters(ManagedParameters):
         3.0,
         unit="s",
         limits=(0.1, 600.0),
-        reason="when no camera was heard for so long, publish the instants that wait for later ones",
+        reason="without registrations for so long, publish the frames that wait for later ones",
         live=True,
     )
 
 
 @dataclass(frozen=True)
-class RegionTrackerParameters(ManagedParameters):
-    """Of the node ``region_tracker``."""
+class RegionTrackerParameters(ImageParameters):
+    """Of the node ``region_tracker``; its camera is a static one, in colour."""
 
-    camera: str = setting("", reason="the static camera; its images are on <camera>/image_raw/compressed, in colour")
-    stations: str = setting("", reason="YAML of the static cameras: where they stand, and their lenses")
+    stations: str = setting("", reason="YAML of the static cameras: their poses and lenses")
     body: str = setting("", reason="body YAML; the solver must have the same")
     surface: str = setting(
         "", reason="folder of the segments' meshes; if empty the one that 'body' names, or capsules along its bones"
     )
     start: str = setting(
-        "", reason="YAML of where the body is in the first image; if empty it waits until worn cameras tell the solver"
+        "", reason="YAML of the body in the first image; if empty it waits until the solver has it from body cameras"
     )
-    equipment: str = setting("", reason="as the solver has it")
-    map: str = setting(
-        "", reason="folder of the reference map whose frame is the world; if empty the frame of 'stations' is"
-    )
-    transport: str = setting("compressed", reason="as of the tracker")
+    equipment: str = setting("", reason="as of the solver")
     image_queue: int = setting(
         150,
         unit="images",
         limits=(1, 10000),
-        reason="how far it may fall behind before images are lost: 5 s, for at first limbs are looked for; those that "
-        "the solver has not waited for are left out anyway",
+        reason="images that may wait: 5 s, for the first search of the limbs takes long; images older than the "
+        "solver's latest frame are left out anyway",
     )
     most_ahead: int = setting(
         1,
         unit="frames",
         limits=(1, 10000),
-        reason="how far it may run ahead of the solver: on a cyclist all cameras together leave 0.9 cm, with 1 each by "
-        "itself leaves 1.0, with 2 it leaves 1.2, with 3 the feet are lost",
-        live=True,
-    )
-    longest_wait: float = setting(
-        1.0,
-        unit="s",
-        limits=(0.0, 600.0),
-        reason="when an image has waited for longer every second one is left out",
-        live=True,
-    )
-    recovery: float = setting(
-        5.0,
-        unit="s",
-        limits=(0.0, 600.0),
-        reason="how long none may have waited before all are looked at again",
-        live=True,
-    )
-    start_wait: float = setting(
-        0.5,
-        unit="s",
-        limits=(0.0, 600.0),
-        reason="with 'start': how long the first image waits for a solver that knows where the body is by now, as it "
-        "does where this node was started again",
+        reason="frames by which it may run ahead of the solver: on a cyclist all cameras together leave 0.9 cm, with 1 "
+        "each by itself leaves 1.0, with 2 it leaves 1.2, with 3 the feet are lost",
         live=True,
     )
 
@@ -302,3 +264,11 @@ GROUPS: Final = frozenset(
     """.split()
 )
 """Groups of settings of all nodes and commands: one file serves all of them."""
+
+
+def help_text(name: str) -> str:
+    """All own parameters of a node, with defaults, as ``ros2 run bodycam_ros NODE --help`` prints them."""
+    lines = [f"usage: ros2 run bodycam_ros {name} --ros-args [-p PARAMETER:=VALUE ...] [--params-file FILE]", ""]
+    for each in describe(OF_NODES[name]):
+        lines += [f"  {each.name} ({each.type.__name__}, {each.default!r})", f"      {each.text()}"]
+    return "\n".join([*lines, "", "Settings of the stages, such as tracker.keyframe_interval: bodycam settings"])

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.live.flow_of_frames import Skipped
+from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
+from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.factory import Message, header_message, optical_frame
-from bodycam_ros.messages.health import Health, HealthLevel, few
 from bodycam_ros.messages.images import compressed_video, image_stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
@@ -186,7 +186,7 @@ class Playback:
         time: where it is; moved to the start.
         frame_prefix: before the names of the cameras' frames.
         plays_video: whether ROS has the type of videos here.
-        skipped: counts frames that cannot be decoded.
+        dropped: counts frames that cannot be decoded.
         warn: takes a line for the user.
 
     Attributes:
@@ -205,15 +205,15 @@ class Playback:
         time: PlayedTime,
         frame_prefix: str,
         plays_video: bool,
-        skipped: Skipped,
+        dropped: DroppedMessages,
         warn: Callable[[str], object],
     ) -> None:
-        self._of, self._skipped = of, skipped
+        self._of, self._dropped = of, dropped
         self._bag = BagFile(path).__enter__()
         self._time = time
         time.go_to(self._bag.start_ns - 1)
         chosen = _chosen(path, self._bag.topics, of.cameras, warn)
-        refuse: Callable[[str], object] = lambda reason: skipped.add("frames skipped", reason)  # noqa: E731
+        refuse: Callable[[str], object] = lambda reason: dropped.add("frames dropped", reason)  # noqa: E731
         self._video = PlayedVideo(chosen, refuse, frame_prefix, plays_video)
         self.played = self._video.played
         self.count, self.behind_s = 0, 0.0
@@ -259,16 +259,16 @@ class Playback:
                 lacking.append(f"{info} ({count} of {readers} nodes)")
         return lacking
 
-    def health(self, name: str, text: str, lacking: Sequence[str]) -> Health:
+    def report(self, name: str, text: str, lacking: Sequence[str]) -> Status:
         """How far it is."""
         values: dict[str, object] = {
             "messages played": self.count,
             "at [s]": round(1e-9 * self._time.now_ns, 1),
             "behind at most [s]": round(self.behind_s, 2),
             "readers lacking": few(lacking) or "none",
-            **self._skipped.counts,
+            **self._dropped.values,
         }
-        return Health(name, HealthLevel.WARN if lacking else HealthLevel.OK, text, values)
+        return Status(name, StatusLevel.WARN if lacking else StatusLevel.OK, text, values)
 
 
 def _chosen(path: Path, there: dict[str, str], asked: Sequence[str], warn: Callable[[str], object]) -> dict[str, str]:

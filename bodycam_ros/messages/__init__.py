@@ -1,5 +1,5 @@
-"""Messages to dataclasses and back: the only place that knows the fields of messages.
+"""Conversion between messages and dataclasses: the only place that knows the fields of messages.
 
-Reading touches attributes only, so the same function serves messages from rclpy and from the ``rosbags`` library.
-Writing goes through a ``MessageFactory``, which hides how the two make a message and what an array field stores.
+Readers use attributes only, so that one function serves messages from rclpy and from the ``rosbags`` library. Writers
+take a ``MessageFactory``, which hides how the two libraries construct a message and store an array.
 """

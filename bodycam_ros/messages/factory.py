@@ -1,4 +1,4 @@
-"""How to make a message, whichever library the message belongs to."""
+"""Construction of messages of either library, rclpy or rosbags."""
 
 import array
 from collections.abc import Callable
@@ -17,12 +17,11 @@ class MessageFactory:
     """Makes messages of one library.
 
     Attributes:
-        message_class: "sensor_msgs/msg/JointState" -> what makes such a message from fields by name; fields left out
-            have the message's defaults.
-        sequence: flat NumPy array -> what the library stores in a numeric field of dynamic length.
-        byte: number -> what it stores in a field of type byte.
-        frame_prefix: before the name of every frame but the map's, as robot_state_publisher has it: several people
-            share one map, and one tree of frames.
+        message_class: "sensor_msgs/msg/JointState" -> constructor of such a message from fields by name; other fields
+            have the defaults of the message.
+        sequence: flat NumPy array -> value of a numeric field of dynamic length.
+        byte: number -> value of a field of type byte.
+        frame_prefix: prefix of every frame but the map's, as of robot_state_publisher: several people share one map.
     """
 
     message_class: Callable[[str], Callable[..., Message]]
@@ -34,18 +33,22 @@ class MessageFactory:
         """Name on the wire of a segment's, a link's or a camera's frame."""
         return f"{self.frame_prefix}{name}"
 
+    def array(self, values: NDArray[Any] | None, dtype: type[np.generic]) -> Any:
+        """Values of any shape, row by row, for a numeric field of dynamic length; None: an empty field."""
+        return self.sequence(flat(np.zeros(0) if values is None else values, dtype))
+
     def __call__(self, type_name: str, **fields: Any) -> Message:
         """Make a message; NumPy arrays among the fields must be of the field's dtype and flat."""
         return self.message_class(type_name)(**fields)
 
 
 def live_messages(message_class: Callable[[str], Callable[..., Message]], frame_prefix: str = "") -> MessageFactory:
-    """Makes messages of rclpy, given their classes by type name: only the nodes may import those."""
+    """Factory of rclpy's messages, given their classes by type name: only nodes/ imports those."""
     return MessageFactory(message_class, array_sequence, lambda value: bytes([value]), frame_prefix)
 
 
 def array_sequence(values: NDArray[Any]) -> "array.array[Any]":
-    """The array that rclpy stores without a look at the elements: 50 times faster than assigning the NumPy array.
+    """Array that rclpy stores without checking each element: 50 times faster than assigning the NumPy array.
 
     Args:
         values: flat, of a numeric dtype.
@@ -65,7 +68,7 @@ def numbers(field: Any, dtype: type[np.generic], *shape: int) -> NDArray[Any]:
     """An array field (array.array, ndarray or list) as an array of the dtype and shape.
 
     Raises:
-        ValueError: the field does not hold the number of values that the shape wants.
+        ValueError: the number of values does not fit the shape.
     """
     if isinstance(field, (array.array, bytes, bytearray, memoryview)):
         return np.frombuffer(field, dtype=dtype).reshape(shape) if len(field) else np.zeros(0, dtype).reshape(shape)

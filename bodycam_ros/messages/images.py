@@ -1,4 +1,4 @@
-"""What a camera driver publishes: images and intrinsics."""
+"""Images and intrinsics from a camera driver (sensor_msgs)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +21,14 @@ def image_stamp_ns(message: Message) -> int:
 def compressed_image(message: Message, camera: str) -> CameraImage:
     """Camera image of a sensor_msgs/CompressedImage, still encoded.
 
-    Its ``format`` is a file's ("jpeg"), or says as well what was put in it ("bayer_rggb8; png compressed").
+    Its ``format`` is a file's ("jpeg"), or has the encoding too ("bayer_rggb8; png compressed").
     """
     stamp, file = stamp_ns(message.header.stamp), bytes(message.data)
     before, semicolon, after = str(message.format).partition(";")
     encoding = before.strip()
-    # Colours are put into files as OpenCV wants them, unless an old publisher left them as they were.
+    # Files have BGR, as OpenCV writes them, except those of an old publisher.
     is_turned = encoding.startswith("rgb") and "compressed rgb" in after
-    # What says so was a mosaic at the sensor, and became colours before it was compressed.
+    # A Bayer mosaic is named even if it was converted to colours before compression.
     is_mosaic = encoding.startswith("bayer_") and "compressed bgr" not in after
     if semicolon and (is_turned or is_mosaic):
         return CameraImage(camera, stamp, FilePicture(camera, stamp, file, encoding))
@@ -97,7 +97,7 @@ def camera_model(message: Message, camera: str) -> CameraModel:
 
 
 def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int) -> Message:
-    """sensor_msgs/CameraInfo of a lens; what rectified images would need is left as if nothing had to be rectified."""
+    """sensor_msgs/CameraInfo of a lens; the rectification is the identity."""
     k = np.array(camera.k)
     return make(
         "sensor_msgs/msg/CameraInfo",

@@ -1,9 +1,10 @@
-"""Samples of inertial sensors, as messages."""
+"""Samples of inertial sensors (sensor_msgs/Imu)."""
 
 import numpy as np
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import Message, MessageFactory, header_message, stamp_ns
+from bodycam_ros.messages.poses import vector_message
 
 IMU_TOPIC, IMU_TYPE = "/imu", "sensor_msgs/msg/Imu"
 
@@ -18,18 +19,13 @@ def imu_message(make: MessageFactory, camera: str, stamp: int, angular_velocity:
     """sensor_msgs/Imu of a camera's sensor without an orientation (REP-145).
 
     Args:
-        make: makes messages.
-        camera: its name.
         stamp: [ns].
         angular_velocity, acceleration: (3,) in the sensor's frame [rad/s], [m/s^2].
     """
-    vectors = (
-        make("geometry_msgs/msg/Vector3", x=float(v[0]), y=float(v[1]), z=float(v[2]))
-        for v in (angular_velocity, acceleration)
-    )
     return make(
         IMU_TYPE,
         header=header_message(make, stamp, f"{camera}_imu_frame"),
         orientation_covariance=np.array([-1.0, *[0.0] * 8]),
-        **dict(zip(("angular_velocity", "linear_acceleration"), vectors, strict=True)),
+        angular_velocity=vector_message(make, angular_velocity),
+        linear_acceleration=vector_message(make, acceleration),
     )

@@ -1,4 +1,4 @@
-"""What a static camera says of a body's segments, as a message and back."""
+"""Segment poses from static cameras, and the current body for them (bodycam_msgs/SegmentPoses)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,56 +8,64 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyNow, SaidSegments, SegmentPose
-from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, flat, header_message, numbers, stamp_ns
-from bodycam_ros.messages.tracks import pose_message, transform_from_pose
+from bodycam_ros.geometry import Array
+from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, header_message, numbers, stamp_ns
+from bodycam_ros.messages.poses import pose_message, transform_from_pose
 from bodycam_ros.shown import shown
 
 SEGMENT_POSES, SEGMENT_POSES_TYPE = "/segment_poses", "bodycam_msgs/msg/SegmentPoses"
-"""Topic beneath the station's name, and type."""
+"""Topic below the name of a static camera, and type."""
+
+SEGMENTS_NOW = "segments_now"
+"""Topic, of the same type, of the whole body at its latest state, which waits for no later one as joint states do.
+
+Confidence is 1 for segments that cameras observe, else 0. The state before is sent once more with each new one, as it
+is estimated by then: their difference is the motion of the body.
+"""
 
 _ROUNDING = 1e-6  # of a covariance's asymmetry, relative to its variances
+_SOLVER = "solver"  # in place of a static camera
 
 
 def segment_poses_message(
     make: MessageFactory, stamp_ns: int, station: str, evidence: Sequence[SegmentPose], confidence: Mapping[str, float]
 ) -> Message:
-    """bodycam_msgs/SegmentPoses of what a station says, in the map's frame."""
-    covariances = np.array([said.covariance for said in evidence])
+    """bodycam_msgs/SegmentPoses of the measurements of a static camera, in the map's frame."""
     return make(
         SEGMENT_POSES_TYPE,
         header=header_message(make, stamp_ns, MAP_FRAME),
         station=station,
-        segments=[said.segment for said in evidence],
-        poses=[pose_message(make, said.world_T_segment) for said in evidence],
-        covariances=make.sequence(flat(covariances, np.float64)),
+        segments=[pose.segment for pose in evidence],
+        poses=[pose_message(make, pose.world_T_segment) for pose in evidence],
+        covariances=make.array(np.array([pose.covariance for pose in evidence]), np.float64),
         looked_for=list(confidence),
-        confidence=make.sequence(flat(np.array(list(confidence.values())), np.float64)),
+        confidence=make.array(np.array(list(confidence.values())), np.float64),
     )
 
 
 def segment_poses(message: Message) -> SaidSegments:
-    """What a bodycam_msgs/SegmentPoses says.
+    """Content of a bodycam_msgs/SegmentPoses.
 
     Raises:
-        ValueError: it names no station, arrays do not have one value for each segment, a segment comes twice, a pose is
-            not finite, a covariance is none, or a confidence is not from 0 to 1.
+        ValueError: the station is missing, an array does not have one value for each segment, a segment is listed
+            twice, a pose is not finite, a covariance is not one, or a confidence is not from 0 to 1.
     """
     if not message.station:
-        raise ValueError("it does not say which station it is from")
-    segments, looked_for = _once(message.segments), _once(message.looked_for)
+        raise ValueError("the name of the station is empty")
+    segments, candidates = _once(message.segments), _once(message.looked_for)
     for field, values, count in (
         ("poses", message.poses, len(segments)),
         ("covariances", message.covariances, 36 * len(segments)),
-        ("confidence", message.confidence, len(looked_for)),
+        ("confidence", message.confidence, len(candidates)),
     ):
         if len(values) != count:
             raise ValueError(f"{field} has {len(values)} values; expected {count}")
-    confidence = dict(zip(looked_for, numbers(message.confidence, np.float64, len(looked_for)).tolist(), strict=True))
+    confidence = dict(zip(candidates, numbers(message.confidence, np.float64, len(candidates)).tolist(), strict=True))
     for segment, share in confidence.items():
         if not 0.0 <= share <= 1.0:
             raise ValueError(f"the confidence of {shown(segment)} is {share:g}; expected 0 to 1")
     covariances = np.array(numbers(message.covariances, np.float64, len(segments), 6, 6))
-    for row in np.flatnonzero(~_invertible(covariances)):
+    for row in np.flatnonzero(~_valid_covariances(covariances)):
         raise ValueError(f"the covariance of {shown(segments[row])} is not finite, symmetric and positive definite")
     evidence = tuple(
         SegmentPose(segment, _pose(pose, segment), covariance)
@@ -72,58 +80,42 @@ def _once(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _pose(pose: Message, segment: str) -> NDArray[np.float64]:
+def _pose(pose: Message, segment: str) -> Array:
     position, turn = pose.position, pose.orientation
     if not all(map(math.isfinite, (position.x, position.y, position.z, turn.x, turn.y, turn.z, turn.w))):
         raise ValueError(f"the pose of {shown(segment)} is not finite")
     return transform_from_pose(pose)
 
 
-def _invertible(covariances: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which (N,) of covariances (N, 6, 6) are any: the solver would stumble over the others."""
+def _valid_covariances(covariances: Array) -> NDArray[np.bool_]:
+    """(N,) whether each of (N, 6, 6) is finite, symmetric and positive definite; the solver would fail on others."""
     variances = np.diagonal(covariances, axis1=1, axis2=2)
-    whole: NDArray[np.bool_] = np.all(np.isfinite(covariances), axis=(1, 2)) & np.all(variances > 0.0, axis=1)
-    sigmas = np.sqrt(np.where(whole[:, None], variances, 1.0))
-    correlations = np.where(whole[:, None, None], covariances, np.eye(6)) / (sigmas[:, :, None] * sigmas[:, None])
+    finite: NDArray[np.bool_] = np.all(np.isfinite(covariances), axis=(1, 2)) & np.all(variances > 0.0, axis=1)
+    sigmas = np.sqrt(np.where(finite[:, None], variances, 1.0))
+    correlations = np.where(finite[:, None, None], covariances, np.eye(6)) / (sigmas[:, :, None] * sigmas[:, None])
     asymmetry = np.abs(correlations - np.swapaxes(correlations, 1, 2)).max(axis=(1, 2), initial=0.0)
-    invertible: NDArray[np.bool_] = whole & (asymmetry < _ROUNDING) & (np.linalg.eigvalsh(correlations)[:, 0] > 0.0)
-    return invertible
-
-
-SEGMENTS_NOW, SEGMENTS_NOW_TYPE = "segments_now", SEGMENT_POSES_TYPE
-"""Topic, in the nodes' namespace, and type. It waits for no later instant, as joint states do; confidence is 1 of what
-cameras see, else 0.
-
-With each instant comes the one before it once more, as it is known by then: what lies between is the body's motion.
-"""
-
-_SOLVER = "solver"  # in place of a station
+    valid: NDArray[np.bool_] = finite & (asymmetry < _ROUNDING) & (np.linalg.eigvalsh(correlations)[:, 0] > 0.0)
+    return valid
 
 
 def segments_now_message(make: MessageFactory, now: BodyNow, body: BodyModel) -> Message:
     """bodycam_msgs/SegmentPoses of a whole body."""
-    poses = [
-        SegmentPose(segment, world_T_segment, covariance)
-        for segment, world_T_segment, covariance in zip(
-            body.segments, now.world_T_segment, now.covariances, strict=True
-        )
-    ]
+    poses = [SegmentPose(*each) for each in zip(body.segments, now.world_T_segment, now.covariances, strict=True)]
     observed = dict(zip(body.segments, now.observed.astype(float).tolist(), strict=True))
     return segment_poses_message(make, now.stamp_ns, _SOLVER, poses, observed)
 
 
 def segments_now(message: Message, body: BodyModel) -> BodyNow:
-    """What such a message says of a body.
+    """State of a body in such a message.
 
     Raises:
-        ValueError: as of ``segment_poses``, or it is of another body.
+        ValueError: as of ``segment_poses``, or the segments are not the body's.
     """
-    said = segment_poses(message)
-    if tuple(each.segment for each in said.evidence) != body.segments:
-        raise ValueError(
-            f"its segments are {', '.join(each.segment for each in said.evidence)}; expected {', '.join(body.segments)}"
-        )
-    observed = body.named(segment for segment, share in said.confidence.items() if share and segment in body.segments)
-    poses = np.array([each.world_T_segment for each in said.evidence])
-    covariances = np.array([each.covariance for each in said.evidence])
-    return BodyNow(said.stamp_ns, poses, covariances, observed)
+    measured = segment_poses(message)
+    segments = tuple(each.segment for each in measured.evidence)
+    if segments != body.segments:
+        raise ValueError(f"its segments are {', '.join(segments)}; expected {', '.join(body.segments)}")
+    observed = body.named(name for name, share in measured.confidence.items() if share and name in body.segments)
+    poses = np.array([each.world_T_segment for each in measured.evidence])
+    covariances = np.array([each.covariance for each in measured.evidence])
+    return BodyNow(measured.stamp_ns, poses, covariances, observed)

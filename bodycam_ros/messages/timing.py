@@ -1,4 +1,4 @@
-"""How a camera's clock goes and how its rows are read out, as a message."""
+"""Clock and read-out time of a camera (bodycam_msgs/CameraTiming)."""
 
 import math
 from collections.abc import Iterator
@@ -10,18 +10,18 @@ from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 
 @dataclass(frozen=True)
-class SaidTiming:
-    """What somebody knows of a camera's clock and rows; NaN where nobody does.
+class CameraTiming:
+    """Clock and read-out time of a camera; NaN where unknown.
 
     A time t of its stamps is the time ``t - offset - drift * (t - stamp)`` of the recording.
 
     Attributes:
-        stamp_ns: since when it holds, in the camera's own stamps [ns].
-        source: who says so: claps, sound, motion, telemetry, given or body.
-        readout: how long its rows are read out; None if that is unknown.
-        offset: by which its stamps are ahead of the recording's time [s].
+        stamp_ns: first stamp for which it is valid, in the camera's own stamps [ns].
+        source: claps, sound, motion, telemetry, given or body.
+        readout: read-out time of the rows; None if it is unknown.
+        offset: clock offset, positive if the stamps are ahead of the recording's time [s].
         offset_sigma: its standard deviation [s].
-        drift: by which that grows [s/s].
+        drift: clock drift, growth of the offset [s/s].
         drift_sigma: its standard deviation [s/s].
     """
 
@@ -34,7 +34,7 @@ class SaidTiming:
     drift_sigma: float = math.nan
 
 
-def timing_message(make: MessageFactory, camera: str, timing: SaidTiming) -> Message:
+def timing_message(make: MessageFactory, camera: str, timing: CameraTiming) -> Message:
     """bodycam_msgs/CameraTiming of a camera."""
     return make(
         "bodycam_msgs/msg/CameraTiming",
@@ -49,11 +49,11 @@ def timing_message(make: MessageFactory, camera: str, timing: SaidTiming) -> Mes
     )
 
 
-def camera_timing(message: Message) -> SaidTiming:
-    """What a bodycam_msgs/CameraTiming says.
+def camera_timing(message: Message) -> CameraTiming:
+    """Content of a bodycam_msgs/CameraTiming.
 
     Raises:
-        ValueError: its read-out time is none that a camera has.
+        ValueError: its read-out time is out of range.
     """
     readout = readout_of(message.readout_time, message.readout_sigma)
     if readout is not None and not (abs(readout.seconds) <= LONGEST_READOUT_S and 0.0 <= readout.sigma < math.inf):
@@ -61,7 +61,7 @@ def camera_timing(message: Message) -> SaidTiming:
             f"a read-out time of {readout.seconds:g} s, give or take {readout.sigma:g} s; expected at most "
             f"{LONGEST_READOUT_S:g} s, and a standard deviation of 0 (given) or more"
         )
-    return SaidTiming(
+    return CameraTiming(
         stamp_ns=stamp_ns(message.header.stamp),
         source=message.source,
         readout=readout,
@@ -77,10 +77,10 @@ TIMING, TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
 
 
 def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tuple[int, Message]]:
-    """(stamp from which it holds [ns], message) of every clock that a camera had, as its body tells."""
+    """(first stamp for which it is valid [ns], message) of every clock state of a camera."""
     readout = readout_of(history.readout_time, history.readout_sigma)
     for clock in history.clocks:
-        said = SaidTiming(
+        timing = CameraTiming(
             clock.since_ns,
             "body",
             readout,
@@ -89,15 +89,15 @@ def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tup
             clock.drift,
             clock.drift_sigma,
         )
-        yield clock.since_ns, timing_message(make, history.camera, said)
+        yield clock.since_ns, timing_message(make, history.camera, timing)
 
 
-def says_clock(message: Message) -> bool:
-    """Whether a message speaks of a clock at all, and not of rows alone."""
+def has_clock(message: Message) -> bool:
+    """Whether a message has a clock, and not the read-out time alone."""
     return not math.isnan(message.offset_sigma)
 
 
 def clock_state(message: Message) -> ClockState:
-    """The clock that a message speaks of."""
+    """Clock state of a message."""
     since_ns = stamp_ns(message.header.stamp)
     return ClockState(since_ns, since_ns, message.offset, message.drift, message.offset_sigma, message.drift_sigma)

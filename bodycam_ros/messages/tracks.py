@@ -1,13 +1,8 @@
-"""What travels between the stages: feature tracks, landmark matches, camera poses.
-
-Ours: rotation [rad] then translation [m], in the axes of the moving frame (gtsam's order), world_T_body @ exp(xi).
-ROS: translation then rotation about the fixed axes of the parent frame (geometry_msgs/PoseWithCovariance).
-"""
+"""Messages between the stages: feature tracks, landmark matches, camera poses, map points."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros import geometry
 from bodycam_ros.messages.factory import (
     MAP_FRAME,
     Message,
@@ -19,135 +14,47 @@ from bodycam_ros.messages.factory import (
     stamp_ns,
     time_message,
 )
+from bodycam_ros.messages.poses import (
+    pose_and_covariance,
+    pose_message,
+    pose_with_covariance_message,
+    quaternion_message,
+    rotation_from_message,
+    stamped_pose_message,
+    transform_from_pose,
+)
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-
-def quaternion_message(make: MessageFactory, a_R_b: NDArray[np.float64]) -> Message:
-    """geometry_msgs/Quaternion of a rotation (3, 3)."""
-    x, y, z, w = geometry.quaternion_xyzw(a_R_b).tolist()
-    return make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-
-
-def rotation_from_message(quaternion: Message) -> NDArray[np.float64]:
-    """Rotation (3, 3) of a geometry_msgs/Quaternion; all zeros, as an unset field has it, is the identity."""
-    q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
-    return geometry.rotation_from_xyzw(q) if q.any() else np.eye(3)
-
-
-def vector_message(make: MessageFactory, vector: NDArray[np.float64]) -> Message:
-    """geometry_msgs/Vector3 of three numbers."""
-    x, y, z = vector.tolist()
-    return make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
-
-
-def point_message(make: MessageFactory, point: NDArray[np.float64]) -> Message:
-    """geometry_msgs/Point [m]."""
-    x, y, z = point.tolist()
-    return make("geometry_msgs/msg/Point", x=x, y=y, z=z)
-
-
-def pose_message(make: MessageFactory, a_T_b: NDArray[np.float64]) -> Message:
-    """geometry_msgs/Pose of a transform (4, 4)."""
-    return make(
-        "geometry_msgs/msg/Pose",
-        position=point_message(make, a_T_b[:3, 3]),
-        orientation=quaternion_message(make, a_T_b[:3, :3]),
-    )
-
-
-def transform_from_pose(pose: Message) -> NDArray[np.float64]:
-    """Transform (4, 4) of a geometry_msgs/Pose."""
-    position = np.array([pose.position.x, pose.position.y, pose.position.z])
-    return geometry.rigid(rotation_from_message(pose.orientation), position)
-
-
-def transform_messages(make: MessageFactory, a_T_b: NDArray[np.float64]) -> list[Message]:
-    """geometry_msgs/Transform of transforms (N, 4, 4)."""
-    return [
-        make(
-            "geometry_msgs/msg/Transform",
-            translation=make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
-            rotation=make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
-        )
-        for (x, y, z), (qx, qy, qz, qw) in zip(
-            a_T_b[:, :3, 3].tolist(), geometry.quaternion_xyzw(a_T_b[:, :3, :3]).tolist(), strict=True
-        )
-    ]
-
-
-def pose_with_covariance_message(
-    make: MessageFactory, a_T_b: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> Message:
-    """geometry_msgs/PoseWithCovariance of a transform (4, 4) and its covariance (6, 6) in our order and axes."""
-    return make(
-        "geometry_msgs/msg/PoseWithCovariance",
-        pose=pose_message(make, a_T_b),
-        covariance=ros_covariance(a_T_b, covariance).reshape(-1),
-    )
-
-
-def stamped_pose_message(
-    make: MessageFactory, stamp_ns: int, world_T_body: NDArray[np.float64], covariance: NDArray[np.float64]
-) -> Message:
-    """geometry_msgs/PoseWithCovarianceStamped in the map, of a transform (4, 4) and its covariance (6, 6)."""
-    return make(
-        "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header=header_message(make, stamp_ns, MAP_FRAME),
-        pose=pose_with_covariance_message(make, world_T_body, covariance),
-    )
-
-
-def pose_and_covariance(message: Message) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Transform (4, 4) and covariance (6, 6) in our order and axes of a geometry_msgs/PoseWithCovariance."""
-    a_T_b = transform_from_pose(message.pose)
-    return a_T_b, body_covariance(a_T_b, numbers(message.covariance, np.float64, 6, 6))
-
-
-def ros_covariance(a_T_b: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (6, 6) in ROS's order and axes from ours.
-
-    From a_T_b @ exp(w, v): the position moves by R v, and R exp(w) = exp(R w) R turns about fixed axes by R w.
-    """
-    J = np.zeros((6, 6))
-    J[:3, 3:] = J[3:, :3] = a_T_b[:3, :3]
-    return np.ascontiguousarray(J @ covariance @ J.T)
-
-
-def body_covariance(a_T_b: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (6, 6) in our order and axes from ROS's; the inverse of ``ros_covariance``."""
-    J = np.zeros((6, 6))
-    J[:3, 3:] = J[3:, :3] = a_T_b[:3, :3].T
-    return np.ascontiguousarray(J @ covariance @ J.T)
+TRACKS_TYPE, LANDMARKS_TYPE = "bodycam_msgs/msg/FeatureTracks", "bodycam_msgs/msg/LandmarkMatches"
 
 
 def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
     """bodycam_msgs/FeatureTracks of a track frame."""
-    located = frame.world_T_camera is not None
     information = np.zeros((6, 6)) if frame.pose_information is None else frame.pose_information
     return make(
-        "bodycam_msgs/msg/FeatureTracks",
+        TRACKS_TYPE,
         header=header_message(make, frame.stamp_ns, make.frame(optical_frame(frame.camera))),
         previous_stamp=time_message(make, frame.previous_stamp_ns),
-        track_ids=make.sequence(flat(frame.track_ids, np.uint32)),
-        pixels=make.sequence(flat(frame.pixels, np.float32)),
-        described=make.sequence(flat(frame.described, np.uint32)),
-        descriptors=make.sequence(flat(frame.descriptors, np.uint8)),
-        scales=make.sequence(flat(frame.scales, np.float32)),
+        track_ids=make.array(frame.track_ids, np.uint32),
+        pixels=make.array(frame.pixels, np.float32),
+        described=make.array(frame.described, np.uint32),
+        descriptors=make.array(frame.descriptors, np.uint8),
+        scales=make.array(frame.scales, np.float32),
         keyframe=bool(frame.keyframe),
         current_r_previous=quaternion_message(make, frame.current_R_previous),
-        landmark_ids=make.sequence(flat(np.zeros(0) if frame.landmark_ids is None else frame.landmark_ids, np.uint32)),
+        landmark_ids=make.array(frame.landmark_ids, np.uint32),
         rotation_inliers=int(frame.rotation_inliers),
-        located=located,
+        located=frame.world_T_camera is not None,
         pose=pose_message(make, np.eye(4) if frame.world_T_camera is None else frame.world_T_camera),
         pose_information=flat(information, np.float64),
-        shifts=make.sequence(flat(np.zeros(0) if frame.shifts is None else frame.shifts, np.float64)),
+        shifts=make.array(frame.shifts, np.float64),
     )
 
 
 def track_frame(message: Message, camera: str) -> TrackFrame:
-    """Track frame of a bodycam_msgs/FeatureTracks that came on the camera's topic.
+    """Track frame of a bodycam_msgs/FeatureTracks on the camera's topic.
 
     Raises:
         ValueError: the lengths of the arrays disagree.
@@ -174,18 +81,17 @@ def track_frame(message: Message, camera: str) -> TrackFrame:
 
 def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message:
     """bodycam_msgs/LandmarkMatches of landmark matches."""
-    registered = matches.world_T_camera is not None
     world_T_camera = np.eye(4) if matches.world_T_camera is None else matches.world_T_camera
     return make(
-        "bodycam_msgs/msg/LandmarkMatches",
+        LANDMARKS_TYPE,
         header=header_message(make, matches.stamp_ns, make.frame(optical_frame(matches.camera))),
         previous_stamp=time_message(make, matches.previous_stamp_ns),
-        track_ids=make.sequence(flat(matches.track_ids, np.uint32)),
-        landmark_ids=make.sequence(flat(matches.landmark_ids, np.uint32)),
-        pixels=make.sequence(flat(matches.pixels, np.float32)),
-        shifts=make.sequence(flat(np.zeros(0) if matches.shifts is None else matches.shifts, np.float32)),
-        points=make.sequence(flat(matches.points_world, np.float32)),
-        registered=registered,
+        track_ids=make.array(matches.track_ids, np.uint32),
+        landmark_ids=make.array(matches.landmark_ids, np.uint32),
+        pixels=make.array(matches.pixels, np.float32),
+        shifts=make.array(matches.shifts, np.float32),
+        points=make.array(matches.points_world, np.float32),
+        registered=matches.world_T_camera is not None,
         pose=pose_with_covariance_message(make, world_T_camera, matches.pose_covariance),
         current_r_previous=quaternion_message(make, matches.current_R_previous),
         rotation_inliers=int(matches.rotation_inliers),
@@ -196,7 +102,7 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
 
 
 def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
-    """Landmark matches of a bodycam_msgs/LandmarkMatches that came on the camera's topic.
+    """Landmark matches of a bodycam_msgs/LandmarkMatches on the camera's topic.
 
     Raises:
         ValueError: the lengths of the arrays disagree, or a registered pose is not finite.
@@ -225,7 +131,7 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
 
 
 def camera_pose_message(make: MessageFactory, matches: LandmarkMatches) -> Message | None:
-    """geometry_msgs/PoseWithCovarianceStamped of the optical frame in the map; None while the camera is lost."""
+    """geometry_msgs/PoseWithCovarianceStamped of the optical frame in the map; None if the camera has no pose."""
     if matches.world_T_camera is None:
         return None
     return stamped_pose_message(make, matches.stamp_ns, matches.world_T_camera, matches.pose_covariance)

@@ -1,4 +1,4 @@
-"""What a camera's driver publishes, images and camera_info, subscribed to in the way in which the driver offers it."""
+"""Images and camera_info of a camera's driver, with the quality of service that it offers; timing of a camera."""
 
 import time
 from collections import defaultdict
@@ -16,7 +16,7 @@ from bodycam_ros.camera.readout import VideoMode
 from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import camera_model
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, SaidTiming, timing_message, timing_messages
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
 from bodycam_ros.nodes.parameters import best_effort, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
@@ -30,24 +30,24 @@ TRANSPORTS = {
     "video": ("image_raw/compressed_video", COMPRESSED_VIDEO),
     "foxglove": ("image_raw/foxglove", COMPRESSED_VIDEO),
 }
-"""How images may be published: topic of a camera, and type."""
+"""Transports of images: topic of a camera, and type."""
 
 _INFO_DEPTH = 10
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _QUIET_S = 1.5
 _PATIENCE_S = 2.0
-"""Who publishes the transport that is asked for may take a while to be discovered."""
+"""The publisher of the wanted transport may take a while to be discovered."""
 
 
 class ImageSource:
-    """Subscribes to a camera's images: reliably, or with best effort where the driver offers no more.
+    """Subscribes to a camera's images: reliable, or best effort if the driver offers no more.
 
     Args:
         stage: uses the images.
         camera: its name.
-        transport: of ``TRANSPORTS``; another one is taken where it alone is published.
+        transport: of ``TRANSPORTS``; another one is used if it alone is published.
         depth: images that may wait in the subscription.
-        on_image: called with each message, and its transport.
+        on_image: called with each message and its transport.
 
     Raises:
         SettingsError: there is no such transport here.
@@ -66,20 +66,20 @@ class ImageSource:
         self._is_lossy = False
         self._topics: set[str] = set()
         self._subscription = self._subscribed()
-        self._came_s = -_QUIET_S
-        self._begun_s = time.monotonic()
-        stage.every(_LOOK_S, self._look)
+        self._latest_s = -_QUIET_S
+        self._started_s = time.monotonic()
+        stage.every(_POLL_S, self._poll)
 
     @property
     def quiet_s(self) -> float:
-        """How long no image has come."""
-        return time.monotonic() - self._came_s
+        """Time since the last image [s]."""
+        return time.monotonic() - self._latest_s
 
-    def what_is_wrong(self) -> str:
-        """Why no image comes, as far as can be seen."""
+    def explain(self) -> str:
+        """Why no image arrives, as far as is known."""
         if self._offers(self._transport):
             return f"no image on {self._topic}, though it is published"
-        return f"no image: nobody publishes {self._topic}"
+        return f"no image: no node publishes {self._topic}"
 
     @property
     def _topic(self) -> str:
@@ -88,17 +88,17 @@ class ImageSource:
     def _subscribed(self) -> Any:
         kind = TRANSPORTS[self._transport][1]
         quality = (best_effort if self._is_lossy else reliable)(self._depth)
-        # A user's override is of the first subscription: rclpy would make the second as the first.
+        # A user's override is for the first subscription: rclpy would apply it to the second too.
         first = self._topic not in self._topics
         self._topics.add(self._topic)
         return self._stage.subscription(kind, self._topic, self._receive, quality, overridable=first, adapts=True)
 
     def _receive(self, message: Message) -> None:
-        self._came_s = time.monotonic()
+        self._latest_s = time.monotonic()
         self._on_image(message, self._transport)
 
-    def _look(self) -> None:
-        """While no image comes: adapt to what is published."""
+    def _poll(self) -> None:
+        """Adapt to what is published while no image arrives."""
         if self.quiet_s < _QUIET_S:
             return
         if offers := self._offers(self._transport):
@@ -107,11 +107,11 @@ class ImageSource:
                 if lossy:
                     self._stage.log.warning(f"{self._topic} is published with best effort: images may get lost")
                 self._take(self._transport, lossy)
-        elif time.monotonic() - self._begun_s > _PATIENCE_S:
+        elif time.monotonic() - self._started_s > _PATIENCE_S:
             for other, (ending, kind) in TRANSPORTS.items():
                 # A bag of videos plays as raw images.
                 if is_installed(kind) and self._offers(other):
-                    self._stage.log.info(f"nobody publishes {self._topic}; reads {self._camera}/{ending}")
+                    self._stage.log.info(f"no node publishes {self._topic}; reads {self._camera}/{ending}")
                     self._take(other, is_lossy=False)
                     return
 
@@ -127,13 +127,13 @@ class ImageSource:
 class CameraModels:
     """Models of some cameras by their camera_info; the latest counts.
 
-    It is subscribed to reliably; where a driver offers less, or publishes it once and latched, in that way as well.
+    The subscription is reliable; a second one follows what a driver offers, best effort or latched.
 
     Args:
         stage: uses the models.
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is refused.
-        fatal: whether an unusable camera_info ends the node; otherwise the other cameras go on without this one.
+        fatal: whether an unusable camera_info ends the node; otherwise the camera is not used.
 
     Attributes:
         models: camera -> its model.
@@ -153,7 +153,7 @@ class CameraModels:
         self._adapted: set[tuple[str, str]] = set()
         for camera in self._cameras:
             self._subscribe(camera, reliable(_INFO_DEPTH))
-        stage.every(_LOOK_S, self._look, even_inactive=True)
+        stage.every(_POLL_S, self._poll, even_inactive=True)
 
     @property
     def missing(self) -> list[str]:
@@ -162,10 +162,10 @@ class CameraModels:
 
     def _subscribe(self, camera: str, quality: QoSProfile) -> None:
         # While a node is inactive, too: a driver may publish it only once.
-        learn = partial(self._learn, camera)
-        self._stage.subscription(_INFO, f"{camera}/camera_info", learn, quality, even_inactive=True, adapts=True)
+        update = partial(self._update, camera)
+        self._stage.subscription(_INFO, f"{camera}/camera_info", update, quality, even_inactive=True, adapts=True)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         for camera in self.missing:
             for offer in offered(self._stage, f"{camera}/camera_info"):
                 is_lossy = offer.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -175,7 +175,7 @@ class CameraModels:
                     self._adapted.add((camera, way))
                     self._subscribe(camera, (best_effort if is_lossy else latched)(_INFO_DEPTH))
 
-    def _learn(self, camera: str, message: Message) -> None:
+    def _update(self, camera: str, message: Message) -> None:
         content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))
         before = self._contents.get(camera)
         if content == before:
@@ -193,7 +193,7 @@ class CameraModels:
             self.refused.discard(camera)
             if before is not None:
                 self.changes += 1
-                self._log.warning(f"camera {camera}: its camera_info has changed; it begins anew with it")
+                self._log.warning(f"camera {camera}: its camera_info has changed; restart")
         self._on_change(camera)
 
 
@@ -219,11 +219,11 @@ class CameraTimings:
         self._body: BodyModel | None = None
         self._stamps_ns: defaultdict[str, list[int]] = defaultdict(list)
         self._histories: dict[str, ClockHistory] = {}
-        # The rows by the body file, and the clock: whoever comes late needs both.
+        # Read-out time of the body file, and clock: late subscribers need both.
         self._publishers = {each: stage.publisher(TIMING_TYPE, f"{each}{TIMING}", latched(2)) for each in cameras}
 
-    def begin(self, body: BodyModel) -> None:
-        """There is a body, or another one."""
+    def set_body(self, body: BodyModel) -> None:
+        """Set or replace the body."""
         self._body = body
         self._stamps_ns.clear()
 
@@ -237,15 +237,15 @@ class CameraTimings:
             rate = 1e9 / float(np.median(np.diff(stamps_ns)))
             readout = self._body.mounts[camera].readout_in(VideoMode(model.width, model.height, model.fx, rate))
             if readout is not None:
-                self._publishers[camera].publish(timing_message(self._make, camera, SaidTiming(0, "body", readout)))
+                self._publishers[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))
 
     def publish_clocks(self, histories: Mapping[str, ClockHistory]) -> None:
-        """The clocks that have changed: each holds from the stamp on at which it was learned."""
+        """Publish the clocks that have changed; each is valid from the stamp of its estimate."""
         for camera, history in histories.items():
             if history == self._histories.get(camera) or camera not in self._publishers:
                 continue
             self._histories[camera] = history
             now = replace(history.latest, since_ns=max(history.latest.since_ns, history.latest.at_ns))
-            # Without rows: the registration knows them, and would count them twice.
+            # Without the read-out time, which the registration would count twice.
             for _, message in timing_messages(self._make, ClockHistory(camera, (now,))):
                 self._publishers[camera].publish(message)

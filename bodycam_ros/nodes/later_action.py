@@ -1,4 +1,4 @@
-"""An action whose work is done beside the executor: whoever asks gets its progress, and can cancel it."""
+"""An action whose work is done beside the executor, with progress and cancellation."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,31 +9,31 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.flow_of_frames import Work
+from bodycam_ros.live.live_calibration import Work
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.nodes.parameters import action_class
 
-_LOOK_S = 0.2
+_POLL_S = 0.2
 
 
 class LaterAction:
-    """Goals wait for one answer; a goal that differs from the one that is worked at is rejected.
+    """All goals get one result; a goal that differs from the running one is rejected.
 
-    It lives as long as its node, configured or not: rclpy answers a goal some turns of the executor later.
+    It lives as long as its node, configured or not: rclpy answers a goal some cycles of the executor later.
 
     Args:
         node: serves it.
         type_name: such as "bodycam_msgs/action/Calibrate": its result has ``success`` and ``message``, its feedback
             ``step`` and ``share``.
         name: of the action.
-        begin: begins the work of a goal; raises BodycamError where that is not possible.
+        start: starts the work of a goal; raises BodycamError if that is not possible.
 
     Attributes:
-        work: what is under way; None if nothing is.
+        work: running work; None if there is none.
     """
 
-    def __init__(self, node: Node, type_name: str, name: str, begin: Callable[[Message], Work]) -> None:
-        self._node, self._begin, self._type = node, begin, action_class(type_name)
+    def __init__(self, node: Node, type_name: str, name: str, start: Callable[[Message], Work]) -> None:
+        self._node, self._start, self._type = node, start, action_class(type_name)
         self._goals: list[tuple[Any, Future]] = []
         self._progress: tuple[str, float] | None = None
         self.work: Work | None = None
@@ -41,14 +41,14 @@ class LaterAction:
             node.get_logger().warning(f"there is no action {name}, for {type_name} is not built")
             return
         ActionServer(node, self._type, name, self._execute, goal_callback=self._accept, cancel_callback=self._cancel)
-        node.create_timer(_LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(_POLL_S, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def stop(self) -> None:
-        """The stage goes, and its work with it."""
+        """End the work with its stage."""
         self._answer(False, "the node was stopped")
 
-    def _look(self) -> None:
-        """Publish the progress where it has changed, and answer when the work is done."""
+    def _poll(self) -> None:
+        """Publish the progress if it has changed, and the result when the work is done."""
         if self.work is None:
             return
         progress = self.work.step, self.work.share
@@ -74,7 +74,7 @@ class LaterAction:
         future = Future(executor=self._node.executor)
         self._goals.append((goal, future))
         try:
-            self.work = self.work or self._begin(goal.request)
+            self.work = self.work or self._start(goal.request)
         except (BodycamError, OSError) as error:
             self._answer(False, str(error))
         return await future

@@ -1,6 +1,6 @@
-"""Node ``player``: publishes the cameras of a bag, where there is no ``ros2 bag play`` or where nothing may be lost.
+"""Node ``player``: publishes the cameras of a bag, without ``ros2 bag play``, and without loss.
 
-It starts once everybody subscribes, so that the graph gets the first image too. Stamps stay as they were recorded.
+It starts once all readers have subscribed, so that the graph gets the first image too. Stamps stay as recorded.
 """
 
 import time
@@ -16,11 +16,11 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.live.flow_of_frames import Skipped
+from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
 from bodycam_ros.live.playback import IMAGES, INFO, TIMING, Playback, PlayedTime, camera_of
+from bodycam_ros.messages.diagnostics import few
 from bodycam_ros.messages.factory import Message, time_message
-from bodycam_ros.messages.health import few
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.nodes.parameters import (
     STAGE_DEPTH,
@@ -38,7 +38,7 @@ from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 _CLOCK = "rosgraph_msgs/msg/Clock"
 
 _SLICE_S = 0.1
-"""So soon the player stops when it is told to, whatever it waits for."""
+"""Longest delay before the player stops on request."""
 
 _SHORT_S = 0.02
 _REPORT_S, _COMPLAINT_S = 1.0, 5.0
@@ -48,8 +48,8 @@ _LAST_READERS_S = 30.0
 class Player(Node):
     """Publishes a bag's images and camera_info at a multiple of the speed at which they were recorded.
 
-    It can be paused, made to play what comes next, and given another rate while it plays; its services are named as
-    those of rosbag2's player. It is no managed node: what it is there for is over when the bag is.
+    It can be paused, stepped, and given another rate while it plays; its services are named as those of rosbag2's
+    player. It is not a managed node: it ends with the bag.
     """
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
@@ -86,13 +86,13 @@ class Player(Node):
             self.create_service(Trigger, f"~/{name}", partial(_answer, callback))
 
     def work(self, stopped: Callable[[], bool]) -> None:
-        """Wait for readers, play the bag, and wait until the readers have everything."""
+        """Wait for readers, play the bag, and wait until all is acknowledged."""
         self._spinner = light_executor()
         self._spinner.add_node(self)
         log, of, has_video = self.get_logger(), self.parameters.own, is_installed(COMPRESSED_VIDEO)
-        skipped = Skipped(log.warning)
+        dropped = DroppedMessages(log.warning)
         try:
-            with Playback(self._path, of, self._time, self._prefix, has_video, skipped, log.warning) as playback:
+            with Playback(self._path, of, self._time, self._prefix, has_video, dropped, log.warning) as playback:
                 self._playback = playback
                 self._outputs = {topic: self._publisher(topic, kind) for topic, kind in playback.played.items()}
                 self._wait_for_readers(stopped)
@@ -106,7 +106,7 @@ class Player(Node):
             self._spinner.shutdown()
 
     def finish(self) -> None:
-        """Write when frames went out."""
+        """Write the times at which frames were published."""
         self._moments.write()
 
     def _publisher(self, topic: str, kind: str) -> Any:
@@ -122,7 +122,7 @@ class Player(Node):
         )
 
     def _readers(self, wanted: int, topic: str) -> int:
-        """Nodes that are connected, as far as they are wanted; one node may have several subscriptions."""
+        """Number of connected nodes, at most the wanted one; a node may have several subscriptions."""
         if not self._outputs[topic].get_subscription_count():
             return 0
         known = self.get_subscriptions_info_by_topic(self.resolve_topic_name(topic.lstrip("/")))
@@ -137,7 +137,7 @@ class Player(Node):
             waited_s = time.monotonic() - started_s
             if waited_s > of.reader_wait:
                 raise RecordingError(
-                    f"after {of.reader_wait:g} s nobody, or not everybody, reads {few(lacking)}; start the other "
+                    f"after {of.reader_wait:g} s too few nodes read {few(lacking)}; start the other "
                     "nodes, play only the cameras that they read (-p cameras:=...), or do not wait (-p readers:=0)"
                 )
             if waited_s > _COMPLAINT_S:
@@ -171,9 +171,9 @@ class Player(Node):
                 return
 
     def _wait(self, left: Callable[[], float], stopped: Callable[[], bool]) -> None:
-        """Serve requests for as long as is left [s], and publish what is due now and then; at least look once."""
+        """Serve requests, and publish clock and diagnostics, for the time that is left [s]; at least once."""
         while not stopped():
-            self._look_for_unread()
+            self._report_unread()
             clock_s, left_s = self._publish_clock(), left()
             if left_s > 0.0 or time.monotonic() - self._served_s > _SLICE_S:
                 self._serve(max(0.0, min(left_s, clock_s, _SLICE_S)))
@@ -181,7 +181,7 @@ class Player(Node):
                 return
 
     def _serve(self, seconds: float) -> None:
-        """Wait, and answer requests meanwhile; not at every short wait, for that costs more than the message."""
+        """Wait and answer requests; not in every short wait, which would cost more than the message."""
         if seconds < _SHORT_S and time.monotonic() - self._served_s < _SLICE_S:
             time.sleep(seconds)
             return
@@ -189,7 +189,7 @@ class Player(Node):
         self._served_s = time.monotonic()
 
     def _publish_clock(self) -> float:
-        """Publish what time it is where that is due; how long until it is again [s]."""
+        """Publish /clock if it is due; return the time until it is due again [s]."""
         if self._clock_publisher is None:
             return 1.0
         left_s = self._clock_due_s - time.monotonic()
@@ -199,15 +199,15 @@ class Player(Node):
             self._clock_publisher.publish(self._make(_CLOCK, clock=time_message(self._make, self._time.now_ns)))
         return left_s
 
-    def _look_for_unread(self) -> None:
-        """Report what nobody reads: not at once, for a reader may be starting again."""
+    def _report_unread(self) -> None:
+        """Report topics without readers, after a while in which a reader may restart."""
         now_s = time.monotonic()
         if now_s < self._report_due_s:
             return
         unread = self._lacking(1)
         self._unread_since_s = (self._unread_since_s or now_s) if unread else None
         if self._unread_since_s is not None and now_s - self._unread_since_s > _COMPLAINT_S:
-            self._complain(unread, "plays, but not everything is read:")
+            self._complain(unread, "plays, but these topics have no readers:")
         self._report(self._state, unread)
 
     def _complain(self, lacking: Sequence[str], text: str) -> None:
@@ -218,7 +218,7 @@ class Player(Node):
     def _report(self, text: str, lacking: Sequence[str]) -> None:
         if time.monotonic() >= self._report_due_s:
             self._report_due_s = time.monotonic() + _REPORT_S
-            self._diagnostics.publish([self._playback.health(self.get_name(), text, lacking)])
+            self._diagnostics.publish([self._playback.report(self.get_name(), text, lacking)])
 
     @property
     def _state(self) -> str:

@@ -1,12 +1,14 @@
-"""The process of a node, or of several: signals, executors, exit codes, and how nodes leave ROS."""
+"""The process of a node, or of several: signals, executors, exit codes, and the end of nodes."""
 
 import faulthandler
 import gc
 import logging
+import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from types import FrameType
 from typing import Any, Protocol
 
 import cv2
@@ -19,30 +21,54 @@ from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.graph import USER_ERROR, without_discovery_callbacks
-from bodycam_ros.live.signals import Signals
 
 PATIENCE_S = 60.0
-"""Leaving takes 0.03 s of processor time: a process that is still there then is stuck, however busy the machine is."""
+"""Shutdown takes 0.03 s of processor time: after so long it is stuck, however busy the machine is."""
 
 _SPIN_S = 0.2
-_LOOK_S = 0.1
+_POLL_S = 0.1
+
+
+class Signals:
+    """Records the signals that end a process, also SIGHUP of a terminal that is closed."""
+
+    def __init__(self) -> None:
+        self._received = False
+        self._numbers = [signal.SIGINT, signal.SIGTERM]
+        # nohup
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+            self._numbers.append(signal.SIGHUP)
+        for number in self._numbers:
+            signal.signal(number, self._record)
+
+    def ignore(self) -> None:
+        """Ignore them from now on."""
+        for number in self._numbers:
+            signal.signal(number, signal.SIG_IGN)
+
+    def is_received(self) -> bool:
+        """Whether one was received."""
+        return self._received
+
+    def _record(self, number: int, frame: FrameType | None) -> None:
+        self._received = True
 
 
 class WorkingNode(Protocol):
     """A node as its process uses it."""
 
     def bring_up(self) -> None:
-        """Begin; raises a BodycamError where that is not possible."""
+        """Start; raises a BodycamError if that is not possible."""
 
     def work(self, stopped: Callable[[], bool]) -> None:
-        """Work until it is over, or stopped; raises the BodycamError that ends it."""
+        """Work until done or stopped; raises the BodycamError that ends it."""
 
     def finish(self) -> None:
-        """Take the last step; publishing still works."""
+        """Last step; publishing still works."""
 
 
 def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
-    """Run nodes in this process until one fails, all are over, or SIGINT, SIGTERM or SIGHUP comes; the exit code.
+    """Run nodes in this process until one fails, all are done, or SIGINT, SIGTERM or SIGHUP comes; the exit code.
 
     Each has a thread and an executor of its own: numba's kernels and OpenCV let other threads run meanwhile.
 
@@ -55,18 +81,18 @@ def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
     signals = Signals()
     nodes: list[Any] = []
     try:
-        # Own handlers: rclpy's close the context at once, and nothing could be published or saved any more.
+        # rclpy's handlers close the context at once, and nothing could be published or saved any more.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for make in make_nodes:
-            if signals.have_come():
+            if signals.is_received():
                 break
             nodes.append(make())
             nodes[-1].bring_up()
-        _work(nodes, signals.have_come)
+        _work(nodes, signals.is_received)
     except BodycamError as error:
         return _printed(name, error)
     except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
-        # DDS does not let it take part: it lacks keys, or its arguments are none of ROS.
+        # Without keys DDS does not admit the node, or its ROS arguments are invalid.
         return _printed(name, " ".join(str(error).split()))
     finally:
         # A second signal, which a launch file sends, must not cut this short.
@@ -95,7 +121,7 @@ def _work(nodes: Sequence[WorkingNode], stopped: Callable[[], bool]) -> None:
     for thread in threads:
         thread.start()
     while not stopped() and any(thread.is_alive() for thread in threads):
-        over.wait(_LOOK_S)
+        over.wait(_POLL_S)
     over.set()
     for thread in threads:
         thread.join()
@@ -114,7 +140,7 @@ def spin(node: Node, stopped: Callable[[], bool]) -> None:
             try:
                 executor.spin_until_future_complete(never, _SPIN_S)
             except rclpy_implementation.RCLError as error:
-                # rclpy answers nobody who asks for a transition that is not possible in the node's state.
+                # rclpy does not answer a request of a transition that the state of the node does not allow.
                 node.get_logger().warning(" ".join(str(error).split()))
     finally:
         executor.remove_node(node)
@@ -122,7 +148,7 @@ def spin(node: Node, stopped: Callable[[], bool]) -> None:
 
 
 def light_executor() -> Executor:
-    """The executor that takes half the time per message, where this rclpy has it."""
+    """The executor that takes half the time per message, if this rclpy has it."""
     try:
         from rclpy.experimental import EventsExecutor
     except ImportError:
@@ -131,9 +157,9 @@ def light_executor() -> Executor:
 
 
 def leave_ros(nodes: list[Any]) -> None:
-    """Destroy the nodes, which the list must be the last to refer to, and end ROS in this process.
+    """Destroy the nodes, to which the list must be the last reference, and end ROS in this process.
 
-    What is still not over after ``PATIENCE_S`` is ended with exit code 1 and the place where it is stuck.
+    After ``PATIENCE_S`` the process ends with exit code 1 and a traceback.
     """
     faulthandler.dump_traceback_later(PATIENCE_S, exit=True)
     while nodes:
@@ -147,13 +173,13 @@ def leave_ros(nodes: list[Any]) -> None:
 
 
 def ignore_discovery(node: Node) -> bool:
-    """Let a node's participant in DDS be called no more when others come and go; whether that was possible."""
+    """Switch off the discovery callbacks of a node's participant in DDS; whether that was possible."""
     with node.handle:
         return without_discovery_callbacks(node.handle.pointer)
 
 
 def _printed(name: str, error: object) -> int:
-    """Print an error of the user's as one line; the exit code."""
+    """Print an error in one line; return the exit code."""
     # The terminal may be gone.
     with suppress(OSError):
         print(f"{name}: error: {error}", file=sys.stderr, flush=True)

@@ -7,13 +7,20 @@ from pathlib import Path
 from std_srvs.srv import SetBool
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.live.flow_of_frames import AwaitedReaders
 from bodycam_ros.live.live_registration import LiveRegistration
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
+from bodycam_ros.live.unanswered_frames import ReaderWait
+from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.health import Health
-from bodycam_ros.messages.timing import camera_timing
-from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, map_points_message, track_frame
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, camera_timing
+from bodycam_ros.messages.tracks import (
+    LANDMARKS_TYPE,
+    TRACKS_TYPE,
+    camera_pose_message,
+    landmarks_message,
+    map_points_message,
+    track_frame,
+)
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
@@ -21,7 +28,7 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.reference_map import assumed_vertical, check_metric, load_map
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-_LOOK_S, _SAVE_LOOK_S = 0.1, 0.2
+_POLL_S, _SAVE_POLL_S = 0.1, 0.2
 _TIMINGS = 10
 """Those of all who publish the timing of one camera."""
 
@@ -31,9 +38,9 @@ _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 class RegistrationStage(Stage[RegistrationParameters]):
     """Registers all cameras in one map.
 
-    Track frames that come before their camera's camera_info wait for it, and the first ones for those who are to read
-    what is made of them: two nodes may take seconds to find each other, and landmarks that nobody received are lost for
-    good. After it was inactive it begins anew; the map with all that has grown is kept.
+    Track frames wait for their camera's camera_info, and the first ones for the readers of the landmarks: two nodes may
+    take seconds to find each other, and landmarks without a reader are lost for good. Registration restarts after the
+    node was inactive; the grown map stays.
     """
 
     name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
@@ -47,44 +54,42 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if assumed := assumed_vertical(self.map, self._map_path):
             self.log.warning(assumed)
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
-        # Several registrations grow their own map, and may be given the same parameters.
-        kept = Path(of.grown_map, node.get_fully_qualified_name().strip("/")) if of.grown_map else None
+        # Each registration grows a map of its own; several may have the same parameters.
+        stored = Path(of.grown_map, node.get_fully_qualified_name().strip("/")) if of.grown_map else None
         self.live = LiveRegistration(
             self.map,
             self._map_path,
-            kept,
+            stored,
             cameras,
             lambda: self.settings,
-            self.skipped,
+            self.dropped,
             self.log.error,
-            self._want_keyframe,
-            # The map grows by what was seen while the node was active, whatever it is by then.
-            partial(self.soon, even_inactive=True),
+            self._request_keyframe,
+            # The map grows by frames from before the node became inactive, too.
+            partial(self.call_later, even_inactive=True),
         )
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
-        self._readers = AwaitedReaders()
+        self._readers = ReaderWait()
         deep, one = reliable(STAGE_DEPTH), reliable(1)
-        landmarks = "bodycam_msgs/msg/LandmarkMatches"
-        self._landmarks = {each: self.publisher(landmarks, f"{each}/landmarks", deep) for each in cameras}
+        self._landmarks = {each: self.publisher(LANDMARKS_TYPE, f"{each}/landmarks", deep) for each in cameras}
         self._poses = {each: self.publisher(_POSE, f"{each}/pose", deep) for each in cameras}
         self._requests = {each: self.publisher("std_msgs/msg/Empty", f"{each}/want_keyframe", one) for each in cameras}
         points = of.publish_map
         self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched()) if points else None
         for each in cameras:
-            on_timing, on_tracks = partial(self._on_timing, each), partial(self._on_tracks, each)
-            timing = "bodycam_msgs/msg/CameraTiming"
-            self.subscription(timing, f"{each}/timing", on_timing, latched(_TIMINGS), even_inactive=True)
-            self.subscription("bodycam_msgs/msg/FeatureTracks", f"{each}/tracks", on_tracks, deep)
-        # The last: who sees it reading camera_info may take it that it reads the rest.
-        self._cameras = CameraModels(self, cameras, self._on_camera)
-        self.every(_LOOK_S, self._look)
-        self.every(_SAVE_LOOK_S, lambda: self.live.kept.look(self.parameters.save_interval), even_inactive=True)
-        kept_map = self.live.kept
+            set_timing, add_tracks = partial(self._set_timing, each), partial(self._add_tracks, each)
+            self.subscription(TIMING_TYPE, f"{each}{TIMING}", set_timing, latched(_TIMINGS), even_inactive=True)
+            self.subscription(TRACKS_TYPE, f"{each}/tracks", add_tracks, deep)
+        # Last: a node that is seen to read camera_info reads the rest too.
+        self._cameras = CameraModels(self, cameras, self._set_model)
+        self.every(_POLL_S, self._poll)
+        self.every(_SAVE_POLL_S, lambda: self.live.stored.poll(self.parameters.save_interval), even_inactive=True)
+        grown_map = self.live.stored
         self.trigger("~/reset", self._reset)
-        self.trigger("~/save_map", lambda: (True, kept_map.save()))
-        self.trigger("~/load_map", lambda: (True, kept_map.load()))
-        self.trigger("~/reset_map", lambda: (True, kept_map.reset()))
-        self.service(SetBool, "~/grow", lambda request: (True, kept_map.grow(bool(request.data))))
+        self.trigger("~/save_map", lambda: (True, grown_map.save()))
+        self.trigger("~/load_map", lambda: (True, grown_map.load()))
+        self.trigger("~/reset_map", lambda: (True, grown_map.reset()))
+        self.service(SetBool, "~/grow", lambda request: (True, grown_map.set_growth(bool(request.data))))
 
     def begin(self) -> None:
         """Publish the map."""
@@ -93,44 +98,44 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
 
     def pause(self) -> None:
-        """Frames that come meanwhile are missing, so what is known of the tracks is of no use."""
+        """Forget the tracks, for the frames until the node is active again are missing."""
         self._waiting.clear()
-        self.live.begin_anew()
+        self.live.restart()
 
     def finish(self) -> None:
-        """Save what has grown before the node goes."""
-        self.live.kept.stop()
+        """Save the grown map."""
+        self.live.stored.close()
 
     def settings_changed(self) -> None:
-        """Register the next images by the thresholds that hold now."""
-        self.live.settings_changed()
+        """Use the current thresholds for the next frames."""
+        self.live.update_settings()
 
     def _reset(self) -> tuple[bool, str]:
-        count = self.live.begin_anew()
-        return True, f"{count} cameras begin anew; what the map has grown by is kept (~/reset_map drops it)"
+        count = self.live.restart()
+        return True, f"{count} cameras restart; added landmarks stay in the map (~/reset_map drops them)"
 
-    def _want_keyframe(self, camera: str) -> None:
+    def _request_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
 
-    def _on_camera(self, camera: str) -> None:
+    def _set_model(self, camera: str) -> None:
         model = self._cameras.models.get(camera)
-        self.live.use(camera, model)
+        self.live.set_model(camera, model)
         if model is not None:
-            self._go_on(camera)
+            self._register_waiting(camera)
         else:
             self._waiting.pop(camera, None)
 
-    def _on_timing(self, camera: str, message: Message) -> None:
+    def _set_timing(self, camera: str, message: Message) -> None:
         try:
-            self.live.learn(camera, camera_timing(message))
+            self.live.set_timing(camera, camera_timing(message))
         except ValueError as error:
-            self.skipped.add("timing messages skipped", f"{camera}/timing: {error}")
+            self.dropped.add("timing messages dropped", f"{camera}/timing: {error}")
 
-    def _on_tracks(self, camera: str, message: Message) -> None:
+    def _add_tracks(self, camera: str, message: Message) -> None:
         try:
             frame = track_frame(message, camera)
         except ValueError as error:
-            self.skipped.add("track messages skipped", f"{camera}/tracks: malformed message ({error})")
+            self.dropped.add("track messages dropped", f"{camera}/tracks: malformed message ({error})")
             return
         self.moments.note(Moment.TRACKS_HEARD, camera, frame.stamp_ns)
         if camera in self._cameras.refused:
@@ -139,19 +144,19 @@ class RegistrationStage(Stage[RegistrationParameters]):
         waiting.append(frame)
         if len(waiting) > STAGE_DEPTH:
             del waiting[0]
-            self.skipped.add("track messages skipped", f"camera {camera}: tracks, but no {camera}/camera_info")
-        self._go_on(camera)
+            self.dropped.add("track messages dropped", f"camera {camera}: tracks, but no {camera}/camera_info")
+        self._register_waiting(camera)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         for camera in list(self._waiting):
-            self._go_on(camera)
+            self._register_waiting(camera)
 
-    def _go_on(self, camera: str) -> None:
-        """Register what waits, unless it has to wait for longer."""
+    def _register_waiting(self, camera: str) -> None:
+        """Register the frames of a camera that wait, unless they must wait longer."""
         if camera not in self.live.cameras or camera not in self._waiting:
             return
         of, readers = self.parameters, self._landmarks[camera].get_subscription_count
-        if self._readers.are_there(camera, readers, of.landmark_readers, of.landmark_wait):
+        if self._readers.is_over(camera, readers, of.landmark_readers, of.landmark_wait):
             for frame in self._waiting.pop(camera):
                 self._register(frame)
 
@@ -163,10 +168,10 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if pose is not None:
             self._poses[frame.camera].publish(pose)
 
-    def health(self) -> list[Health]:
-        """How the cameras fared in the last second."""
-        return self.live.health(self._cameras, tuple(self._waiting))
+    def report(self) -> list[Status]:
+        """Status of the cameras since the last report."""
+        return self.live.report(self._cameras, tuple(self._waiting))
 
 
 make = partial(StageNode, RegistrationStage)
-"""Makes the node."""
+"""Constructor of the node."""

@@ -1,4 +1,4 @@
-"""Node ``retarget``: the solver's joint states in, those of a robot that follows the person out."""
+"""Node ``retarget``: the solver's joint states in, joint states of a robot that follows the person out."""
 
 import re
 from functools import partial
@@ -8,18 +8,19 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
+from bodycam_ros.live.joint_state_synchronizer import PoseSynchronizer
 from bodycam_ros.live.node_parameters import RetargetParameters
-from bodycam_ros.live.solver_health import RobotHealth
-from bodycam_ros.messages.body import ToldBody, joint_state_message, transforms_message
+from bodycam_ros.live.solver_diagnostics import RobotDiagnostics
+from bodycam_ros.messages.body import joint_state_message, transforms_message
+from bodycam_ros.messages.diagnostics import Status, text_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message
-from bodycam_ros.messages.health import Health, text_message
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotSettings, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
-_SKIPPED = "instants skipped"
+_DROPPED = "frames dropped"
 _NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 
 
@@ -33,38 +34,38 @@ class RetargetStage(Stage[RetargetParameters]):
         super().__init__(node)
         self._retarget = node.parameters.of(RobotSettings).retarget
         of = self.parameters
-        # Without one the robot would publish what it listens to.
+        # Without a namespace the robot would publish on its input topics.
         if not _NAMESPACE.fullmatch(of.robot):
             raise SettingsError(f"the parameter 'robot' must be a namespace such as talos, not '{of.robot}'")
         self._robot = Robot(Path(self.required("urdf")), read_mapping(Path(self.required("mapping"))))
         self._following: Retargeting | None = None
         self._body: BodyModel | None = None
-        self._told = ToldBody(self._follow, partial(self.skipped.add, _SKIPPED))
+        self._input = PoseSynchronizer(self._follow, partial(self.dropped.add, _DROPPED))
         self._followed_ns = -1
-        self._health = RobotHealth(self.skipped)
-        told, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
+        self._diagnostics = RobotDiagnostics(self.dropped)
+        description, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
         often = partial(reliable, OUTPUT_DEPTH)
-        self._described = self.publisher("std_msgs/msg/String", told, latched())
+        self._described = self.publisher("std_msgs/msg/String", description, latched())
         self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
         self._tf = self.publisher(TRANSFORMS, "/tf", often(), overridable=True) if is_installed(TRANSFORMS) else None
-        self.subscription("std_msgs/msg/String", "robot_description", self._on_body, latched(), even_inactive=True)
+        self.subscription("std_msgs/msg/String", "robot_description", self._set_body, latched(), even_inactive=True)
         self.subscription(
-            "sensor_msgs/msg/JointState", "joint_states", self._told.hear_angles, often(), overridable=True
+            "sensor_msgs/msg/JointState", "joint_states", self._input.add_joint_state, often(), overridable=True
         )
-        self.subscription("nav_msgs/msg/Odometry", "odometry", self._told.hear_root, often(), overridable=True)
+        self.subscription("nav_msgs/msg/Odometry", "odometry", self._input.add_odometry, often(), overridable=True)
 
     def begin(self) -> None:
-        """Say what robot it is."""
+        """Publish the robot's description."""
         self._described.publish(text_message(self.make, self._robot.text))
 
     def pause(self) -> None:
-        """Begin anew where the body is then."""
-        self._told.forget()
+        """Restart from the next pose of the body."""
+        self._input.clear()
         self._followed_ns = -1
         if self._body is not None:
             self._following = Retargeting(self._body, self._robot, self._retarget)
 
-    def _on_body(self, message: Message) -> None:
+    def _set_body(self, message: Message) -> None:
         try:
             body = body_from_urdf(message.data)
             if self._following is None:
@@ -72,35 +73,35 @@ class RetargetStage(Stage[RetargetParameters]):
             else:
                 self._following.set_person(body)
         except BodyError as error:
-            body = None  # what is told from now on is of a body that the robot cannot follow
-            self.skipped.add("bodies skipped", f"robot_description: {error}")
+            body = None  # later joint states are of a body that the robot cannot follow
+            self.dropped.add("bodies dropped", f"robot_description: {error}")
         self._body = body
-        self._told.is_of(body)
+        self._input.set_body(body)
 
-    def _follow(self, instant_ns: int, world_T_segment: Array) -> None:
-        """Follow an instant of the body."""
+    def _follow(self, stamp_ns: int, world_T_segment: Array) -> None:
+        """Follow the body in one frame."""
         if self._following is None or self._body is None:
             return
-        if instant_ns == self._followed_ns:
-            self.skipped.add(_SKIPPED, f"the instant {instant_ns} ns was told twice; do two solvers publish?")
+        if stamp_ns == self._followed_ns:
+            self.dropped.add(_DROPPED, f"the frame {stamp_ns} ns was received twice; do two solvers publish?")
             return
-        if instant_ns < self._followed_ns:
+        if stamp_ns < self._followed_ns:
             self._following = Retargeting(self._body, self._robot, self._retarget)
-        self._followed_ns = instant_ns
-        self._publish(self._following.follow(instant_ns, world_T_segment))
+        self._followed_ns = stamp_ns
+        self._publish(self._following.follow(stamp_ns, world_T_segment))
 
     def _publish(self, state: RobotState) -> None:
-        self._health.add(state)
+        self._diagnostics.add(state)
         names = self._robot.joint_names
         self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
         if self._tf is not None:
             root = f"{self.parameters.robot}/{self._robot.tree_root}"
             self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
 
-    def health(self) -> list[Health]:
-        """How the robot follows."""
-        return [self._health.report(self._body is not None)]
+    def report(self) -> list[Status]:
+        """Status of the robot."""
+        return [self._diagnostics.report(self._body is not None)]
 
 
 make = partial(StageNode, RetargetStage)
-"""Makes the node."""
+"""Constructor of the node."""

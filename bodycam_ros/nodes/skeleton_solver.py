@@ -1,6 +1,6 @@
 """Node ``skeleton_solver``: the registrations of all cameras in, the articulated body out (A 4.3).
 
-With a rig instead of a body it first makes the body, from a range of motion (A 4.2).
+With a rig it first calibrates the body from a range of motion (A 4.2).
 """
 
 import time
@@ -13,15 +13,15 @@ from bodycam_ros.body_state import BodyOutput, SaidSegments
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.live.flow_of_frames import MissedFrames, Work
-from bodycam_ros.live.live_calibration import LiveBody, LiveCalibration
+from bodycam_ros.live.dropped_messages import LostMessages
+from bodycam_ros.live.live_body import LiveBody, read_static_cameras
+from bodycam_ros.live.live_calibration import LiveCalibration, Work
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
-from bodycam_ros.live.solver_health import SolverHealth
-from bodycam_ros.live.static_cameras import stations_of_solver
+from bodycam_ros.live.solver_diagnostics import SolverDiagnostics
+from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.health import Health
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
-from bodycam_ros.messages.tracks import landmark_matches
+from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
@@ -31,16 +31,16 @@ from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
-_LOOK_S, _CALIBRATION_LOOK_S = 0.5, 0.2
+_POLL_S, _CALIBRATION_POLL_S = 0.5, 0.2
 _IMU_DEPTH = 200  # samples that may wait, 0.2 s of a fast sensor
 
 
 class SolverStage(Stage[SolverParameters]):
-    """Solves the body once every camera's camera_info is here, or ``info_wait`` after the first; later ones join.
+    """Solves the body once it has every camera's camera_info, or ``info_wait`` after the first; later ones are added.
 
-    With a rig it waits for the camera_info of all of the rig's cameras, and has no body to solve until one is made.
-    Where most cameras go back in time, the body begins anew there.
-    While it is inactive it keeps the body, what has been collected of a range of motion, and the cameras' clocks.
+    With a rig it needs the camera_info of all of the rig's cameras, and has no body to solve until one is made. It
+    restarts where the time of most cameras goes back. While it is inactive it keeps the body, the collected range of
+    motion, and the cameras' clocks.
     """
 
     name, parameters_type, groups = "skeleton_solver", SolverParameters, SOLVER_GROUPS
@@ -49,57 +49,56 @@ class SolverStage(Stage[SolverParameters]):
 
     def __init__(self, node: StageNode[SolverParameters]) -> None:
         super().__init__(node)
-        of = self.parameters
+        given = self.parameters
         self.required("body")
         self.settings.smoother.check_live()
-        equipment = read_equipment(of.equipment) if of.equipment else None
-        stations = stations_of_solver(of)
-        self._live = LiveBody(of, lambda: self.settings, stations)
-        self._calibration = LiveCalibration(of, equipment) if of.rig else None
+        equipment = read_equipment(given.equipment) if given.equipment else None
+        stations = read_static_cameras(given)
+        self._live = LiveBody(given, lambda: self.settings, stations)
+        self._calibration = LiveCalibration(given, equipment) if given.rig else None
         carried = self._live.read() if self._calibration is None else self._calibration.cameras
         self._topics = BodyTopics(self, with_equipment=equipment is not None)
-        self._stations = Stations(self, stations, self._on_station) if stations else None
+        self._stations = Stations(self, stations, self._add_static) if stations else None
         self._timings = CameraTimings(self, carried)
         self._started = self._is_described = False
         self._waiting: list[LandmarkMatches | SaidSegments] = []
         self._most_waiting = STAGE_DEPTH * (len(carried) + len(stations))
-        self._missed = MissedFrames()
+        self._lost = LostMessages()
         self._first_info_s: float | None = None
         for camera in carried:
-            on_landmarks = partial(self._on_landmarks, camera)
-            topic = f"{camera}/landmarks"
-            self.subscription("bodycam_msgs/msg/LandmarkMatches", topic, on_landmarks, reliable(STAGE_DEPTH))
-            on_imu = partial(self._on_imu, camera)
-            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", on_imu, best_effort(_IMU_DEPTH), adapts=True)
-        self.trigger("~/flush", lambda: (True, f"{self._flush()} instants published"))
+            add_landmarks = partial(self._add_landmarks, camera)
+            self.subscription(LANDMARKS_TYPE, f"{camera}/landmarks", add_landmarks, reliable(STAGE_DEPTH))
+            add_imu = partial(self._add_imu, camera)
+            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", add_imu, best_effort(_IMU_DEPTH), adapts=True)
+        self.trigger("~/flush", lambda: (True, f"{self._flush()} frames published"))
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:
             self.trigger("~/calibrate", self._calibrate)
-            self.trigger("~/start_calibration", self._calibration.collect_anew)
-            self.every(_CALIBRATION_LOOK_S, self._look_at_calibration, even_inactive=True)
-        # The last: who sees it reading camera_info may take it that it reads the rest.
-        self._cameras = CameraModels(self, carried, self._on_camera)
-        self._health = SolverHealth(self._cameras, self.skipped)
+            self.trigger("~/start_calibration", self._calibration.restart)
+            self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
+        # Last: a node that is seen to read camera_info reads the rest too.
+        self._cameras = CameraModels(self, carried, self._set_model)
+        self._diagnostics = SolverDiagnostics(self._cameras, self.dropped)
         if not carried:
             self._start()
-        self.every(_LOOK_S, self._look)
+        self.every(_POLL_S, self._poll)
 
     def begin(self) -> None:
-        """Publish what body it is."""
+        """Publish the body's description."""
         if self._live.body is not None and not self._is_described:
             self._describe(self._live.body)
 
     def pause(self) -> None:
-        """Publish what waits for later instants, for these do not come; a body that is being made is given up."""
+        """Publish the frames that wait for later ones, and cancel a calibration."""
         if self._calibration is not None:
-            self._take(self._calibration.stop())
+            self._set_person(self._calibration.stop())
         if self.node.action is not None:
             self.node.action.stop()
         self._flush()
         self._forget_waiting()
 
     def finish(self) -> None:
-        """The same, and wait until readers have received it."""
+        """The same, and wait until the readers have received them."""
         self.pause()
         self._topics.finish()
 
@@ -107,32 +106,32 @@ class SolverStage(Stage[SolverParameters]):
         """For the action ~/calibrate."""
         if self._calibration is None:
             raise BodyError("the node was configured without a rig, so there is nothing to calibrate")
-        return self._calibration.make()
+        return self._calibration.make_body()
 
     def _calibrate(self) -> tuple[bool, str]:
         if self._calibration is None or not self.node.is_active:
             return False, "the node is inactive; activate it first"
-        self._calibration.make()
+        self._calibration.make_body()
         path = self._calibration.path
-        return True, f"makes {path}; /diagnostics has the progress and the result, and so has the action ~/calibrate"
+        return True, f"making {path}; /diagnostics has the progress and the result, and so has the action ~/calibrate"
 
     def _reset(self) -> tuple[bool, str]:
-        """Drop what was learned of the motion, the clocks and the cameras."""
+        """Forget the motion, the clocks and the cameras."""
         flushed = self._flush()
         self._forget_waiting()
         if self._live.pipeline is not None:
             self._solve()
-        return True, f"{flushed} instants published; the body begins anew"
+        return True, f"{flushed} frames published; the body restarts"
 
     def _forget_waiting(self) -> None:
         self._waiting.clear()
-        self._missed = MissedFrames()
+        self._lost = LostMessages()
 
     def _describe(self, body: BodyModel) -> None:
         self._is_described = True
         self._topics.describe(body, self._live.equipment)
 
-    def _on_camera(self, camera: str) -> None:
+    def _set_model(self, camera: str) -> None:
         self._first_info_s = self._first_info_s or time.monotonic()
         if not self._started:
             if not self._cameras.missing:
@@ -141,116 +140,116 @@ class SolverStage(Stage[SolverParameters]):
         self._collect()
         if camera in self._cameras.models:
             if self._live.pipeline is not None:
-                self._live.join(camera, self._cameras.models)
+                self._live.add_camera(camera, self._cameras.models)
             else:
                 self._solve()
 
     def _start(self) -> None:
-        """Enough cameras are known: from now on they are collected, or the body is solved, or both."""
+        """Start to collect or to solve, or both, with the cameras known by now."""
         self._started = True
         self._collect()
         for camera in self._cameras.missing:
-            self.log.warning(f"there is no {camera}/camera_info yet; the camera joins when it comes")
+            self.log.warning(f"there is no {camera}/camera_info yet; the camera is added when it arrives")
         self._solve()
-        for seen in self._waiting:
-            self._add(seen)
+        for measured in self._waiting:
+            self._add(measured)
         self._waiting.clear()
 
     def _collect(self) -> None:
         if self._calibration is not None and not self._calibration.is_running:
-            of = self.node.parameters.of(CalibrationSettings)
-            self._calibration.begin(self._cameras.models, self.settings, of)
+            settings = self.node.parameters.of(CalibrationSettings)
+            self._calibration.start(self._cameras.models, self.settings, settings)
 
     def _solve(self) -> None:
-        if self._live.begin(self._cameras.models) and self._live.body is not None:
-            self._timings.begin(self._live.body)
+        if self._live.start(self._cameras.models) and self._live.body is not None:
+            self._timings.set_body(self._live.body)
 
-    def _look_at_calibration(self) -> None:
+    def _poll_calibration(self) -> None:
         if self._calibration is not None:
-            self._take(self._calibration.look())
+            self._set_person(self._calibration.poll())
 
-    def _take(self, person: BodyModel | None) -> None:
-        """If there is a new body, the registrations from now on are its own."""
+    def _set_person(self, person: BodyModel | None) -> None:
+        """Solve a new body, if there is one, from the next registrations on."""
         if person is not None:
             self._flush()
-            body = self._live.take(person)
+            body = self._live.set_person(person)
             self._solve()
             self._describe(body)
 
-    def _on_landmarks(self, camera: str, message: Message) -> None:
+    def _add_landmarks(self, camera: str, message: Message) -> None:
         try:
             matches = landmark_matches(message, camera)
         except ValueError as error:
-            self.skipped.add("registrations skipped", f"{camera}/landmarks: malformed message ({error})")
+            self.dropped.add("registrations dropped", f"{camera}/landmarks: malformed message ({error})")
             return
         self.moments.note(Moment.LANDMARKS_HEARD, camera, matches.stamp_ns)
-        if self._missed.add(camera, matches.stamp_ns, matches.previous_stamp_ns):
+        if self._lost.add(camera, matches.stamp_ns, matches.previous_stamp_ns):
             reason = f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
-            self.skipped.add("registrations lost", reason)
+            self.dropped.add("registrations lost", reason)
         self._receive(matches)
 
-    def _on_imu(self, camera: str, message: Message) -> None:
+    def _add_imu(self, camera: str, message: Message) -> None:
         if self._live.pipeline is not None:
             self._live.pipeline.add_inertial(camera, ImuSamples.from_rows([imu_row(message)]))
 
-    def _on_station(self, seen: SaidSegments) -> None:
-        # Who waits for worn cameras does not wait for ever.
+    def _add_static(self, measured: SaidSegments) -> None:
+        # The wait for the models of body cameras starts here, too.
         self._first_info_s = self._first_info_s or time.monotonic()
-        self._receive(seen)
+        self._receive(measured)
 
-    def _receive(self, seen: LandmarkMatches | SaidSegments) -> None:
-        self._health.heard(seen.stamp_ns)
+    def _receive(self, measured: LandmarkMatches | SaidSegments) -> None:
+        self._diagnostics.add_registration(measured.stamp_ns)
         if self._started:
-            self._add(seen)
+            self._add(measured)
         elif len(self._waiting) < self._most_waiting:
-            self._waiting.append(seen)
+            self._waiting.append(measured)
         else:
-            self.skipped.add("registrations skipped", "registrations, but no camera_info of the cameras")
+            self.dropped.add("registrations dropped", "registrations, but no camera_info of the cameras")
 
-    def _add(self, seen: LandmarkMatches | SaidSegments) -> None:
-        if isinstance(seen, LandmarkMatches):
+    def _add(self, measured: LandmarkMatches | SaidSegments) -> None:
+        if isinstance(measured, LandmarkMatches):
             if self._calibration is not None:
-                self._calibration.add(seen)
-            self._timings.add(seen, self._cameras.models.get(seen.camera))
-        begun = self.moments.now()
-        self._publish(self._live.add(seen), begun)
+                self._calibration.add(measured)
+            self._timings.add(measured, self._cameras.models.get(measured.camera))
+        started = self.moments.now()
+        self._publish(self._live.add(measured), started)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         waited_s = time.monotonic() - self._first_info_s if self._first_info_s else 0.0
         if not self._started and self._calibration is None and waited_s > self.parameters.info_wait:
             self._start()
-        if self._health.quiet_s > self.parameters.idle_flush:
+        if self._diagnostics.quiet_s > self.parameters.idle_flush:
             self._flush()
         else:
-            self._publish(self._live.look())
+            self._publish(self._live.poll())
         if self._live.pipeline is not None:
             self._timings.publish_clocks(self._live.pipeline.synchronizer.clocks.histories)
 
     def _flush(self) -> int:
-        """Publish the instants that wait for later ones; how many there were."""
+        """Publish the frames that wait for later ones; return their number."""
         outputs = self._live.flush()
         self._publish(outputs)
         return len(outputs)
 
-    def _publish(self, outputs: Sequence[BodyOutput], begun: Instant | None = None) -> None:
+    def _publish(self, outputs: Sequence[BodyOutput], started: Instant | None = None) -> None:
         live = self._live
         if live.pipeline is None or live.body is None:
             return
-        # First of all: stations look at their next image when they have received it.
+        # First: static cameras wait for it before their next image.
         if self._stations is not None:
             self._stations.publish(live.pipeline.lately, live.body)
         for output in outputs:
             self._topics.publish(output, live.body)
-            if begun is not None:
-                self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, begun)
-            self._health.solved(output.state)
+            if started is not None:
+                self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, started)
+            self._diagnostics.add_state(output.state)
 
-    def health(self) -> list[Health]:
-        """How the body and its cameras fared in the last second."""
+    def report(self) -> list[Status]:
+        """Status of the body and its cameras since the last report."""
         live = self._live
-        health = [*self._health.report(live.pipeline, has_body=live.body is not None), *live.health()]
-        return health if self._calibration is None else [*health, self._calibration.health()]
+        statuses = [*self._diagnostics.report(live.pipeline, has_body=live.body is not None), *live.report()]
+        return statuses if self._calibration is None else [*statuses, self._calibration.report()]
 
 
 make = partial(StageNode, SolverStage)
-"""Makes the node."""
+"""Constructor of the node."""

@@ -1,4 +1,4 @@
-"""A managed node, and the stage that it runs: made by its configuration, dropped by its cleanup."""
+"""A managed node, and the stage that it runs: created on configuration, destroyed on cleanup."""
 
 import gc
 import socket
@@ -18,10 +18,11 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.flow_of_frames import Skipped, Work
+from bodycam_ros.live.dropped_messages import DroppedMessages
+from bodycam_ros.live.live_calibration import Work
 from bodycam_ros.live.node_parameters import ManagedParameters
+from bodycam_ros.messages.diagnostics import Status, StatusLevel, diagnostics_message
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.messages.health import Health, HealthLevel, diagnostics_message
 from bodycam_ros.moments import Moments
 from bodycam_ros.nodes.later_action import LaterAction
 from bodycam_ros.nodes.parameters import NodeParameters, message_class, node_messages, reliable
@@ -37,15 +38,15 @@ _STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 class Diagnostics:
-    """Publishes the health of a node's parts on ``/diagnostics``, each under the node's full name."""
+    """Publishes the status of a node's parts on ``/diagnostics``, each under the node's full name."""
 
     def __init__(self, node: Node, make: MessageFactory) -> None:
         self._node, self._make = node, make
         kind = message_class("diagnostic_msgs/msg/DiagnosticArray")
         self._publisher = node.create_publisher(kind, "/diagnostics", reliable(_DIAGNOSTICS_DEPTH))
 
-    def publish(self, parts: Sequence[Health]) -> None:
-        """Publish the health of some parts, by the node's clock, or the time of day before there is /clock."""
+    def publish(self, parts: Sequence[Status]) -> None:
+        """Publish the status of parts, by the node's clock, or by the time of day before there is /clock."""
         own, name = self._node.get_name(), self._node.get_fully_qualified_name().strip("/")
         named = [replace(part, name=name if part.name == own else f"{name}: {part.name}") for part in parts]
         now_ns = self._node.get_clock().now().nanoseconds or time.time_ns()
@@ -53,28 +54,28 @@ class Diagnostics:
 
 
 def frame_prefix(node: Node, given: str) -> str:
-    """Prefix of a node's frames: what its parameter has, or the node's namespace; ``/`` stands for none."""
+    """Prefix of a node's frames: its parameter, or the node's namespace; ``/`` means none."""
     prefix = given or f"{node.get_namespace().strip('/')}/"
     return prefix.removeprefix("/")
 
 
 class Stage(Generic[P]):
-    """What a node does while it is configured.
+    """Work of a node while it is configured.
 
-    Its topics, timers and services are made by the methods below, work while the node is active, and go with it. A
-    BodycamError in one of them ends the node's work.
+    Its topics, timers and services are made by the methods below, work while the node is active, and are destroyed with
+    it. A BodycamError in one of them ends the node's work.
 
     Args:
-        node: whose stage it is.
+        node: runs the stage.
 
     Attributes:
-        name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, and the groups
-            of settings that it has.
-        settings_types: what these groups belong to.
-        action: type and name of the action that the node serves; None: none. See ``LaterAction``.
+        name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, its groups of
+            settings.
+        settings_types: types of these groups.
+        action: type and name of the action that the node serves, if any; see ``LaterAction``.
         make: makes messages.
-        skipped: counts what could not be used, and warns of the first.
-        moments: when frames came and went, if the parameter ``moments`` names a file.
+        dropped: counts messages that could not be used.
+        moments: times at which frames arrived and left, if the parameter ``moments`` names a file.
 
     Raises:
         BodycamError: a file or a parameter is wrong.
@@ -89,26 +90,26 @@ class Stage(Generic[P]):
     def __init__(self, node: "StageNode[P]") -> None:
         self.node, self.make, self.moments = node, node.make, node.moments
         self.log, self.required = node.get_logger(), node.parameters.required
-        self.skipped = Skipped(self.log.warning)
+        self.dropped = DroppedMessages(self.log.warning)
 
     def begin(self) -> None:
         """The node becomes active."""
 
     def pause(self) -> None:
-        """The node becomes inactive: publish what is due, and keep what is known."""
+        """The node becomes inactive: publish what is due, and keep estimates."""
 
     def finish(self) -> None:
-        """The last step before the stage goes; publishing still works."""
+        """Last step before the stage is destroyed; publishing still works."""
 
     def settings_changed(self) -> None:
         """Parameters have changed."""
 
     def work_on(self, goal: Message) -> Work:
-        """Begin the work of a goal of the action; raises BodycamError where that is not possible."""
+        """Start the work of a goal of the action; raises BodycamError if that is not possible."""
         raise BodycamError("there is no such work")
 
-    def health(self) -> list[Health]:
-        """The health of all parts since the last call; once a second, while the node is active."""
+    def report(self) -> list[Status]:
+        """Status of all parts since the last call; called once a second while the node is active."""
         return []
 
     @property
@@ -122,7 +123,7 @@ class Stage(Generic[P]):
         return self.node.parameters.of(PipelineSettings)
 
     def publisher(self, type_name: str, topic: str, quality: QoSProfile, overridable: bool = False) -> Any:
-        """A publisher of a message type by its name; a user may override its quality of service where that is said."""
+        """A publisher of a message type by its name; users can override its quality of service if it is overridable."""
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         made = self.node.create_publisher(message_class(type_name), topic, quality, qos_overriding_options=options)
         return self.node.keep(self.node.destroy_publisher, made)
@@ -137,7 +138,7 @@ class Stage(Generic[P]):
         even_inactive: bool = False,
         adapts: bool = False,
     ) -> Any:
-        """A subscription; see ``guarded``. Where it adapts to publishers, those that it does not fit are no warning."""
+        """A subscription; see ``guarded``. If it adapts to publishers, incompatible ones cause no warning."""
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         guarded = self.guarded(callback, even_inactive)
         kind = message_class(type_name)
@@ -148,12 +149,12 @@ class Stage(Generic[P]):
         return self.node.keep(self.node.destroy_subscription, made)
 
     def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Any:
-        """Call back again and again, in real time; see ``guarded``."""
+        """Call back regularly, in real time; see ``guarded``."""
         made = self.node.create_timer(seconds, self.guarded(callback, even_inactive), clock=_STEADY)
         return self.node.keep(self.node.destroy_timer, made)
 
     def service(self, kind: Any, name: str, callback: Callable[[Message], tuple[bool, str]]) -> Any:
-        """A service whose answer has ``success`` and ``message``; a BodycamError is the answer to whoever asks."""
+        """A service whose answer has ``success`` and ``message``; a BodycamError is answered too."""
 
         def answer(request: Message, response: Message) -> Message:
             try:
@@ -168,13 +169,13 @@ class Stage(Generic[P]):
         """A service ``std_srvs/Trigger``."""
         return self.service(Trigger, name, lambda request: callback())
 
-    def soon(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
-        """Call back once, after what has arrived by now."""
+    def call_later(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
+        """Call back once, after all messages that have arrived by now."""
         assert self.node.executor is not None
         self.node.executor.create_task(self.guarded(callback, even_inactive))
 
     def guarded(self, callback: Callable[..., None], even_inactive: bool = False) -> Callable[..., None]:
-        """The callback; it does nothing while the node is inactive, unless it is for that, or the stage is gone."""
+        """The callback; it does nothing after the stage is destroyed, or by default while inactive."""
 
         def guarded(*arguments: Any) -> None:
             node = self.node
@@ -190,21 +191,20 @@ class Stage(Generic[P]):
 class StageNode(LifecycleNode, Generic[P]):
     """A managed node that runs a stage.
 
-    An error of the user's while it works ends the process of a node that has started by itself. A node that is managed
-    becomes unconfigured: once the file or topic is mended it can be configured again.
+    A BodycamError ends the process of a node with ``autostart``. A node that is managed becomes unconfigured: after the
+    file or topic is repaired it can be configured again.
 
     Args:
-        stage_type: what it runs.
+        stage_type: its stage.
         arguments: of this node alone, as on a command line ("--ros-args", "-r", ...), where others share the process.
 
     Attributes:
         parameters: its own, and the settings of its stage.
         make: makes messages.
-        moments: when frames came and went.
+        moments: times at which frames arrived and left.
         stage: while the node is configured.
-        is_active: whether it works.
-        failure: the user's error that has ended the work.
-
+        is_active: whether the stage works.
+        failure: error that has ended the work.
     """
 
     def __init__(self, stage_type: type[Stage[P]], arguments: Sequence[str] = ()) -> None:
@@ -218,14 +218,14 @@ class StageNode(LifecycleNode, Generic[P]):
         self.stage: Stage[P] | None = None
         self.is_active = False
         self.failure: BodycamError | None = None
-        self._why = ""
+        self._error_text = ""
         self._entities: list[tuple[Callable[[Any], object], Any]] = []
 
     def bring_up(self) -> None:
-        """Read the parameters, and configure and activate the node unless somebody else is to do so.
+        """Read the parameters, and with ``autostart`` configure and activate the node.
 
         Raises:
-            BodycamError: a parameter is of the wrong type or out of its range, or why the stage cannot begin.
+            BodycamError: a parameter is of the wrong type or out of its range, or the stage cannot start.
         """
         of = self._stage_type
         settings = [each() for each in of.settings_types]
@@ -234,14 +234,14 @@ class StageNode(LifecycleNode, Generic[P]):
         own = self.parameters.own
         self.make = node_messages(frame_prefix(self, own.frame_prefix))
         self.moments = Moments(Path(own.moments) if own.moments else None)
-        self.action = None if of.action is None else LaterAction(self, *of.action, self._begin_work)
+        self.action = None if of.action is None else LaterAction(self, *of.action, self._start_work)
         self._diagnostics = Diagnostics(self, self.make)
         self.create_timer(_REPORT_S, self._report, clock=_STEADY)
         if not own.autostart:
             return
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() != TransitionCallbackReturn.SUCCESS:
-                raise self.failure or BodycamError(self._why)
+                raise self.failure or BodycamError(self._error_text)
 
     def work(self, stopped: Callable[[], bool]) -> None:
         """Serve the stage until it fails, or is stopped; raises the BodycamError that ends a node by itself."""
@@ -250,20 +250,20 @@ class StageNode(LifecycleNode, Generic[P]):
             raise self.failure
 
     def finish(self) -> None:
-        """The last step of the stage, for whoever ends the process."""
+        """Last step of the stage before the process ends."""
         if self.stage is not None:
             self.stage.finish()
         self.moments.write()
 
     def fail(self, error: BodycamError) -> None:
-        """An error of the user's has ended the work."""
-        self.failure, self._why = error, str(error)
+        """End the work with an error."""
+        self.failure, self._error_text = error, str(error)
         if not self.parameters.own.autostart and self.executor is not None:
-            # Later: what has failed is still being called. A transition that fails leads to ``on_error``.
+            # Later: the callback that failed is still running. A transition that fails leads to ``on_error``.
             self.executor.create_task(self.trigger_deactivate if self.is_active else self.trigger_cleanup)
 
     def keep(self, destroy: Callable[[Any], object], entity: Any) -> Any:
-        """Destroy a topic, timer or service once the stage goes."""
+        """Destroy a topic, timer or service with the stage."""
         self._entities.append((destroy, entity))
         return entity
 
@@ -278,19 +278,19 @@ class StageNode(LifecycleNode, Generic[P]):
         return self._step(self._configure, super().on_configure, state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin."""
+        """Start the stage."""
         return self._step(self._activate, super().on_activate, state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Pause."""
+        """Pause the stage."""
         return self._step(self._deactivate, super().on_deactivate, state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the stage; one that cannot take its last step stays."""
+        """Destroy the stage, unless its last step fails."""
         return self._step(self._cleanup, super().on_cleanup, state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the stage. The node stays, finalized, until its process ends."""
+        """Destroy the stage. The node stays, finalized, until its process ends."""
         self.is_active = False
         self._step(self._cleanup, super().on_shutdown, state)
         self._drop()
@@ -332,7 +332,7 @@ class StageNode(LifecycleNode, Generic[P]):
             destroy, entity = self._entities.pop()
             destroy(entity)
         if self.executor is not None:
-            # A map is large, and what subscribes refers to itself in circles.
+            # A map is large, and subscriptions are in reference cycles.
             self.executor.create_task(gc.collect)
 
     def _step(
@@ -351,16 +351,16 @@ class StageNode(LifecycleNode, Generic[P]):
                 self.failure = error
             else:
                 self.get_logger().error(str(error))
-            self._why = str(error)
+            self._error_text = str(error)
             return TransitionCallbackReturn.FAILURE
         except Exception:
-            self._why = traceback.format_exc()
-            self.get_logger().error(self._why)
+            self._error_text = traceback.format_exc()
+            self.get_logger().error(self._error_text)
             return TransitionCallbackReturn.ERROR
-        self._why = ""
+        self._error_text = ""
         return of_rclpy(state)
 
-    def _begin_work(self, goal: Message) -> Work:
+    def _start_work(self, goal: Message) -> Work:
         if self.stage is None or not self.is_active:
             raise BodycamError("the node is not active")
         return self.stage.work_on(goal)
@@ -371,8 +371,10 @@ class StageNode(LifecycleNode, Generic[P]):
 
     def _report(self) -> None:
         if self.stage is not None and self.is_active:
-            self._diagnostics.publish(self.stage.health())
+            self._diagnostics.publish(self.stage.report())
             return
-        level = HealthLevel.ERROR if self._why else HealthLevel.OK
+        level = StatusLevel.ERROR if self._error_text else StatusLevel.OK
         state = "inactive" if self.stage is not None else "unconfigured"
-        self._diagnostics.publish([Health(self.get_name(), level, f"{state}: {self._why}" if self._why else state)])
+        self._diagnostics.publish(
+            [Status(self.get_name(), level, f"{state}: {self._error_text}" if self._error_text else state)]
+        )

@@ -1,7 +1,7 @@
 """Starts a node in its process: ``ros2 run bodycam_ros tracker``, or ``python -m bodycam_ros.nodes.start tracker``.
 
-``graph`` runs all nodes in one process. Nothing else is imported above: some things must be settled before NumPy and
-OpenCV are loaded.
+``graph`` runs all nodes in one process. The package is imported in functions, after the number of threads of NumPy and
+OpenCV is set.
 """
 
 import os
@@ -17,14 +17,14 @@ GRAPH = "graph"
 
 
 def _run(name: str) -> NoReturn:
-    # Until the node handles signals itself they just end it: half-loaded libraries would give a traceback.
+    # Until the node handles signals they end the process at once: half-loaded libraries would print a traceback.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
     if {"--help", "-h"} & {*sys.argv[1:]} and name != GRAPH:
-        print(import_module("bodycam_ros.live.help_text").help_text(name))
+        print(import_module("bodycam_ros.live.node_parameters").help_text(name))
         _end(0)
     import_module("bodycam_ros.own_process").bound_inputs()
-    # Every camera has a process, so threads inside one would only get in the others' way.
+    # Every camera has a process of its own, so that more threads would only compete.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
     wanted = import_module("bodycam_ros.live.graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
@@ -39,7 +39,7 @@ def _run(name: str) -> NoReturn:
 
 
 def _node(executable: str) -> Any:
-    """What makes a node of the executable's kind."""
+    """Constructor of the executable's node."""
     return import_module(f"bodycam_ros.nodes.{executable}").make
 
 
@@ -48,7 +48,7 @@ def _end(code: int) -> NoReturn:
         # The terminal may be gone.
         with suppress(OSError):
             stream.flush()
-    # The nodes have left ROS. Unloading Python, OpenCV and Fast DDS takes ten times as long as that.
+    # The nodes have left ROS. Unloading Python, OpenCV and Fast DDS would take ten times as long.
     os._exit(code)
 
 

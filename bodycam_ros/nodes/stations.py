@@ -1,4 +1,4 @@
-"""Static cameras as the solver meets them live: what they say of the body, and where it tells them that the body is."""
+"""Static cameras in the solver: their measurements in, the current body out."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -11,7 +11,6 @@ from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
     SEGMENT_POSES_TYPE,
     SEGMENTS_NOW,
-    SEGMENTS_NOW_TYPE,
     segment_poses,
     segments_now_message,
 )
@@ -21,12 +20,12 @@ from bodycam_ros.static_cameras.station import Station
 
 
 class Stations:
-    """Receives what static cameras see of the body, and publishes where it is for them.
+    """Receives the measurements of static cameras, and publishes the current body for them.
 
     Args:
         stage: the solver.
         stations: by name.
-        on_said: called with what a station has seen.
+        on_measured: called with the measurements of one image.
 
     Attributes:
         stations: by name.
@@ -36,34 +35,34 @@ class Stations:
         self,
         stage: Stage[SolverParameters],
         stations: Mapping[str, Station],
-        on_said: Callable[[SaidSegments], None],
+        on_measured: Callable[[SaidSegments], None],
     ) -> None:
-        self._stage, self.stations, self._on_said = stage, stations, on_said
-        self._told_ns: int | None = None
-        # Who starts again must hear both instants.
-        self._now = stage.publisher(SEGMENTS_NOW_TYPE, SEGMENTS_NOW, latched(2))
+        self._stage, self.stations, self._on_measured = stage, stations, on_measured
+        self._published_ns: int | None = None
+        # A node that was restarted needs both states.
+        self._now = stage.publisher(SEGMENT_POSES_TYPE, SEGMENTS_NOW, latched(2))
         for station in stations:
             topic = f"{station}{SEGMENT_POSES}"
-            stage.subscription(SEGMENT_POSES_TYPE, topic, partial(self._hear, station), reliable(STAGE_DEPTH))
+            stage.subscription(SEGMENT_POSES_TYPE, topic, partial(self._receive, station), reliable(STAGE_DEPTH))
 
-    def publish(self, lately: Sequence[BodyNow], body: BodyModel) -> None:
-        """Where the body is at the latest instant, once; and at the one before, of which more is known by now.
+    def publish(self, latest: Sequence[BodyNow], body: BodyModel) -> None:
+        """Publish the latest state once, and the one before as it is estimated by now.
 
-        What a limb did in between is its velocity. What was said at the time would not do: that the body is found to be
-        elsewhere than it was expected is no motion.
+        Their difference is the velocity of each limb. The earlier estimate of the state before would not do: a
+        correction of the pose is no motion.
         """
-        if lately and lately[-1].stamp_ns != self._told_ns:
-            self._told_ns = lately[-1].stamp_ns
-            for now in lately:
+        if latest and latest[-1].stamp_ns != self._published_ns:
+            self._published_ns = latest[-1].stamp_ns
+            for now in latest:
                 self._now.publish(segments_now_message(self._stage.make, now, body))
 
-    def _hear(self, station: str, message: Message) -> None:
+    def _receive(self, station: str, message: Message) -> None:
         try:
-            said = segment_poses(message)
-            if said.station != station:
-                raise ValueError(f"it is from {said.station}")
+            measured = segment_poses(message)
+            if measured.station != station:
+                raise ValueError(f"it is from {measured.station}")
         except ValueError as error:
             reason = f"{station}{SEGMENT_POSES}: malformed message ({error})"
-            self._stage.skipped.add("stations' words skipped", reason)
+            self._stage.dropped.add("segment poses dropped", reason)
             return
-        self._on_said(said)
+        self._on_measured(measured)

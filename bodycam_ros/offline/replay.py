@@ -21,8 +21,8 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
 from bodycam_ros.mapping.growth_settings import ExtensionRound
-from bodycam_ros.messages.health import RegistrationHealth
 from bodycam_ros.offline.camera_worker import (
     RegisteredImage,
     RegistrationTask,
@@ -134,7 +134,7 @@ def replay(
         stack.enter_context(threadpool_limits(1, user_api="blas"))
         writer = stack.enter_context(write_recording(output_path, force))
         clocks = skeleton.synchronizer.clocks
-        out = ReplayOutput(writer, body, RegistrationHealth(cameras), summary, log, clocks, coupling)
+        out = ReplayOutput(writer, body, RegistrationDiagnostics(cameras), summary, log, clocks, coupling)
         in_its_mode = [camera for camera, readout in readouts.items() if readout == body.mounts[camera].readout]
         rows = ReadoutLog(cameras, in_its_mode)
         task = RegistrationTask(

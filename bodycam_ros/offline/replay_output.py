@@ -15,8 +15,9 @@ from bodycam_ros.body.equipment_report import EquipmentLog
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics, verdict_status
 from bodycam_ros.messages.body import output_messages
-from bodycam_ros.messages.health import Health, RegistrationHealth, diagnostics_message, text_message, verdict_health
+from bodycam_ros.messages.diagnostics import Status, diagnostics_message, text_message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
 from bodycam_ros.messages.timing import TIMING, timing_messages
 from bodycam_ros.messages.tracks import map_points_message
@@ -46,7 +47,7 @@ class ReplayOutput:
         self,
         writer: RecordingWriter,
         body: BodyModel,
-        health: RegistrationHealth,
+        diagnostics: RegistrationDiagnostics,
         summary: ReplaySummary,
         log: AgreementLog,
         clocks: ClockEstimator,
@@ -54,20 +55,20 @@ class ReplayOutput:
     ) -> None:
         self._writer = writer
         self._body = body
-        self._health = health
+        self._diagnostics = diagnostics
         self._summary = summary
         self._log = log
         self._clocks = clocks
         self._equipment = equipment
         self._make = recorded_messages()
-        self._health_due_ns = -1
+        self._report_due_ns = -1
         self._begun_ns = 0
         self.coupled = EquipmentLog()
         self.static = StaticCameraLog()
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap | None) -> None:
         """What is known from the start: the map, if there is one."""
-        self._health_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
+        self._report_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
         self._begun_ns = stamp_ns
         if reference_map is not None:
             points = map_points_message(self._make, stamp_ns, reference_map.points_world, reference_map.colours)
@@ -90,12 +91,12 @@ class ReplayOutput:
     def write_registration(self, image: RegisteredImage) -> None:
         """One image's tracks, landmarks and pose, and the cameras' health once a second."""
         self._summary.registered[image.camera] += image.matches.world_T_camera is not None
-        self._health.add(image.matches)
+        self._diagnostics.add(image.matches)
         for message in image.messages:
             self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
-        if image.stamp_ns >= self._health_due_ns:
-            self._health_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
-            self.write_health(image.stamp_ns)
+        if image.stamp_ns >= self._report_due_ns:
+            self._report_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
+            self.write_diagnostics(image.stamp_ns)
 
     def write_seen(self, stamps_ns: Mapping[str, int], seen: StaticMeasurement) -> None:
         """What static cameras say of the segments at an instant, each with the stamp of its own image."""
@@ -112,17 +113,17 @@ class ReplayOutput:
             message = segment_poses_message(self._make, stamps_ns[station], station, evidence, confidence)
             self._writer.write(f"/{station}{SEGMENT_POSES}", stamps_ns[station], message)
 
-    def write_health(self, stamp_ns: int, *more: Health) -> None:
+    def write_diagnostics(self, stamp_ns: int, *more: Status) -> None:
         """How the cameras fared since the last report."""
         clocks = {camera: timing.latest for camera, timing in self._clocks.histories.items()}
-        health = [*self._health.report(clocks), *more]
-        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, health))
+        statuses = [*self._diagnostics.report(clocks), *more]
+        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, statuses))
 
     def write_verdict(self, stamp_ns: int, verdict: Verdict) -> None:
         """Whether the result may be used: for ``bodycam evaluate``, and with the last health for people."""
         text = text_message(self._make, verdict_text(verdict))
         self._writer.write(VERDICT, stamp_ns, text)
-        self.write_health(stamp_ns, verdict_health(verdict))
+        self.write_diagnostics(stamp_ns, verdict_status(verdict))
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:
         """The body at some instants."""

@@ -22,7 +22,7 @@ from bodycam_ros.messages.images import (
     image_stamp_ns,
     raw_image,
 )
-from bodycam_ros.messages.timing import SaidTiming, camera_timing
+from bodycam_ros.messages.timing import CameraTiming, camera_timing
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
@@ -110,7 +110,7 @@ class Recording:
             return camera_model(message, camera)
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
 
-    def timing(self, camera: str) -> SaidTiming | None:
+    def timing(self, camera: str) -> CameraTiming | None:
         """Clock and read-out time of the camera, on ``/<camera>/timing``; None if nothing.
 
         Raises:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 from bodycam_ros.messages.factory import Message, numbers, stamp_ns
-from bodycam_ros.messages.tracks import pose_and_covariance
+from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.results.topics import JOINT_STATES, ODOMETRY, contradictions_named
 
 

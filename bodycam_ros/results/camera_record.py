@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import segment_poses
-from bodycam_ros.messages.timing import TIMING, clock_state, says_clock
+from bodycam_ros.messages.timing import TIMING, clock_state, has_clock
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.registration.landmark_matches import CameraSight, camera_sight
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
@@ -143,7 +143,7 @@ class CameraLog:
             self._tracks[frame.stamp_ns] = (len(frame.track_ids), self._motion.add(frame.track_ids, frame.pixels))
             return
         if topic.endswith(TIMING):
-            if says_clock(message):
+            if has_clock(message):
                 clock = clock_state(message)
                 self._clocks[clock.since_ns] = clock
             if not math.isnan(message.readout_sigma):

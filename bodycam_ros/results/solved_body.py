@@ -12,8 +12,8 @@ from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint_angles import angles_within_a_turn
 from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.factory import stamp_ns
-from bodycam_ros.messages.health import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner
 from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE, contradictions_named, published_robot

@@ -13,8 +13,8 @@ from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.factory import stamp_ns
-from bodycam_ros.messages.health import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
 from bodycam_ros.recording.bag_file import BagFile

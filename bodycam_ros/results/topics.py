@@ -7,7 +7,7 @@ from pathlib import Path
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, says_clock
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, has_clock
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -76,7 +76,7 @@ def read_clock(path: Path, camera: str) -> ClockHistory | None:
     with BagFile(path) as bag:
         if bag.topics.get(topic) != TIMING_TYPE:
             return None
-        said = [clock_state(message) for _, _, message in bag.messages([topic]) if says_clock(message)]
+        said = [clock_state(message) for _, _, message in bag.messages([topic]) if has_clock(message)]
     clocks = {clock.since_ns: clock for clock in said}
     return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks))) if clocks else None
 

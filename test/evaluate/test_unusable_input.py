@@ -11,7 +11,7 @@ from known_walk import START_NS, Walk, write_solved, write_truth
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.messages.body import joint_state_message
-from bodycam_ros.messages.health import text_message
+from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore

@@ -13,7 +13,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.cli.main import main
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.messages.health import text_message
+from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 
 import pytest
+from bodycam_ros.live.flow_of_frames import AnsweredFrames, MissedFrames, OrderOfTime, Skipped
 
 from bodycam_ros.live import flow_of_frames
-from bodycam_ros.live.flow_of_frames import AnsweredFrames, MissedFrames, OrderOfTime, Skipped
 
 
 class Clock:

@@ -28,10 +28,10 @@ def server() -> Iterator[LocalServer]:
 
 
 def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalServer, sample: Path) -> None:
+    from bodycam_ros.messages.diagnostics import text_message
     from bodycam_ros.messages.factory import header_message
-    from bodycam_ros.messages.health import text_message
-    from bodycam_ros.messages.tracks import pose_with_covariance_message, stamped_pose_message
-    from bodycam_ros.nodes.body_topics import BodyListener
+    from bodycam_ros.messages.poses import pose_with_covariance_message, stamped_pose_message
+    from bodycam_ros.nodes.body_listener import BodyListener
     from bodycam_ros.nodes.parameters import latched, message_class, node_messages
 
     body, make = read_body(sample / "body.yaml"), node_messages()
@@ -110,7 +110,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
 
 def test_a_namespace_that_is_none_is_refused() -> None:
     pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
-    from bodycam_ros.nodes.body_topics import BodyListener
+    from bodycam_ros.nodes.body_listener import BodyListener
 
     with pytest.raises(ViewError, match="Invalid namespace"):
         BodyListener(lambda text: None, lambda instant: None, "two words")

@@ -13,9 +13,9 @@ from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write
 from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.messages.factory import header_message
-from bodycam_ros.messages.health import text_message
-from bodycam_ros.messages.timing import SaidTiming, timing_message
+from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
@@ -51,7 +51,7 @@ def write_timing(*readouts: Readout | None) -> Callable[[RecordingWriter], None]
 
     def write(writer: RecordingWriter) -> None:
         for readout in readouts:
-            message = timing_message(recorded_messages(), "left", SaidTiming(START_NS, "given", readout))
+            message = timing_message(recorded_messages(), "left", CameraTiming(START_NS, "given", readout))
             writer.write("/left/timing", START_NS, message)
 
     return write

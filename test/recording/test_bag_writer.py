@@ -11,8 +11,8 @@ from tiny_bag import START_NS, write_tiny_bag
 
 from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.body import joint_state_message
+from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.health import text_message
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 

@@ -1,0 +1,216 @@
+"""Diagnostics of the solver: rates, latency, missing cameras, equipment; and of a robot that follows."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.body_state import BodyState
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.live.camera_diagnostics import timing_status
+from bodycam_ros.live.dropped_messages import DroppedMessages
+from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.robot.retargeting import RobotState
+
+_ARRIVALS = 1000
+_JUMP_NS = 1_000_000_000
+_PATIENCE_S = 2.0
+"""No registration for so long is an error, and so are registrations without a solved frame."""
+
+
+class KnownCameras(Protocol):
+    """Camera models by now; see ``CameraModels``."""
+
+    models: dict[str, CameraModel]
+    refused: set[str]
+    changes: int
+
+    @property
+    def missing(self) -> list[str]:
+        """Cameras without camera_info so far."""
+
+
+@dataclass
+class _Tally:
+    """Counts since the last report."""
+
+    received: int = 0
+    solved: int = 0
+    predicted: int = 0
+    cameras_used: int = 0
+    latency_s: float = 0.0
+
+
+class SolverDiagnostics:
+    """Counts registrations and solved frames between two reports.
+
+    Args:
+        cameras: models of the cameras.
+        dropped: messages that could not be used.
+    """
+
+    def __init__(self, cameras: KnownCameras, dropped: DroppedMessages) -> None:
+        self._cameras, self._dropped = cameras, dropped
+        self._tally = _Tally()
+        self._late_reported = 0
+        self._rejected_reported: Counter[str] = Counter()
+        self._received_s = self._started_s = self._solved_s = 0.0
+        self._arrivals: deque[tuple[int, float]] = deque(maxlen=_ARRIVALS)
+
+    @property
+    def quiet_s(self) -> float:
+        """Time since the last registration [s]."""
+        return time.monotonic() - self._received_s
+
+    def add_registration(self, stamp_ns: int) -> None:
+        """Count a registration."""
+        self._tally.received += 1
+        now_s = time.monotonic()
+        if now_s - self._received_s > _PATIENCE_S:
+            self._started_s = now_s
+        self._received_s = now_s
+        if self._arrivals and stamp_ns < self._arrivals[-1][0] - _JUMP_NS:
+            self._arrivals.clear()
+        if not self._arrivals or stamp_ns > self._arrivals[-1][0]:
+            self._arrivals.append((stamp_ns, now_s))
+
+    def add_state(self, state: BodyState) -> None:
+        """Count a published state."""
+        self._solved_s = arrived_s = time.monotonic()
+        self._tally.solved += 1
+        self._tally.predicted += state.predicted
+        self._tally.cameras_used += state.cameras_used
+        while self._arrivals and self._arrivals[0][0] <= state.stamp_ns:
+            arrived_s = self._arrivals.popleft()[1]
+        self._tally.latency_s += self._solved_s - arrived_s
+
+    def report(self, pipeline: SkeletonPipeline | None, has_body: bool) -> list[Status]:
+        """Status of the body and of each camera since the last report.
+
+        Args:
+            pipeline: solves; None while there is none.
+            has_body: whether there is a body to solve.
+        """
+        tally, self._tally = self._tally, _Tally()
+        cameras, dropped = self._cameras, self._dropped
+        late = pipeline.assembler.late if pipeline else 0
+        lost, self._late_reported = dropped.count_new() + max(0, late - self._late_reported), late
+        rejected = pipeline.refused if pipeline else Counter()
+        rejections, self._rejected_reported = rejected - self._rejected_reported, rejected.copy()
+        values: dict[str, object] = {
+            "registrations per second": tally.received,
+            "frames per second": tally.solved,
+            "frames predicted": tally.predicted,
+            "latency [ms]": round(1e3 * tally.latency_s / tally.solved) if tally.solved else "none",
+            "cameras used per frame": round(tally.cameras_used / max(1, tally.solved), 1),
+            "cameras known": len(cameras.models),
+            "cameras missing": ", ".join([*cameras.missing, *sorted(cameras.refused)]) or "none",
+            "camera_info changed": cameras.changes,
+            "late registrations": late,
+            "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
+            "frames interpolated": pipeline.bridged if pipeline else 0,
+            "restarts": pipeline.assembler.restarts if pipeline else 0,
+            **dropped.values,
+        }
+        level, text = self._judge(tally, lost, sorted(rejections), has_body, is_solving=pipeline is not None)
+        return [Status("body", level, text, values), *_camera_statuses(pipeline)]
+
+    def _judge(
+        self, tally: _Tally, lost: int, rejected: Sequence[str], has_body: bool, is_solving: bool
+    ) -> tuple[StatusLevel, str]:
+        missing = few([*self._cameras.missing, *sorted(self._cameras.refused)])
+        if self.quiet_s > _PATIENCE_S:
+            suffix = f", and no usable camera_info of {missing}" if missing else ""
+            return StatusLevel.ERROR, f"no registration arrives{suffix}"
+        if not is_solving and not has_body:
+            return StatusLevel.OK, "no body yet"
+        if not is_solving:
+            return StatusLevel.ERROR, f"registrations, but no usable camera_info of {missing}"
+        if tally.solved == 0 and self._received_s - max(self._solved_s, self._started_s) > _PATIENCE_S:
+            return StatusLevel.ERROR, "registrations arrive, but no camera is registered in the map"
+        if tally.solved and tally.predicted == tally.solved:
+            return StatusLevel.ERROR, "no camera is registered; the body is predicted"
+        if missing:
+            return StatusLevel.WARN, f"solving without {missing}: no usable camera_info"
+        if rejected:
+            return StatusLevel.WARN, f"solving without {few(rejected)}: rejected, they contradict the other cameras"
+        if tally.predicted or lost:
+            return StatusLevel.WARN, "solving, with losses"
+        return StatusLevel.OK, "solving"
+
+
+def _camera_statuses(pipeline: SkeletonPipeline | None) -> list[Status]:
+    """How each camera agrees in time with the others."""
+    if pipeline is None:
+        return []
+    assembler, timings = pipeline.assembler, pipeline.synchronizer.clocks.histories
+    return [
+        timing_status(
+            camera,
+            share,
+            assembler.synchrony.missed[camera],
+            assembler.late_of[camera],
+            camera in assembler.silent,
+            assembler.apart_s(camera),
+            timings.get(camera),
+        )
+        for camera, share in assembler.synchrony.shares().items()
+    ]
+
+
+def equipment_status(report: EquipmentReport) -> Status:
+    """Couplings of the body to its equipment in one frame."""
+    name = f"equipment {report.name}"
+    if not report.placed:
+        return Status(name, StatusLevel.WARN, "its pose is unknown; no coupling is active")
+    active, released = (
+        [name for name, engaged in zip(report.attachments, report.engaged, strict=True) if engaged == wanted]
+        for wanted in (True, False)
+    )
+    text = f"active: {few(active) or 'none'}" + (f"; released: {few(released)}" if released else "")
+    values: dict[str, object] = {
+        f"{name} [mm]": round(1e3 * float(apart), 1)
+        for name, apart in zip(report.attachments, report.deviations, strict=True)
+    }
+    for length, value, sigma in zip(report.lengths, report.values, report.sigmas, strict=True):
+        values[f"length {length} [mm]"] = f"{1e3 * value:.1f} +- {1e3 * sigma:.1f}"
+    return Status(name, StatusLevel.OK if active else StatusLevel.WARN, text, values)
+
+
+class RobotDiagnostics:
+    """Counts the frames that a robot follows between two reports.
+
+    Args:
+        dropped: frames and bodies that it could not follow.
+    """
+
+    def __init__(self, dropped: DroppedMessages) -> None:
+        self._dropped = dropped
+        self._frames = self._limited = 0
+        self._farthest_m = 0.0
+
+    def add(self, state: RobotState) -> None:
+        """Count a frame."""
+        self._frames += 1
+        self._limited += state.blocked
+        self._farthest_m = max(self._farthest_m, *state.errors_m.values())
+
+    def report(self, has_body: bool) -> Status:
+        """Status since the last report; ``has_body``: whether there is a body that the robot can follow."""
+        frames, limited = self._frames, self._limited
+        values: dict[str, object] = {
+            "frames per second": frames,
+            "farthest hand or foot [cm]": round(100.0 * self._farthest_m, 1),
+            "frames at joint limits": limited,
+            **self._dropped.values,
+        }
+        self._frames, self._limited, self._farthest_m = 0, 0, 0.0
+        dropped = self._dropped.count_new()
+        if not frames:
+            text = self._dropped.latest if dropped or not has_body else ""
+            return Status("robot", StatusLevel.WARN, text or "nothing to follow: no body is solved", values)
+        level, text = (StatusLevel.WARN, "at its joint limits") if limited else (StatusLevel.OK, "follows")
+        return Status("robot", level, text, values)

@@ -1,0 +1,91 @@
+"""Flow control between nodes: frames without an answer yet, and readers that have not connected yet."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+_PATIENCE_S = 2.0
+"""Without an answer for so long no node registers this camera."""
+
+_REMEMBERED = 1000
+"""Frames for which an answer may still arrive after a long gap."""
+
+
+class UnansweredFrames:
+    """Frames that were sent and not answered yet.
+
+    A tracker that runs ahead follows tracks that a prompt answer would have ended, and its frames age in a queue. It is
+    better to let images wait, where the oldest can be dropped and counted.
+
+    Args:
+        most_ahead: frames that may be unanswered.
+
+    Attributes:
+        most_ahead: as given; it may be replaced.
+        answered_since_s: since when answers arrive, on the steady clock; None without answers.
+    """
+
+    def __init__(self, most_ahead: int) -> None:
+        self.most_ahead = most_ahead
+        self._unanswered_ns: deque[int] = deque(maxlen=_REMEMBERED)
+        self._progress_s = 0.0
+        self._is_alone = False
+        self.answered_since_s: float | None = None
+
+    def add(self, stamp_ns: int) -> None:
+        """Add a frame that is sent."""
+        if not self._unanswered_ns:
+            self._progress_s = time.monotonic()
+        self._unanswered_ns.append(stamp_ns)
+
+    def answer(self, stamp_ns: int) -> bool:
+        """Remove a frame that is answered, and all before it; False if there is no such frame."""
+        if stamp_ns not in self._unanswered_ns:
+            return False
+        self._progress_s = time.monotonic()
+        self._is_alone = False
+        self.answered_since_s = self.answered_since_s or self._progress_s
+        while self._unanswered_ns and self._unanswered_ns[0] <= stamp_ns:
+            self._unanswered_ns.popleft()
+        return True
+
+    def answer_until(self, stamp_ns: int) -> None:
+        """Remove all frames up to a time."""
+        if until := [sent_ns for sent_ns in self._unanswered_ns if sent_ns <= stamp_ns]:
+            self.answer(until[-1])
+
+    def expect_no_answer(self) -> None:
+        """Do not wait until the next answer: the node that answers is gone, or has just started."""
+        self._is_alone = True
+        self.answered_since_s = None
+
+    def clear(self) -> None:
+        """Remove all frames, because time went back."""
+        self._unanswered_ns.clear()
+        self.answered_since_s = None
+
+    def must_wait(self) -> bool:
+        """Whether the next frame has to wait for an answer; False while no node answers."""
+        if len(self._unanswered_ns) < self.most_ahead:
+            return False
+        if time.monotonic() - self._progress_s > _PATIENCE_S:
+            self.expect_no_answer()
+        return not self._is_alone
+
+
+class ReaderWait:
+    """Waits once for each camera until enough nodes read its messages."""
+
+    def __init__(self) -> None:
+        self._since_s: dict[str, float] = {}
+        self._complete: set[str] = set()
+
+    def is_over(self, camera: str, count: Callable[[], int], wanted: int, patience_s: float) -> bool:
+        """Whether the wanted number of readers is or was there, or did not connect in time."""
+        if camera not in self._complete:
+            now_s = time.monotonic()
+            waited_s = now_s - self._since_s.setdefault(camera, now_s)
+            if count() < wanted and waited_s <= patience_s:
+                return False
+            self._complete.add(camera)
+        return True
