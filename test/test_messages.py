@@ -15,13 +15,12 @@ from bodycam_ros.body_state import BodyState, BodyUncertainty
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory, stamp_ns
+from bodycam_ros.messages.poses import body_covariance, ros_covariance
 from bodycam_ros.messages.timing import CameraTiming, camera_timing, timing_message
 from bodycam_ros.messages.tracks import (
-    body_covariance,
     landmark_matches,
     landmarks_message,
     map_points_message,
-    ros_covariance,
     track_frame,
     tracks_message,
 )

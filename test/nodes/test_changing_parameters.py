@@ -99,7 +99,7 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
         ("longest_wait", 2, "type"),
         ("most_ahead", 7, ""),
         ("most_ahead", 0, "most_ahead"),
-        ("recovery", "soon", "type"),
+        ("longest_wait", "soon", "type"),
         ("image_queue", 10, "image_queue"),
         ("moments", "times.csv", "moments"),
         ("keypoints.max_keypoints", 300, "keypoints.max_keypoints"),
@@ -115,7 +115,7 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
     assert [each.successful for each in answer.results] == [True]
 
     values = _asked(graph, "tracker")
-    changed = {"longest_wait": 2.0, "most_ahead": 7, "recovery": 5.0, "image_queue": 60, "use_sim_time": True}
+    changed = {"longest_wait": 2.0, "most_ahead": 7, "image_queue": 60, "use_sim_time": True}
     assert (given | changed).items() <= values.items()
     assert set(graph.end().values()) == {0}, graph.report()
     again = make("tracker", {}, _dump(values, "tracker", tmp_path / "tracker.yaml"))

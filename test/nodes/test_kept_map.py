@@ -102,7 +102,7 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
 
     for _ in range(6):
         assert tracker.is_where_it_is(tracker.see_all())
-    graph.until(lambda: says("landmarks grown") == "100", _SOON_S, "the map grows")
+    graph.until(lambda: says("landmarks added") == "100", _SOON_S, "the map grows")
     graph.until(lambda: says("changes not saved") == "0", _SOON_S, "it is saved without being asked")
     readers = tracker.readers()
     first.crash()
@@ -110,7 +110,7 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
 
     graph.heard["/diagnostics"].clear()
     (second,) = graph.run(GraphNode("registration", "registration", {**given, "save_interval": 600.0}))
-    graph.until(lambda: says("landmarks grown") == "100", _START_S, "what had grown is there")
+    graph.until(lambda: says("landmarks added") == "100", _START_S, "what had grown is there")
     graph.until(lambda: tracker.readers() >= readers, _START_S, "the registration listens")
     tracker.inform()
     assert tracker.is_where_it_is(tracker.see_unknown()), "registered by what had grown before the crash"
@@ -119,14 +119,14 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
         answer = graph.call(f"/registration/{service}", kind, **fields)
         return answer.success, answer.message
 
-    assert call("grow", SetBool, data=False) == (True, "the map stays as it is")
-    assert call("save_map") == (True, f"100 landmarks that have grown saved in {kept}")
+    assert call("grow", SetBool, data=False) == (True, "the map does not grow")
+    assert call("save_map") == (True, f"100 added landmarks saved in {kept}")
     # A copy, to come back to.
     ReferenceMap.load(kept).save(tmp_path / "copy")
     assert call("reset_map") == (True, "100 landmarks dropped")
     assert tracker.see_unknown().world_T_camera is None, "nothing but photographs is left"
     empty = ("0", "0")
-    graph.until(lambda: (says("landmarks grown"), says("changes not saved")) == empty, _SOON_S, "that is saved at once")
+    graph.until(lambda: (says("landmarks added"), says("changes not saved")) == empty, _SOON_S, "that is saved at once")
     assert ReferenceMap.load(kept).grown == 0, "what was dropped does not come back"
     ReferenceMap.load(tmp_path / "copy").save(kept, force=True)
     assert call("load_map") == (True, f"100 landmarks loaded from {kept}")
@@ -141,7 +141,7 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
     descriptors = np.concatenate([small_map().descriptors, descriptors_of(len(other_half), 9)])
     for _ in range(5):
         tracker.say(small_map().points_world, other_half, descriptors=descriptors)
-    graph.until(lambda: int(says("landmarks grown")) > 120, _SOON_S, "the map grows on")
+    graph.until(lambda: int(says("landmarks added")) > 120, _SOON_S, "the map grows on")
 
     for service in ("save_map", "load_map"):
         answer = graph.call(f"/keeps_nothing/{service}", Trigger)

@@ -38,7 +38,7 @@ def _tracked(graph: Any) -> int:
 def test_a_solver_that_is_found_after_the_bag_is_tracked_hears_all_of_it(graph: Any, sample: Path) -> None:
     _start(graph, _without_solver(sample, landmark_wait=_START_S))
     graph.until(lambda: _tracked(graph) == _IMAGES, _START_S, "all images are tracked")
-    waits = f"waits until more nodes read the landmarks of {CAMERA}"
+    waits = f"waiting for more readers of the landmarks of {CAMERA}"
     graph.until(lambda: graph.diagnostics("registration: all cameras")["text"] == waits, _START_S, waits)
     topic = f"/{CAMERA}/landmarks"
     graph.listen({topic: "bodycam_msgs/msg/LandmarkMatches"})

@@ -130,7 +130,7 @@ def test_a_graph_is_managed_from_its_start_to_its_end(graph: Any, sample: Path) 
 
     # What was not heard while nobody worked is nobody's loss.
     reports = [graph.diagnostics(f"{tracker}: camera {CAMERA}"), graph.diagnostics(f"{registration}: all cameras")]
-    assert not {"images dropped", "track messages lost", "images skipped"} & {key for each in reports for key in each}
+    assert not {"images dropped", "track messages lost", "images unusable"} & {key for each in reports for key in each}
 
     for label in ("deactivate", "cleanup"):
         assert manager.change(registration, label)

@@ -181,14 +181,14 @@ def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path:
     cameras.publish(range(40, 60))
     graph.until(lambda: cameras.solved()[-1:] == [55], _SOON_S, "the body goes on")
     assert cameras.solved() == list(range(56)), "nothing is lost when a camera joins"
-    used = "cameras used per instant"
+    used = "cameras used per frame"
     graph.until(lambda: any(float(r[used]) > 1.5 for r in cameras.reports("body")), _SOON_S, "both are used")
 
     # One dies: after the first wait the other is not held up by it.
     cameras.publish(range(60, 120), left)
     graph.until(lambda: cameras.solved()[-1:] == [115], _SOON_S, "the body goes on without the camera")
     graph.until(
-        lambda: any("says nothing" in r["text"] for r in cameras.reports(f"camera {right}")), _SOON_S, "it is named"
+        lambda: any("no registrations" in r["text"] for r in cameras.reports(f"camera {right}")), _SOON_S, "it is named"
     )
 
     # Everything is played again.
@@ -198,7 +198,7 @@ def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path:
     again = cameras.solved()[count:]
     assert again[-36:] == list(range(36)), again
     assert again[:-36] == list(range(116, 120)), "what waited of the time before is published"
-    graph.until(lambda: cameras.reports("body")[-1]["times begun anew"] == "1", _SOON_S, "it is counted")
+    graph.until(lambda: cameras.reports("body")[-1]["restarts"] == "1", _SOON_S, "it is counted")
 
     graph.until(lambda: cameras.reports("body")[-1]["level"] == 2, _SOON_S, "the end is told")
     assert "no registration" in cameras.reports("body")[-1]["text"]
@@ -216,12 +216,12 @@ def test_a_clock_that_is_off_is_published_and_a_wrong_camera_is_left_out(graph: 
         cameras.publish(range(frame, frame + 60), off_ns={right: 12_000_000}, wrong=wrong)
         graph.until(lambda: cameras.solved()[-1:] > [frame + 40], _SOON_S, "the body keeps up")  # noqa: B023
 
-    refused = "registrations not believed"
+    refused = "registrations rejected"
     graph.until(lambda: any(odd in str(r[refused]) for r in cameras.reports("body")), _SOON_S, "it is left out")
     assert not any(spare in str(r[refused]) or left in str(r[refused]) for r in cameras.reports("body"))
 
     def ahead_ms() -> list[float]:
-        return [float(r["clock ahead by [ms]"]) for r in cameras.reports(f"camera {right}") if "sigma" in str(r)]
+        return [float(r["clock offset [ms]"]) for r in cameras.reports(f"camera {right}") if "sigma" in str(r)]
 
     # With every joint at rest and a straight path, a clock is told by how far its camera lags behind.
     graph.until(lambda: any(abs(ms - 12.0) < 2.0 for ms in ahead_ms()), 3 * _SOON_S, "the clock is known")
@@ -255,7 +255,9 @@ def test_equipment_is_told_of_live(graph: Any, tmp_path: Path) -> None:
     names = graph.messages("/joint_states")[-1].name
     assert {"stick_at_x", "stick_at_y", "stick_at_z"} <= set(names)
     told = "equipment stick"
-    graph.until(lambda: any(r["text"] == "held: grip" for r in cameras.reports(told)), _SOON_S, "health tells it, too")
+    graph.until(
+        lambda: any(r["text"] == "active: grip" for r in cameras.reports(told)), _SOON_S, "health tells it, too"
+    )
     assert cameras.solver.end() == 0
     graph.until(lambda: len(graph.heard["/equipment"]) == 40, _SOON_S, "it is told of every instant")
     stamps = [stamp_ns(message.header.stamp) for message in graph.messages("/equipment")]

@@ -45,7 +45,7 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
     begun = [number for number, message in enumerate(tracks) if stamp_ns(message.previous_stamp) == 0]
     assert begun == [0, len(first)] and all(tracks[number].keyframe for number in begun)
 
-    counted = {"images without a stamp": "5", "images out of time": "3", "times begun anew": "1"}
+    counted = {"images without a stamp": "5", "images out of time": "3", "restarts": "1"}
     graph.until(lambda: counted.items() <= reports()[-1].items(), _SOON_S, "all of that is counted")
 
     later = iter(stamps(25, 1000))

@@ -64,7 +64,7 @@ def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
         lambda camera=camera: graph.all_diagnostics(f"tracker_{camera}: camera {camera}") for camera in CAMERAS
     )
     graph.until(lambda: any("images out of time" in report for report in left()), _SOON_S, "the tracker reports")
-    assert (left()[-1]["images skipped"], left()[-1]["images out of time"]) == ("3", "2")
+    assert (left()[-1]["images unusable"], left()[-1]["images out of time"]) == ("3", "2")
     assert left()[-1]["last error"] != "none"
     covered = "nothing that can be tracked"
     assert any(covered in report["text"] and report["level"] == _ERROR for report in right()), "grey images"

@@ -1,11 +1,13 @@
-"""What nodes remember about frames on their way: sent, answered, missed, skipped. Without ROS."""
+"""Order of frames, unanswered frames, lost and dropped messages. Without ROS."""
 
 from collections.abc import Iterable
 
 import pytest
-from bodycam_ros.live.flow_of_frames import AnsweredFrames, MissedFrames, OrderOfTime, Skipped
 
-from bodycam_ros.live import flow_of_frames
+from bodycam_ros.live import stamp_order, unanswered_frames
+from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
+from bodycam_ros.live.stamp_order import StampOrder
+from bodycam_ros.live.unanswered_frames import UnansweredFrames
 
 
 class Clock:
@@ -20,96 +22,97 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(flow_of_frames, "time", clock)
+    for module in (stamp_order, unanswered_frames):
+        monkeypatch.setattr(module, "time", clock)
     return clock
 
 
 def test_a_tracker_waits_when_it_is_too_far_ahead(clock: Clock) -> None:
-    frames = AnsweredFrames(most_ahead=2)
+    frames = UnansweredFrames(most_ahead=2)
     assert not frames.must_wait()
-    frames.sent(10)
+    frames.add(10)
     assert not frames.must_wait()
-    frames.sent(20)
+    frames.add(20)
     assert frames.must_wait()
-    frames.answered(10)
+    frames.answer(10)
     assert not frames.must_wait()
 
 
 def test_who_answers_may_name_a_time_between_frames(clock: Clock) -> None:
-    frames = AnsweredFrames(most_ahead=1)
-    frames.sent(10)
-    frames.answered_until(9)
+    frames = UnansweredFrames(most_ahead=1)
+    frames.add(10)
+    frames.answer_until(9)
     assert frames.must_wait()
-    frames.answered_until(12)
+    frames.answer_until(12)
     assert not frames.must_wait()
-    frames.sent(20)
-    frames.answered_until(12)
+    frames.add(20)
+    frames.answer_until(12)
     assert frames.must_wait()
 
 
 def test_without_answers_the_tracker_goes_on_alone(clock: Clock) -> None:
-    frames = AnsweredFrames(most_ahead=1)
-    frames.sent(10)
+    frames = UnansweredFrames(most_ahead=1)
+    frames.add(10)
     clock.now_s += 1.9
     assert frames.must_wait()
     clock.now_s += 0.2
     assert not frames.must_wait()
     for stamp_ns in (20, 30, 40):
-        frames.sent(stamp_ns)
+        frames.add(stamp_ns)
         assert not frames.must_wait(), "not for every few frames again"
-    assert frames.answered(30), "somebody is there again"
+    assert frames.answer(30), "somebody is there again"
     assert frames.must_wait()
 
 
 def test_a_new_reader_need_not_answer_for_the_one_before(clock: Clock) -> None:
-    frames = AnsweredFrames(most_ahead=1)
-    frames.sent(10)
+    frames = UnansweredFrames(most_ahead=1)
+    frames.add(10)
     assert frames.must_wait()
-    frames.expect_nobody()
+    frames.expect_no_answer()
     assert not frames.must_wait()
-    frames.sent(20)
+    frames.add(20)
     assert not frames.must_wait()
-    assert frames.answered(20)
-    frames.sent(30)
+    assert frames.answer(20)
+    frames.add(30)
     assert frames.must_wait(), "from its first answer on it is waited for"
 
 
 def test_a_slow_registration_is_waited_for_as_long_as_it_answers(clock: Clock) -> None:
-    frames = AnsweredFrames(most_ahead=2)
+    frames = UnansweredFrames(most_ahead=2)
     for number in range(10):
-        frames.sent(number)
-        frames.sent(number)
+        frames.add(number)
+        frames.add(number)
         clock.now_s += 1.5
         assert frames.must_wait()
-        frames.answered(number)
+        frames.answer(number)
 
 
 def test_the_chain_of_stamps_shows_what_is_missing() -> None:
-    missed = MissedFrames()
-    assert not missed.add("head", 20, 10), "whatever came before the first message is not missed"
-    assert not missed.add("head", 30, 20)
-    assert not missed.add("foot", 30, 20), "each camera has a chain of its own"
-    assert missed.add("head", 50, 40)
-    assert not missed.add("head", 60, 50)
-    assert not missed.add("head", 70, 0), "a tracker that started again has no predecessor"
+    lost = LostMessages()
+    assert not lost.add("head", 20, 10), "whatever came before the first message is not missed"
+    assert not lost.add("head", 30, 20)
+    assert not lost.add("foot", 30, 20), "each camera has a chain of its own"
+    assert lost.add("head", 50, 40)
+    assert not lost.add("head", 60, 50)
+    assert not lost.add("head", 70, 0), "a tracker that started again has no predecessor"
 
 
 def test_the_first_of_a_kind_is_told_and_all_are_counted() -> None:
     told: list[str] = []
-    skipped = Skipped(told.append)
+    dropped = DroppedMessages(told.append)
     for reason in ("a grey one", "a green one"):
-        skipped.add("images", reason)
-    skipped.add("messages", "a short one")
-    assert skipped.counts == {"images": 2, "messages": 1}
+        dropped.add("images", reason)
+    dropped.add("messages", "a short one")
+    assert dropped.counts == {"images": 2, "messages": 1}
     assert [line.split(" (")[0] for line in told] == ["a grey one", "a short one"]
-    assert (skipped.lately(), skipped.lately()) == (3, 0)
-    assert skipped.latest == "a short one"
+    assert (dropped.count_new(), dropped.count_new()) == (3, 0)
+    assert dropped.latest == "a short one"
 
 
 def ordered(stamps: Iterable[int], strays: list[str]) -> list[tuple[int, bool]]:
     """(stamp [ms], whether time begins anew there) of what is in order."""
-    order: OrderOfTime[int] = OrderOfTime(strays.append)
-    return [(each.item, each.begins_anew) for stamp in stamps for each in order.add(stamp * 1_000_000, stamp)]
+    order: StampOrder[int] = StampOrder(strays.append)
+    return [(each.item, each.restarts) for stamp in stamps for each in order.add(stamp * 1_000_000, stamp)]
 
 
 @pytest.mark.parametrize("stray", [3_600_000, 3_600_000_000, 1, 66])
@@ -129,12 +132,12 @@ def test_time_that_goes_back_begins_anew_and_loses_nothing() -> None:
 
 
 def test_what_nothing_contradicts_is_believed_after_a_while(clock: Clock) -> None:
-    order: OrderOfTime[str] = OrderOfTime(lambda reason: None)
+    order: StampOrder[str] = StampOrder(lambda reason: None)
     assert [each.item for each in order.add(1_000_000, "first")] == ["first"]
-    assert order.add(5_000_000_000, "last words") == [] and order.look() == []
+    assert order.add(5_000_000_000, "last words") == [] and order.poll() == []
     clock.now_s += 1.0
-    assert [(each.item, each.begins_anew) for each in order.look()] == [("last words", False)]
-    assert order.look() == []
+    assert [(each.item, each.restarts) for each in order.poll()] == [("last words", False)]
+    assert order.poll() == []
 
 
 def test_two_players_of_one_camera_are_not_mixed() -> None:
