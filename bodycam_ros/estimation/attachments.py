@@ -100,7 +100,7 @@ class Attachments:
         self._observed = np.isin(self._body_rows, list(observed))
         given = zip(self._given, self._body_rows, self.measured, strict=True)
         return {
-            each.name: np.where(is_measured, transform_points(poses[row], each.on_body), np.nan)
+            each.name: np.where(is_measured, transform_points(poses[row], each.on_body)[None], np.nan)
             for each, row, is_measured in given
         }
 
@@ -124,7 +124,7 @@ class Attachments:
         """(A) mean distances [m] of measured points from the equipment at poses (E, 4, 4); NaN where not measured."""
         ends = zip(self._shifted, self._rows, strict=True)
         places = {each.name: transform_points(poses[row], each.on_equipment) for each, row in ends}
-        return np.array([np.linalg.norm(places[name] - measured[name], axis=1).mean() for name in self.names])
+        return np.array([np.linalg.norm(places[name] - measured[name][0], axis=1).mean() for name in self.names])
 
     def are_contradicted(self, distances: Array) -> bool:
         """Whether most of the attachments that should be active are farther apart than the release distance."""

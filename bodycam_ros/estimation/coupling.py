@@ -2,7 +2,7 @@
 
 Before a state is solved the equipment's prediction is compared with the body as cameras measured it: that shows which
 attachments are contradicted before they bend a limb. Equipment that is not placed, or contradicted by most attachments,
-is searched. The pose of equipment that stands, and its unknown lengths, are fitted ten times a second.
+is searched. The pose of equipment that stands, and its unknown lengths, are fitted to all measurements now and then.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
-from bodycam_ros.estimation.equipment_fit import AttachedPoints, EquipmentFit, attached
+from bodycam_ros.estimation.equipment_fit import AttachedHistory, AttachedPoints, EquipmentFit
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion
 from bodycam_ros.estimation.equipment_search import EquipmentSearch
 from bodycam_ros.estimation.estimate import Coordinates
@@ -26,7 +26,6 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _STANDS = np.repeat([1e-4, 1e-4], 3)  # [rad], [m] least sigmas of a root that stands
-_FIT_NS = 99_000_000  # between two fits of what lasts: nearer measurements share their errors
 _SEARCH_NS, _LONGEST_NS = 200_000_000, 2_000_000_000  # between two searches in vain, at first and at most
 
 
@@ -58,8 +57,7 @@ class Coupling:
         self.motion = EquipmentMotion(body, equipment, motion)
         self.attachments = Attachments(body, equipment, self.fit.lengths, settings)
         self.joint_names = frozenset({*(j.name for j in self._tree), *self.attachments.names, equipment.name})
-        self._search, self._known = EquipmentSearch(equipment, self.fit), self.fit.unknown()
-        self._fitted_ns = -(1 << 62)
+        self._search, self._history = EquipmentSearch(equipment, self.fit), AttachedHistory()
         self._rows = np.array([body.segment_index[name] for name in equipment.segments])
         self._joint_rows = [row for row, joint in enumerate(body.tree_joints) if joint.child in self.fit.chain.row]
         self._root, self._stands = self.fit.chain.row[equipment.root], equipment.segments[equipment.root].stands
@@ -110,13 +108,11 @@ class Coupling:
                 self._search_due_ns = stamp_ns + self._search_wait_ns
                 self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
                 self._find(points, poses, own)
-        engaged = attachments.engaged(points)
-        if self.placed and stamp_ns - self._fitted_ns >= _FIT_NS and attached(engaged):
-            fitted = self.fit.solve(poses[self._rows], engaged, self._known)
-            self._known, self._fitted_ns = fitted.lasting, stamp_ns
-            attachments.update_lengths(fitted.lasting.lengths, fitted.length_sigmas)
+        if self.placed and self._history.add(stamp_ns, attachments.engaged(points), poses[self._rows]):
+            fitted = self._history.fit(self.fit, attachments.shifts)
+            attachments.update_lengths(fitted.lengths, fitted.length_sigmas)
             if self._stands:
-                self._set_root(fitted.poses[self._root], fitted.root_sigmas)
+                self._set_root(fitted.poses[-1, self._root], fitted.root_sigmas)
                 poses[self._rows[self._root]] = self._world_T_root
 
     def _set_root(self, world_T_root: Array, sigmas: Array) -> None:
@@ -126,13 +122,13 @@ class Coupling:
         """Search equipment that is not placed, or nearer to its attachments than it is, and replace its poses."""
         surest = min(own, key=lambda pose: float(np.trace(pose.covariance)), default=None)
         root = None if surest is None else (surest.world_T_segment, np.sqrt(np.diag(surest.covariance)))
-        found = self._search.find(points, self._known, root)
+        found = self._search.find(points, self.attachments.shifts, root)
         if found is None:
             return
-        before, after = (self.attachments.distances(points, each) for each in (poses[self._rows], found.poses))
+        before, after = (self.attachments.distances(points, each) for each in (poses[self._rows], found[0]))
         if not self.placed or np.nansum(after) < np.nansum(before):
-            self.placed, self._was_placed, poses[self._rows] = True, False, found.poses
-            self._set_root(found.poses[self._root], found.root_sigmas)
+            self.placed, self._was_placed, poses[self._rows] = True, False, found[0]
+            self._set_root(found[0][self._root], found[1])
             self.attachments.place(after)
 
     def restarted_columns(self, tangent: TreeTangent, before: ActiveAttachments | None) -> NDArray[np.bool_]:

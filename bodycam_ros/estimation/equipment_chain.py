@@ -46,17 +46,17 @@ class EquipmentChain:
         self.count = self._tangent.count + len(lengths)
 
     def motions(self, poses: Array, lengths: Array) -> Array:
-        """Joint motions (..., J, 4, 4) of poses (..., E, 4, 4) and lengths (L), without what the joints forbid."""
+        """Joint motions (T, J, 4, 4) of poses (T, E, 4, 4) and lengths (L), without what the joints forbid."""
         motions = self.tree.joint_poses(poses, np.ones_like(self.slides))
         motions[..., :3, 3] = self.slides * (motions[..., :3, 3] - self._shifts(lengths))
         return motions
 
     def moved(self, root: Array, motions: Array, step: Array) -> tuple[Array, Array]:
-        """Root (..., 4, 4) and joint motions (..., J, 4, 4) after a step (..., n) of the unknowns."""
+        """Root (T, 4, 4) and joint motions (T, J, 4, 4) after a step (T, n) of the unknowns."""
         return self._tangent.moved(root, motions, step)
 
     def poses(self, root: Array, motions: Array, lengths: Array) -> tuple[Array, Array]:
-        """Poses (..., E, 4, 4), and their Jacobian (..., E, 6, n) with tangents in the segments' axes."""
+        """Poses (T, E, 4, 4), and their Jacobian (T, E, 6, n) with tangents in the segments' axes."""
         longer = motions.copy()
         longer[..., :3, 3] += self._shifts(lengths)
         poses = self.tree.forward_kinematics(root, longer)
@@ -66,9 +66,9 @@ class EquipmentChain:
             for number, axis in self._lengths.columns(joint.name):
                 column = slice(self.length_columns[number], self.length_columns[number] + 1)
                 # A shift of the joint on its parent moves all segments below it along.
-                below, along = self.tree.moves[:, row], poses[..., self.row[joint.parent], :3, axis]
-                segment_R_world = np.swapaxes(poses[..., below, :3, :3], -1, -2)
-                J[..., below, 3:, column] = segment_R_world @ along[..., None, :, None]
+                below, along = self.tree.moves[:, row], poses[:, self.row[joint.parent], :3, axis]
+                segment_R_world = np.swapaxes(poses[:, below, :3, :3], -1, -2)
+                J[:, below, 3:, column] = segment_R_world @ along[:, None, :, None]
         return poses, J
 
     def _shifts(self, lengths: Array) -> Array:

@@ -1,56 +1,35 @@
 """Poses and unknown lengths of the equipment from the body's points that are attached to it (B eq. 15).
 
-The body is given; only the equipment moves, as a chain of twists from its root (B eq. 3-4). So a wrong attachment shows
-as a distance before it could bend the body. What lasts, the lengths and the pose of a root that stands, is estimated
-from time to time: a fit has the information of all before it as a prior.
+The body is given at T times; only the equipment moves, as a chain of twists from its root (B eq. 3-4). So a wrong
+attachment shows as a distance before it could bend the body. The pose of a root that stands and the lengths are the
+same at all times; a Schur complement eliminates the rest.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment import Attachment, Equipment, UnknownLengths
 from bodycam_ros.estimation.equipment_chain import EquipmentChain
-from bodycam_ros.geometry import Array, hat, inverse, log_se3
+from bodycam_ros.geometry import hat, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.least_squares import damped_gauss_newton
+
+Array = NDArray[np.float64]
 
 AttachedPoints = Mapping[str, Array]
-"""Attachment -> (N, 3) its points on the body, in the world [m]; NaN where it is not active, or not observed."""
+"""Attachment -> (T, N, 3) its points on the body, in the world [m]; NaN where it is not active, or not observed."""
 
 BODY_M = 0.003  # sigma of an observed segment; no pair of points weighs more
 _KERNEL = 10.0  # sigmas at which an attachment counts half (Cauchy): a prediction may be as far off
-_STEPS, _LONGEST_STEP, _CONVERGED = 30, 1.0, 1e-6  # at most; [rad], [m]; relative decrease of the cost
-_STIFFENING = 1e-6  # added to information, so that it has an inverse
+_STEPS = 30
+_SETTLED = _STIFFENING = 1e-6  # relative decrease of the cost; added to information, so that it has an inverse
 
 
-def attached(points: AttachedPoints) -> list[str]:
-    """Names of the attachments whose points are known."""
-    return [name for name, each in points.items() if np.isfinite(each).all()]
-
-
-@dataclass(frozen=True, eq=False)
-class LastingEquipment:
-    """What is known of the equipment from all times: a Gaussian.
-
-    Attributes:
-        world_T_root: (4, 4) of a root that stands.
-        lengths: (L) deviation of the unknown lengths from the file [m].
-        information: (6 + L, 6 + L) of a tangent of the root, zero of one that moves, then of the lengths.
-    """
-
-    world_T_root: Array
-    lengths: Array
-    information: Array
-
-    def without_root(self) -> "LastingEquipment":
-        """The same, but the root may be anywhere."""
-        information = self.information.copy()
-        information[:6], information[:, :6] = 0.0, 0.0
-        return replace(self, information=information)
+def attached(points: AttachedPoints, time: int = 0) -> list[str]:
+    """Names of the attachments whose points are known at a time."""
+    return [name for name, each in points.items() if np.isfinite(each[time]).all()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,24 +37,18 @@ class FittedEquipment:
     """The outcome of a fit.
 
     Attributes:
-        poses: (E, 4, 4) world_T_segment, in the order of ``Equipment.segments``.
-        lasting: as known with this time.
+        poses: (T, E, 4, 4) world_T_segment, in the order of ``Equipment.segments``.
+        lengths: (L) deviation of the unknown lengths from the file [m].
         cost: robust sum of squares, in sigmas.
-        root_sigmas: (6) of the root's pose [rad], [m].
+        root_sigmas: (6) of the root's pose at the first time [rad], [m].
         length_sigmas: (L) [m].
     """
 
     poses: Array
-    lasting: LastingEquipment
+    lengths: Array
     cost: float
     root_sigmas: Array
     length_sigmas: Array
-
-
-class _Unknowns(NamedTuple):
-    root: Array
-    motions: Array
-    lengths: Array
 
 
 class EquipmentFit:
@@ -91,109 +64,162 @@ class EquipmentFit:
     """
 
     def __init__(self, equipment: Equipment, tree: Sequence[Joint]) -> None:
-        self._equipment, self._stands = equipment, equipment.segments[equipment.root].stands
+        self._equipment = equipment
         self.lengths = UnknownLengths(equipment, tree)
         self.chain = EquipmentChain(equipment, tree, self.lengths)
-        self._lasting = np.concatenate([np.arange(6), self.chain.length_columns])
-
-    def unknown(self) -> LastingEquipment:
-        """What is known before any fit: the lengths as the file has them."""
-        information = np.diag(np.concatenate([np.zeros(6), self.lengths.priors**-2.0]))
-        return LastingEquipment(np.eye(4), np.zeros(len(self.lengths)), information)
+        lasting = 6 if equipment.segments[equipment.root].stands else 0
+        self._lasting = np.concatenate([np.arange(lasting), self.chain.length_columns]).astype(np.intp)
+        self._moving = np.setdiff1d(np.arange(self.chain.count), self._lasting)
 
     def solve(
-        self,
-        start: Array,
-        points: AttachedPoints,
-        known: LastingEquipment,
-        root: tuple[Array, Array] | None = None,
+        self, start: Array, lengths: Array, points: AttachedPoints, root: tuple[Array, Array] | None = None
     ) -> FittedEquipment:
-        """Fit the equipment at one time.
+        """Levenberg-Marquardt.
 
         Args:
-            start: (E, 4, 4) initial poses.
+            start: (T, E, 4, 4) initial poses; a root that stands starts at the last of them.
+            lengths: (L) initial [m].
             points: measured.
-            known: of other times.
-            root: measured pose (4, 4) of the root and its sigmas (6) [rad], [m].
+            root: measured pose (4, 4) of the root and its sigmas (6) [rad], [m], for T = 1.
         """
-        motions = self.chain.motions(start, known.lengths)
-        initial = _Unknowns(start[self.chain.root], motions, known.lengths)
-        stiff = known.information + _STIFFENING * np.eye(len(self._lasting))
-        weights = np.asarray(np.linalg.cholesky(stiff).T, np.float64)
+        at = start[:, self.chain.root]
+        if 0 in self._lasting:
+            at = np.broadcast_to(at[-1], at.shape)
+        unknowns = (at, self.chain.motions(start, lengths), lengths)
+        damping = 0.1
+        H, g, cost = self._normal_equations(*unknowns, points, root)
+        for _ in range(_STEPS):
+            step = self._step(H, g, damping)
+            moved = (*self.chain.moved(*unknowns[:2], step), unknowns[2] + step[0, self.chain.length_columns])
+            H_new, g_new, cost_new = self._normal_equations(*moved, points, root)
+            if not cost_new <= cost:
+                damping *= 10.0
+                continue
+            settled = cost - cost_new < _SETTLED * (1.0 + cost)
+            unknowns, H, g, cost, damping = moved, H_new, g_new, cost_new, 0.2 * damping
+            if settled:
+                break
+        sigmas = self._sigmas(H, g)
+        poses = self.chain.poses(*unknowns)[0]
+        return FittedEquipment(poses, unknowns[2], cost, sigmas[:6], sigmas[self.chain.length_columns])
 
-        def linearise(at: _Unknowns) -> tuple[Array, Array, float]:
-            return self._linearise(at, points, known, weights, root)
-
-        def moved(at: _Unknowns, step: Array) -> _Unknowns:
-            return _Unknowns(*self.chain.moved(at.root, at.motions, step), at.lengths + step[self.chain.length_columns])
-
-        fitted, cost = damped_gauss_newton(initial, linearise, moved, _STEPS, _LONGEST_STEP, _CONVERGED)
-        J = linearise(fitted)[1]
-        covariance = np.linalg.inv(J.T @ J + _STIFFENING * np.eye(self.chain.count))
-        sigmas = np.sqrt(np.diag(covariance))
-        information, first = np.zeros_like(known.information), 0 if self._stands else 6
-        lasting = self._lasting[first:]
-        information[first:, first:] = np.linalg.inv(covariance[np.ix_(lasting, lasting)])
-        return FittedEquipment(
-            self.chain.poses(*fitted)[0],
-            LastingEquipment(fitted.root, fitted.lengths, information),
-            cost,
-            sigmas[:6],
-            sigmas[self.chain.length_columns],
-        )
-
-    def _linearise(
-        self,
-        at: _Unknowns,
-        points: AttachedPoints,
-        known: LastingEquipment,
-        weights: Array,
-        measured: tuple[Array, Array] | None,
+    def _normal_equations(
+        self, root: Array, motions: Array, lengths: Array, points: AttachedPoints, measured: tuple[Array, Array] | None
     ) -> tuple[Array, Array, float]:
-        """Residuals (R) in sigmas, their Jacobian (R, n), and the robust cost."""
-        poses, moves = self.chain.poses(*at)
-        residuals, jacobians, cost = [], [], 0.0
+        """Hessians (T, n, n), gradients (T, n) and the robust cost."""
+        T, n = len(root), self.chain.count
+        poses, moves = self.chain.poses(root, motions, lengths)
+        H, g, cost = np.zeros((T, n, n)), np.zeros((T, n)), 0.0
+        diagonal = np.einsum("tii->ti", H)  # a view
 
-        def add(r: Array, columns: NDArray[np.intp] | slice, J: Array) -> None:
+        def add_independent(times: slice, columns: slice | NDArray[np.intp], off: Array, sigmas: Array) -> None:
+            """Add residuals ``off`` (T, F) of single columns."""
             nonlocal cost
-            block = np.zeros((len(r), self.chain.count))
-            block[:, columns] = J
-            residuals.append(r)
-            jacobians.append(block)
-            cost += float(r @ r)
+            diagonal[times, columns] += sigmas**-2.0
+            g[times, columns] += off / sigmas**2
+            cost += float(np.sum((off / sigmas) ** 2))
 
         for attachment in self._equipment.attachments:
-            if np.isfinite(points[attachment.name]).all():
-                r, J = self._pairs(attachment, poses, moves, at.lengths, points[attachment.name])
-                count = len(attachment.sigmas)
-                squared = float(r @ r) / count / _KERNEL**2
-                weight = 1.0 / np.sqrt(1.0 + squared)
-                add(weight * r, slice(None), weight * J)
-                cost += count * _KERNEL**2 * (np.log1p(squared) - squared / (1.0 + squared))
+            is_known = np.isfinite(points[attachment.name]).all(axis=(1, 2))
+            if is_known.any():
+                on_body = np.nan_to_num(points[attachment.name])
+                J, r = self._pairs(attachment, poses, moves, lengths, on_body)
+                squared = np.sum(r**2, axis=1) / len(attachment.sigmas) / _KERNEL**2
+                weighted = np.swapaxes(J, 1, 2) * (is_known / (1.0 + squared))[:, None, None]
+                H += weighted @ J
+                g += (weighted @ r[..., None])[..., 0]
+                cost += len(attachment.sigmas) * _KERNEL**2 * float(np.sum(np.log1p(squared)[is_known]))
         if np.isfinite(sigma := self._equipment.upright_sigma):
-            up = at.root[2, :3]
-            add(up[:2] / sigma, slice(0, 3), hat(up)[:2] / sigma)
+            up = root[:, 2, :3]
+            J_up, r_up = hat(up)[:, :2] / sigma, up[:, :2] / sigma
+            H[:, :3, :3] += np.swapaxes(J_up, 1, 2) @ J_up
+            g[:, :3] += (np.swapaxes(J_up, 1, 2) @ r_up[..., None])[..., 0]
+            cost += float(np.sum(r_up**2))
         for row, sigmas in enumerate(self.chain.sigmas):
-            soft = np.isfinite(sigmas)
-            off = (log_se3(at.motions[row]) @ self.chain.twists[row])[soft] / sigmas[soft]
-            columns = np.arange(*self.chain.columns[row].indices(self.chain.count))[soft]
-            add(off, columns, np.diag(1.0 / sigmas[soft]))
+            off = log_se3(motions[:, row]) @ self.chain.twists[row]
+            add_independent(slice(None), self.chain.columns[row], off, sigmas)
         if measured is not None:
-            add(log_se3(inverse(measured[0]) @ at.root) / measured[1], slice(0, 6), np.diag(1.0 / measured[1]))
-        away = np.concatenate([log_se3(inverse(known.world_T_root) @ at.root), at.lengths - known.lengths])
-        add(weights @ away, self._lasting, weights)
-        return np.concatenate(residuals), np.concatenate(jacobians), cost
+            add_independent(slice(None), slice(0, 6), log_se3(inverse(measured[0]) @ root), measured[1])
+        # Lengths have one prior, not one at every time.
+        add_independent(slice(0, 1), self.chain.length_columns, lengths, self.lengths.priors)
+        return H, g, cost
 
     def _pairs(
         self, attachment: Attachment, poses: Array, moves: Array, lengths: Array, on_body: Array
     ) -> tuple[Array, Array]:
-        """Residuals (3N) of an attachment's pairs in its equipment segment's axes, in sigmas, and Jacobian (3N, n)."""
+        """Jacobians (T, 3N, n) and residuals (T, 3N) of an attachment's pairs, in its equipment segment's axes."""
         row = self.chain.row[attachment.equipment_segment]
-        measured = (on_body - poses[row, :3, 3]) @ poses[row, :3, :3]
+        pose = poses[:, row]
+        measured = (on_body - pose[:, None, :3, 3]) @ pose[:, :3, :3]
         off = measured - self.lengths.attachment(attachment, lengths).on_equipment
-        by_segment = np.concatenate([hat(measured), np.broadcast_to(-np.eye(3), (len(measured), 3, 3))], axis=2)
-        J = by_segment @ moves[row]
+        by_segment = np.concatenate([hat(measured), np.broadcast_to(-np.eye(3), (*measured.shape, 3))], axis=3)
+        J = by_segment @ moves[:, None, row]
         for column, axis in self.lengths.columns(attachment.name):
-            J[:, axis, self.chain.length_columns[column]] -= 1.0
+            J[:, :, axis, self.chain.length_columns[column]] -= 1.0
         sigmas = np.hypot(attachment.sigmas, BODY_M)[:, None]
-        return (off / sigmas).ravel(), (J / sigmas[..., None]).reshape(-1, self.chain.count)
+        rows = 3 * len(attachment.sigmas)
+        return (J / sigmas[..., None]).reshape(len(poses), rows, -1), (off / sigmas).reshape(len(poses), rows)
+
+    def _step(self, H: Array, g: Array, damping: float) -> Array:
+        """Steps (T, n) of all unknowns."""
+        reduced, gradient, own, by_lasting = self._reduced(H, g, damping)
+        damped = reduced + damping * np.diag(np.diag(reduced))
+        lasting = -np.linalg.solve(damped, gradient) if len(damped) else gradient
+        step = np.zeros((len(H), self.chain.count))
+        step[:, self._lasting] = lasting
+        step[:, self._moving] = own + by_lasting @ lasting
+        return step
+
+    def _reduced(self, H: Array, g: Array, damping: float) -> tuple[Array, Array, Array, Array]:
+        """Normal equations of what lasts (K, K), (K), and how what moves follows from it: (T, M), (T, M, K)."""
+        moving, lasting = self._moving, self._lasting
+        C = H[:, lasting[:, None], lasting].sum(axis=0) + _STIFFENING * np.eye(len(lasting))
+        A = H[:, moving[:, None], moving]
+        A = A + damping * np.einsum("tij,ij->tij", A, np.eye(len(moving))) + _STIFFENING * np.eye(len(moving))
+        B = H[:, moving[:, None], lasting]
+        solved: Array = -np.linalg.solve(A, np.concatenate([g[:, moving, None], B], axis=2))
+        own, by_lasting = solved[..., 0], solved[..., 1:]
+        C += np.einsum("tmk,tml->kl", B, by_lasting)
+        return C, g[:, lasting].sum(axis=0) + np.einsum("tmk,tm->k", B, own), own, by_lasting
+
+    def _sigmas(self, H: Array, g: Array) -> Array:
+        """(n) of all unknowns, at the first time."""
+        reduced, _, _, by_lasting = self._reduced(H, g, 0.0)
+        lasting = np.linalg.inv(reduced)
+        own = H[0][np.ix_(self._moving, self._moving)] + _STIFFENING * np.eye(len(self._moving))
+        variances = np.zeros(self.chain.count)
+        variances[self._lasting] = np.diag(lasting)
+        variances[self._moving] = np.diag(np.linalg.inv(own) + by_lasting[0] @ lasting @ by_lasting[0].T)
+        sigmas: Array = np.sqrt(np.maximum(variances, 0.0))
+        return sigmas
+
+
+_KEEP_HZ = 10.0  # rate of the kept times at first; neighbours add no information
+_MOST = 200  # kept times: a fit takes as long as there are many
+_FIT_EVERY_S = 0.5  # of new measurements between two fits
+
+
+class AttachedHistory:
+    """Times at which points of the body attached to the equipment were measured, for a fit of what lasts."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[AttachedPoints, Array]] = []
+        self._kept_ns, self._period_ns, self._new_s = -(1 << 62), 1e9 / _KEEP_HZ, 0.0
+
+    def add(self, stamp_ns: int, points: AttachedPoints, poses: Array) -> bool:
+        """Keep one time with poses (E, 4, 4), unless it is too near to the last; whether a fit is due."""
+        if stamp_ns - self._kept_ns < 0.99 * self._period_ns or not attached(points):
+            return False
+        self._kept_ns = stamp_ns
+        self._kept.append((points, poses.copy()))
+        self._new_s += 1e-9 * self._period_ns
+        if len(self._kept) > _MOST:
+            self._kept, self._period_ns = self._kept[::2], 2.0 * self._period_ns
+        is_due = self._new_s >= _FIT_EVERY_S
+        self._new_s = 0.0 if is_due else self._new_s
+        return is_due
+
+    def fit(self, fit: EquipmentFit, lengths: Array) -> FittedEquipment:
+        """Root that stands and lengths (L), fitted to all kept times."""
+        points = {name: np.concatenate([each[name] for each, _ in self._kept]) for name in self._kept[0][0]}
+        return fit.solve(np.stack([poses for _, poses in self._kept]), lengths, points)

@@ -4,14 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.estimation.equipment_fit import (
-    BODY_M,
-    AttachedPoints,
-    EquipmentFit,
-    FittedEquipment,
-    LastingEquipment,
-    attached,
-)
+from bodycam_ros.estimation.equipment_fit import BODY_M, AttachedPoints, EquipmentFit, attached
 from bodycam_ros.geometry import Array, exp_so3, inverse, nearest_rotation, rigid, transform_points
 
 _STARTS = 12  # initial angles of a hinge that turns for ever
@@ -43,24 +36,24 @@ class EquipmentSearch:
         return self._chain.tree.forward_kinematics(world_T_root, motions)
 
     def find(
-        self, points: AttachedPoints, known: LastingEquipment, root: tuple[Array, Array] | None = None
-    ) -> FittedEquipment | None:
-        """The fit of the best start; None while the points do not determine it.
+        self, points: AttachedPoints, lengths: Array, root: tuple[Array, Array] | None = None
+    ) -> tuple[Array, Array] | None:
+        """Poses (E, 4, 4) and the root's sigmas (6) [rad], [m]; None while the points do not determine them.
 
         Args:
-            points: measured.
-            known: of other times.
+            points: measured at one time.
+            lengths: (L) of the equipment [m].
             root: pose (4, 4) of the root and its sigmas (6), where a camera on it measured it.
         """
         if root is None and not attached(points):
             return None
         angles = [0.0] if self._searched is None else np.linspace(-np.pi, np.pi, _STARTS, endpoint=False).tolist()
         starts = [self._aligned(points, angle) if root is None else self.nominal(root[0], angle) for angle in angles]
-        fits = [self._fit.solve(start, points, known.without_root(), root) for start in starts]
+        fits = [self._fit.solve(start[None], lengths, points, root) for start in starts]
         best = min(fits, key=lambda fitted: fitted.cost)
-        if root is None and (best.root_sigmas > _UNPLACED)[self._determined(best.poses)].any():
+        if root is None and (best.root_sigmas > _UNPLACED)[self._determined(best.poses[0])].any():
             return None
-        return best
+        return best.poses[0], best.root_sigmas
 
     def _determined(self, poses: Array) -> NDArray[np.bool_]:
         """(6) rotations and translations of the root that move an attachment: not the turn of a bar about itself."""
@@ -81,7 +74,7 @@ class EquipmentSearch:
             if attachment.name in known:
                 pose = nominal[self._chain.row[attachment.equipment_segment]]
                 on_equipment.append(transform_points(pose, attachment.on_equipment))
-                on_body.append(points[attachment.name])
+                on_body.append(points[attachment.name][0])
                 unknown = float(np.max(attachment.unknown))
                 weights.append(1.0 / (np.square(attachment.sigmas) + unknown**2 + BODY_M**2))
         a, b, w = np.concatenate(on_equipment), np.concatenate(on_body), np.concatenate(weights)

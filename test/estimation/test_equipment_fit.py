@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from athletes import bicycle, cyclist
+from athletes import CRANK_M, bicycle, cyclist
 
 from bodycam_ros.body.equipment import Equipment, SegmentMotion
 from bodycam_ros.estimation.equipment_fit import AttachedPoints, EquipmentFit, FittedEquipment
@@ -34,16 +34,6 @@ def ridden(equipment: Equipment, off: Array, instants: int) -> Array:
     return poses
 
 
-def fitted_in_turn(fit: EquipmentFit, starts: Array, points: AttachedPoints) -> tuple[Array, FittedEquipment]:
-    """Poses (T, E, 4, 4) of one fit after the other, each with what the ones before made known, and the last fit."""
-    known, poses = fit.unknown(), []
-    for time, start in enumerate(starts):
-        fitted = fit.solve(start, {name: each[time] for name, each in points.items()}, known)
-        known = fitted.lasting
-        poses.append(fitted.poses)
-    return np.array(poses), fitted
-
-
 def held(equipment: Equipment, poses: Array, noise: np.random.Generator | None = None) -> AttachedPoints:
     """Where a body holds poses (T, E, 4, 4): exactly, or as far off as its play and its cameras have it."""
     row = {name: row for row, name in enumerate(equipment.segments)}
@@ -63,15 +53,19 @@ def elsewhere(poses: Array, random: np.random.Generator) -> Array:
 
 
 @pytest.mark.parametrize("stands", [True, False])
-def test_without_noise_centre_radius_and_lateral_offset_are_known(stands: bool) -> None:
-    bike = unmeasured(bicycle(), prior_m=0.03)
+def test_without_noise_centre_radius_and_lateral_offset_are_exact(stands: bool) -> None:
+    bike = unmeasured(bicycle(), prior_m=10.0)
     bike = replace(bike, segments={**bike.segments, "frame": SegmentMotion(stands=stands)})
     off = np.array([0.013, 0.011, -0.009])
     truth = ridden(bike, off, 12)
-    fit = EquipmentFit(bike, bike.joints)
-    poses, fitted = fitted_in_turn(fit, elsewhere(truth, np.random.default_rng(2)), held(bike, truth))
-    np.testing.assert_allclose(fitted.lasting.lengths, off, atol=5e-4)
-    np.testing.assert_allclose(poses[-1], truth[-1], atol=2e-3)
+    fitted = EquipmentFit(bike, bike.joints).solve(
+        elsewhere(truth, np.random.default_rng(2)), np.zeros(3), held(bike, truth)
+    )
+    np.testing.assert_allclose(fitted.lengths, off, atol=1e-6)
+    np.testing.assert_allclose(fitted.poses, truth, atol=1e-6)
+    assert np.linalg.norm(fitted.poses[0, 2, :3, 3] - fitted.poses[0, 1, :3, 3]) == pytest.approx(
+        np.hypot(CRANK_M + off[0], 0.125), abs=1e-6
+    )
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +78,7 @@ def trials() -> list[tuple[Array, FittedEquipment, Array, Array]]:
         fit = EquipmentFit(bike, bike.joints)
         off = fit.lengths.priors * random.standard_normal(3)
         truth = ridden(bike, off, 10)
-        _, fitted = fitted_in_turn(fit, truth @ exp_se3(np.full(6, 0.02)), held(bike, truth, random))
+        fitted = fit.solve(truth @ exp_se3(np.full(6, 0.02)), np.zeros(3), held(bike, truth, random))
         made.append((off, fitted, truth, fit.lengths.priors))
     return made
 
@@ -92,7 +86,7 @@ def trials() -> list[tuple[Array, FittedEquipment, Array, Array]]:
 def test_with_noise_lengths_are_as_far_off_as_their_sigmas_say(
     trials: list[tuple[Array, FittedEquipment, Array, Array]],
 ) -> None:
-    normalised = np.array([(fitted.lasting.lengths - off) / fitted.length_sigmas for off, fitted, _, _ in trials])
+    normalised = np.array([(fitted.lengths - off) / fitted.length_sigmas for off, fitted, _, _ in trials])
     # The mean of 60 squares errs by 0.18; of a sigma that is half or twice what it should be it is 4 or 0.25.
     assert (np.abs(np.mean(normalised**2, axis=0) - 1.0) < 0.6).all()
     assert (np.abs(normalised) < 4.0).all()
@@ -104,8 +98,9 @@ def test_with_noise_it_stands_as_near_to_the_truth_as_its_sigmas_say(
     trials: list[tuple[Array, FittedEquipment, Array, Array]],
 ) -> None:
     normalised = np.array(
-        [log_se3(inverse(truth[0, 0]) @ fitted.poses[0]) / fitted.root_sigmas for _, fitted, truth, _ in trials]
+        [log_se3(inverse(truth[0, 0]) @ fitted.poses[0, 0]) / fitted.root_sigmas for _, fitted, truth, _ in trials]
     )
     assert (np.abs(np.mean(normalised**2, axis=0) - 1.0) < 0.6).all()
     for _, fitted, _, _ in trials:
+        assert np.ptp(fitted.poses[:, 0], axis=0).max() < 1e-9
         assert fitted.root_sigmas[3:].max() < 0.006
