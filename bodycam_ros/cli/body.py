@@ -24,12 +24,14 @@ from bodycam_ros.cli.options import (
     add_recording,
     add_start,
     add_stations,
+    check_no_static_flags,
+    given_flags,
     pipeline_settings,
     settings_from_flags,
 )
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import print_section
-from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal, widened
 
@@ -117,13 +119,10 @@ def _check_flags(arguments: argparse.Namespace) -> None:
         StationError: flags of static cameras without any.
     """
     if arguments.stations is not None:
-        for flag in ("rig", "facing"):
-            if getattr(arguments, flag) is not None:
-                raise BodyError(f"--{flag} is for body cameras; static ones, of --stations, do without")
+        for flag in given_flags(arguments, "rig", "facing"):
+            raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
         return
-    for flag in ("start", "initial_body", "height"):
-        if getattr(arguments, flag) is not None:
-            raise StationError(f"--{flag.replace('_', '-')} needs --stations, where the static cameras are")
+    check_no_static_flags(arguments, "start", "initial_body", "height")
     if arguments.map is None or arguments.rig is None:
         raise BodyError(
             "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
@@ -239,7 +238,7 @@ def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
     """The body with approximate lengths.
 
     Raises:
-        BodyError: none is given, or nobody has this height.
+        BodyError: none is given, or the height is out of range.
     """
     from bodycam_ros.body.body_file import read_body
     from bodycam_ros.static_cameras.person_model import body_of_height

@@ -43,7 +43,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: does it begin "
         "with the N-pose, was every joint moved?",
     )
-    parser.add_argument("--board", type=Path, help="AprilTag board, is it seen? (default: board.yaml beside RECORDING)")
+    parser.add_argument("--board", type=Path, help="AprilTag board, is it in view? (default: board.yaml beside it)")
     add_lenses(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_jobs(parser, "threads")
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
             Terminal().print(f"not checked: {check}", soft_wrap=True)
         verdict = {
             Level.GOOD: "good: nothing speaks against it",
-            Level.DOUBTFUL: "doubtful: it can be used, and would be better with what is said above",
+            Level.DOUBTFUL: "doubtful: it can be used, and would be better with the changes above",
             Level.WRONG: "wrong: mend what is wrong and record again",
         }[level]
         Terminal().print(Text(verdict, _STYLES[level]))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from bodycam_ros.cli.command_parser import Subparsers
-from bodycam_ros.cli.options import add_map, add_output, add_stations, add_surface
+from bodycam_ros.cli.options import add_map, add_output, add_stations, add_surface, check_no_static_flags, given_flags
 from bodycam_ros.cli.progress import shown_progress, waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
 from bodycam_ros.errors import RecordingError, StationError
@@ -146,9 +146,8 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
     from bodycam_ros.formats.read_captured import is_captured
 
     if arguments.truth is None:
-        for flag in ("align", "clock", "points"):
-            if getattr(arguments, flag) is not None:
-                raise RecordingError(f"--{flag} needs --truth, which OUT is compared with")
+        for flag in given_flags(arguments, "align", "clock", "points"):
+            raise RecordingError(f"{flag} needs --truth, which OUT is compared with")
         return None
     is_other = is_captured(arguments.truth)
     if not is_other and arguments.align is arguments.clock is arguments.points is None:
@@ -166,9 +165,7 @@ def _outside_files(arguments: argparse.Namespace) -> "OutsideFiles | None":
     from bodycam_ros.evaluate.outside_picture import OutsideFiles
 
     if arguments.stations is None:
-        for flag in ("surface", "map", "overlay_video"):
-            if getattr(arguments, flag) is not None:
-                raise StationError(f"--{flag.replace('_', '-')} needs --stations, where the static cameras are")
+        check_no_static_flags(arguments, "surface", "map", "overlay_video")
         return None
     if arguments.recording is None:
         raise StationError("--stations: needs the images of static cameras: give the bag with --recording")
@@ -207,7 +204,7 @@ def _outside_pictures(
 
 
 def _check_earlier(folder: Path) -> None:
-    """Refuse to replace pictures that no evaluation made: it writes figures along with each.
+    """Refuse to replace pictures that no evaluation wrote: it writes a summary with them.
 
     Raises:
         OutputError: there are such.

@@ -87,7 +87,7 @@ def _run(argv: Sequence[str], signals: EndingSignals) -> int:
         sys.stdout.flush()
         return code
     except BaseException as error:
-        if signals.received is not None:  # whatever the exception has become on its way
+        if signals.received is not None:  # the exception may have been replaced meanwhile
             if signals.received == signal.SIGINT:
                 with suppress(OSError, ValueError):
                     print("bodycam: interrupted", file=sys.stderr, flush=True)

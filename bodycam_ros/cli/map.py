@@ -20,7 +20,6 @@ from bodycam_ros.cli.map_source import (
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.output_place import check_output
-from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -74,11 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
         )
         coverage = measure_coverage(built.reference_map, progress)
     built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
-    title = f"Coverage of {printable(output.name)}"
     built.save(
         output,
         force=arguments.force,
-        also=lambda folder: draw_coverage(coverage, built.reference_map, folder / COVERAGE_FILE, title),
+        also=lambda folder: draw_coverage(coverage, built.reference_map, folder / COVERAGE_FILE, output.name),
     )
     terminal = Terminal()
     for table in _tables(built):

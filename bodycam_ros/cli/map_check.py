@@ -6,7 +6,6 @@ from pathlib import Path
 from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import whole_file
 
@@ -37,8 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     lines = coverage_lines(coverage, reference_map)
     if arguments.output is not None:
         with whole_file(arguments.output) as unfinished:
-            name = printable(arguments.map.resolve().name)
-            draw_coverage(coverage, reference_map, unfinished, f"Coverage of {name}")
+            draw_coverage(coverage, reference_map, unfinished, arguments.map.resolve().name)
         lines.append(f"drawn in {arguments.output}")
     Terminal().print("\n".join(lines), soft_wrap=True)
     return 0

@@ -1,7 +1,6 @@
 """bodycam map extend: a recording and a map in, a map out with landmarks of its body cameras too (A 4.1)."""
 
 import argparse
-from pathlib import Path
 
 from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
@@ -16,7 +15,6 @@ from bodycam_ros.cli.options import (
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.replay import print_rounds
 from bodycam_ros.output_place import check_output
-from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 
@@ -49,10 +47,11 @@ def run(arguments: argparse.Namespace) -> int:
         coverage = measure_coverage(extended, progress)
     extended = with_coverage(extended, coverage)
 
-    def draw(folder: Path) -> None:
-        draw_coverage(coverage, extended, folder / COVERAGE_FILE, f"Coverage of {printable(output.name)}")
-
-    extended.save(output, force=arguments.force, also=draw)
+    extended.save(
+        output,
+        force=arguments.force,
+        also=lambda folder: draw_coverage(coverage, extended, folder / COVERAGE_FILE, output.name),
+    )
     print_rounds(extension.rounds)
     Terminal().print("\n".join(coverage_lines(coverage, extended)), soft_wrap=True)
     Terminal().print(

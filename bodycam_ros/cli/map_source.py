@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_imu
+from bodycam_ros.cli.options import add_imu, given_flags
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.output_place import check_output
@@ -83,15 +83,12 @@ def check_source(arguments: argparse.Namespace) -> None:
     if arguments.from_bag is not None:
         if source is not None:
             raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
-        for flag in ("topic", "camera", "keep_frames", "colmap"):
-            if getattr(arguments, flag) is not None:
-                name = f"--{flag.replace('_', '-')}"
-                raise MapError(f"{name} does not go with --from-bag, which takes all body cameras as the bag has them")
+        for flag in given_flags(arguments, "topic", "camera", "keep_frames", "colmap"):
+            raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
         known_distances(arguments)
         return
-    for flag in ("rig", "known_distance", "imu"):
-        if getattr(arguments, flag):
-            raise MapError(f"--{flag.replace('_', '-')} is for the body cameras of a recording; give --from-bag")
+    for flag in given_flags(arguments, "rig", "known_distance", "imu"):
+        raise MapError(f"{flag} is for the body cameras of a recording; give --from-bag")
     if source is None:
         raise MapError("give REFERENCE_DIR, VIDEO or BAG, or --from-bag BAG, to make a map of")
     if not source.exists():

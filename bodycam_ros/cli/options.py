@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bodycam_ros.cli.command_parser import CommandParser
-from bodycam_ros.errors import SettingsError
+from bodycam_ros.errors import SettingsError, StationError
 from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, read_settings_file, settings_from_mapping
 from bodycam_ros.shown import shown
 
@@ -75,6 +75,21 @@ def add_surface(parser: argparse._ActionsContainer) -> None:
 def add_start(parser: argparse._ActionsContainer, help_text: str) -> None:
     """Add --start."""
     parser.add_argument("--start", type=Path, metavar="START.YAML", help=f"with --stations: {help_text}")
+
+
+def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:
+    """Those of some flags that were given, as a user writes them."""
+    return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) not in (None, [])]
+
+
+def check_no_static_flags(arguments: argparse.Namespace, *names: str) -> None:
+    """Refuse flags of static cameras where --stations is missing.
+
+    Raises:
+        StationError: one of them is given.
+    """
+    for flag in given_flags(arguments, *names):
+        raise StationError(f"{flag} needs --stations, where the static cameras are")
 
 
 def add_equipment(parser: argparse.ArgumentParser) -> None:

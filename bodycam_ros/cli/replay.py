@@ -22,6 +22,7 @@ from bodycam_ros.cli.options import (
     add_start,
     add_stations,
     add_surface,
+    check_no_static_flags,
     pipeline_settings,
     positive,
 )
@@ -135,9 +136,7 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
         raise StationError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
         return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
-    for flag in ("surface", "start"):
-        if getattr(arguments, flag) is not None:
-            raise StationError(f"--{flag} needs --stations, where the static cameras are")
+    check_no_static_flags(arguments, "surface", "start")
     if arguments.map is None:
         raise StationError("give the place's reference map with --map, or static cameras with --stations")
     return None

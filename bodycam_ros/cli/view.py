@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.command_parser import Subparsers
-from bodycam_ros.cli.options import add_map, add_stations, add_surface
+from bodycam_ros.cli.options import add_map, add_stations, add_surface, given_flags
 from bodycam_ros.errors import ViewError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import shown
@@ -114,9 +114,9 @@ def _write_video(arguments: argparse.Namespace) -> None:
 
 
 def _view_live(arguments: argparse.Namespace) -> None:
-    flags = ("body", "recording", "stations", "surface", "compare", "output", "over")
-    given = {"OUT": arguments.solved, **{f"--{flag}": getattr(arguments, flag) for flag in flags}}
-    if unused := [name for name, value in given.items() if value is not None]:
+    unused = [] if arguments.solved is None else ["OUT"]
+    unused += given_flags(arguments, "body", "recording", "stations", "surface", "compare", "output", "over")
+    if unused:
         raise ViewError(f"--live: the running graph publishes the body; leave out {', '.join(unused)}")
     try:
         listener = import_module("bodycam_ros.nodes.body_listener").BodyListener

@@ -12,6 +12,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.coverage import Coverage, Gap, find_gaps
 from bodycam_ros.plots.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.shown import printable
 
 _SIZE_INCHES = (15.0, 6.2)
 _MOST_POINTS = 20_000
@@ -23,8 +24,8 @@ _ARROW = 0.05  # of the plan's breadth
 _SHARE = Normalize(0.0, 1.0)
 
 
-def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, title: str = "Coverage") -> None:
-    """Write the picture as PNG.
+def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, name: str) -> None:
+    """Write the picture of a map, named in its title, as PNG.
 
     Raises:
         OSError: the file cannot be written.
@@ -37,7 +38,7 @@ def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, t
     if gaps:
         caption += f"; {len(gaps)} {'gap' if len(gaps) == 1 else 'gaps'} to photograph (red)"
     with open_picture(path, *_SIZE_INCHES) as figure:
-        figure.text(0.035, 0.965, title, fontsize=17.0, weight="bold", va="top")
+        figure.text(0.035, 0.965, f"Coverage of {printable(name)}", fontsize=17.0, weight="bold", va="top")
         figure.text(0.035, 0.89, caption, fontsize=10.0, color=QUIET, va="top")
         _draw_directions(figure.add_axes((0.055, 0.15, 0.45, 0.62)), coverage, reference_map, gaps)
         _draw_plan(figure.add_axes((0.56, 0.15, 0.36, 0.62)), coverage, reference_map, gaps)
@@ -45,7 +46,7 @@ def draw_coverage(coverage: Coverage, reference_map: ReferenceMap, path: Path, t
         bar = figure.colorbar(ScalarMappable(_SHARE, LANDMARKS), cax=scale, ticks=[0.0, 0.5, 1.0])
         bar.outline.set_visible(False)
         scale.set_yticklabels(["0 %", "50 %", "100 %"])
-        scale.set_title("enough\nis seen", fontsize=8.0, color=QUIET, loc="left")
+        scale.set_title("enough\nin view", fontsize=8.0, color=QUIET, loc="left")
 
 
 def _draw_directions(axes: Axes, coverage: Coverage, reference_map: ReferenceMap, gaps: list[Gap]) -> None:
@@ -80,7 +81,7 @@ def _draw_directions(axes: Axes, coverage: Coverage, reference_map: ReferenceMap
 
 
 def _draw_plan(axes: Axes, coverage: Coverage, reference_map: ReferenceMap, gaps: list[Gap]) -> None:
-    """From above: landmarks, photographs with their directions, places in the colour of what is seen from them."""
+    """From above: landmarks, photographs with their directions, places in the colour of their coverage."""
     level = coverage.level_R_world.T
     points = reference_map.points_world[:: max(1, len(reference_map.points_world) // _MOST_POINTS)] @ level
     centres = reference_map.world_T_camera[:, :3, 3] @ level

@@ -1,4 +1,4 @@
-"""What a camera should see: the wearer's limbs and the map's landmarks, where a solved body puts them in its image."""
+"""Limbs and landmarks projected into an image by the pose of a solved body."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -14,24 +14,24 @@ _TIPS_M = {
     "hand": (0.0, 0.0, -0.15),
     "foot": (0.17, 0.0, -0.06),
 }
-"""Where a last segment ends, for the eye only: nobody measures fingertips, toes and the crown."""
+"""Where a last segment ends, for drawing only: fingertips, toes and the crown are not measured."""
 
 HEAD = "head"
 
 _TURN_WALKING = np.radians(20.0)  # from the side towards the front: both legs and arms stay apart
-_TURN_STANDING = np.radians(50.0)  # who moves limbs in all directions is better seen half from the front
+_TURN_STANDING = np.radians(50.0)  # of a person who stays in place
 _ELEVATION = np.radians(14.0)  # enough to see the path on the floor
-_STANDING_M = 1.5  # who moves less than this stands: the view then follows where the root faces
+_STANDING_M = 1.5  # a root that moves less stands: the view follows its heading
 
 
 @dataclass(frozen=True, eq=False)
 class Bone:
-    """A line over T instants.
+    """A line over T states.
 
     Attributes:
         segment: that it belongs to.
         start, end: (T, 3) [m].
-        is_equipment: whether it is of what stands beside the body.
+        is_equipment: whether it is of the equipment.
     """
 
     segment: str
@@ -40,7 +40,7 @@ class Bone:
     is_equipment: bool = False
 
     def at(self, instant: int) -> "Bone":
-        """The line at one instant."""
+        """The line at one state."""
         row = slice(instant, instant + 1)
         return replace(self, start=self.start[row], end=self.end[row])
 
@@ -50,7 +50,7 @@ def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> l
 
     Args:
         world_T_segment: segment -> (T, 4, 4) [m].
-        parents: segment -> the segment that it hangs on.
+        parents: segment -> its parent segment.
     """
     origin = {segment: poses[:, :3, 3] for segment, poses in world_T_segment.items()}
     lines = [Bone(p, origin[p], origin[c]) for c, p in parents.items() if c in origin and p in origin]
@@ -64,7 +64,7 @@ def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> l
 
 
 def equipment_lines(world_T_segment: Mapping[str, Array], ends: Mapping[str, Sequence[Array]]) -> list[Bone]:
-    """Lines of what stands beside the body, from the origin of each segment.
+    """Lines of the equipment, from the origin of each segment.
 
     Args:
         world_T_segment: segment -> (T, 4, 4) [m].
@@ -83,11 +83,11 @@ def equipment_lines(world_T_segment: Mapping[str, Array], ends: Mapping[str, Seq
 
 
 def body_bones(body: BodyModel, world_T_segment: Array) -> list[Bone]:
-    """The same of a body, and what stands beside it, whose segments are at poses (S, 4, 4), at one instant."""
+    """The lines of a body and its equipment at poses (S, 4, 4) [m]."""
     poses = dict(zip(body.segments, world_T_segment[:, None], strict=True))
-    beside = body.equipment_segments
-    ends = {segment: bone_ends(body, segment) for segment in body.segments if segment in beside}
-    limbs = {segment: pose for segment, pose in poses.items() if segment not in beside}
+    equipment = body.equipment_segments
+    ends = {segment: bone_ends(body, segment) for segment in body.segments if segment in equipment}
+    limbs = {segment: pose for segment, pose in poses.items() if segment not in equipment}
     return [*bones(limbs, {joint.child: joint.parent for joint in body.tree_joints}), *equipment_lines(poses, ends)]
 
 
@@ -105,7 +105,7 @@ class ObliqueView:
 
     @classmethod
     def of_path(cls, world_T_root: Array) -> "ObliqueView":
-        """The view of a root that takes a path (T, 4, 4); it goes to the right."""
+        """The view of a root's path (T, 4, 4) [m], which goes to the right."""
         ground = world_T_root[:, :2, 3]
         centred = ground - ground.mean(axis=0)
         _, _, directions = np.linalg.svd(centred, full_matrices=False)
