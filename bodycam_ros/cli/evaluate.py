@@ -182,8 +182,13 @@ def _outside_pictures(
         BodyError: the surface cannot be used.
         RecordingError: not a recording, or an image that cannot be decoded.
     """
-    from bodycam_ros.evaluate.outside_picture import OutsideScene, draw_outside, outside_views
-    from bodycam_ros.evaluate.overlay_picture import check_station, draw_outside_video
+    from bodycam_ros.evaluate.outside_picture import (
+        OutsideScene,
+        check_station,
+        draw_outside,
+        draw_outside_video,
+        outside_views,
+    )
     from bodycam_ros.evaluate.report import OUTSIDE, VIDEO
 
     solved = evaluation.solved
@@ -198,7 +203,7 @@ def _outside_pictures(
         )
     more: dict[str, Callable[[Path], None]] = {OUTSIDE: partial(draw_outside, views)}
     if video is not None:
-        anew = scene.unlearned()
+        anew = scene.restarted()
         more[VIDEO] = lambda path: draw_outside_video(anew, solved, recording, video, path, progress)
     return more
 

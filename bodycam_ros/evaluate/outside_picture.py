@@ -1,23 +1,29 @@
-"""What static cameras saw at one instant, with the solved body's surface, contour and forces painted over it."""
+"""Images of static cameras, with the solved body's surface, contour and forces painted over them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import StationError
+from bodycam_ros.evaluate.overlay_picture import middle_stamp, pick_evenly
 from bodycam_ros.geometry import Array
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.plots.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.results.topics import read_published_body
+from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,
@@ -37,10 +43,10 @@ from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 @dataclass(frozen=True)
 class OutsideFiles:
-    """What a user says of static cameras.
+    """Files of static cameras.
 
     Attributes:
-        stations: file that says where they stand.
+        stations: file with their poses.
         surface: folder of the segments' meshes; None for capsules along the bones.
         map: that the recording was solved in; None where the stations' own frame is the world.
     """
@@ -51,7 +57,7 @@ class OutsideFiles:
 
 
 class OutsideScene:
-    """Asks the stations' images about a body that is solved; their colours are learned at its poses.
+    """A solved body in the images of static cameras, whose colour models are updated at its poses.
 
     Attributes:
         stations: that the recording has images of, by name.
@@ -67,11 +73,11 @@ class OutsideScene:
         self._solved, self._surface = solved, surface
         self._poses = np.stack([solved.world_T_link[segment] for segment in body.segments])
         self._tracker = RegionTracker(body, surface, stations, RegionSettings())
-        self._learned = dict.fromkeys(stations, 0)
+        self._counts = dict.fromkeys(stations, 0)
 
     @classmethod
     def read(cls, solved: SolvedRecording, recording: Path, files: OutsideFiles) -> "OutsideScene":
-        """Read what a user gave.
+        """Read the files.
 
         Raises:
             StationError: the stations cannot be used, the recording has none of them, or their frame is not known.
@@ -92,49 +98,40 @@ class OutsideScene:
         surface = BodySurface.of(body, surfaces_of(body, solved.path, files.surface))
         return cls(solved, body, surface, there)
 
-    def unlearned(self) -> "OutsideScene":
-        """The same, whose colours nobody has learned yet."""
+    def restarted(self) -> "OutsideScene":
+        """The same without the colours of earlier images."""
         return OutsideScene(self._solved, self.body, self._surface, self.stations)
 
-    def poses_at(self, at_ns: int) -> Array:
-        """(S, 4, 4) the solved segments at a time; before the first instant and after the last one as they are then."""
+    def _poses_at(self, at_ns: int) -> Array:
+        """(S, 4, 4) the solved segments at a time; outside the recording, at its nearest frame."""
         stamps_ns = self._solved.stamps_ns
         if len(stamps_ns) == 1:
             return np.asarray(self._poses[:, 0])
         inside = np.clip(np.array([at_ns]), stamps_ns[0], stamps_ns[-1])
         return np.stack([interpolated(stamps_ns, poses, inside)[0] for poses in self._poses])
 
-    def decoded(self, image: CameraImage) -> Image:
-        """Pixels (H, W, 3) of a station's image: blue, green, red.
+    def add_image(self, image: CameraImage) -> tuple[Image, MeasuredContour]:
+        """Update the colours of a static camera by an image; its pixels (H, W, 3), and the measured contour.
+
+        The first images count alike, later ones by the learning rate.
 
         Raises:
-            RecordingError: it cannot be decoded, or has another size than the station's lens is for.
+            RecordingError: it cannot be decoded, or has another size than the camera's lens is for.
         """
-        pixels = decode_colour(image)
+        pixels, poses, view = decode_colour(image), self._poses_at(image.stamp_ns), self._tracker.views[image.camera]
         self._tracker.check_size(image.camera, pixels)
-        return pixels
-
-    def learn(self, station: str, pixels: Image, poses: Array) -> None:
-        """Learn a station's colours in an image (H, W, 3) of the body at poses (S, 4, 4); at first all count alike."""
-        self._learned[station] += 1
-        rate = max(1.0 / self._learned[station], RegionSettings().learning_rate)
-        self._tracker.views[station].update_colours(
-            pixels, self._tracker.views[station].find_contour(poses), rate, np.ones(len(poses), bool)
-        )
-
-    def contour(self, station: str, pixels: Image, poses: Array) -> MeasuredContour:
-        """The contour of the body at poses (S, 4, 4) in a station's image (H, W, 3), and where it would have it."""
-        return self._tracker.views[station].measured_contour(pixels, self._tracker.views[station].find_contour(poses))
+        self._counts[image.camera] += 1
+        rate = max(1.0 / self._counts[image.camera], RegionSettings().learning_rate)
+        contour = view.find_contour(poses)
+        view.update_colours(pixels, contour, rate, np.ones(len(poses), bool))
+        return pixels, view.measured_contour(pixels, contour)
 
 
 STATIONS = 6
-"""Static cameras that are shown, spread over those of the recording."""
-
-_LATEST_S = 20.0
-"""The instant is the recording's middle, but no later than this: bags are read from their start."""
+"""Static cameras that are shown, evenly picked."""
 
 _LEARNED_S = 0.5
-"""Images before the instant by which colours are learned."""
+"""Images before the one shown that colours are learned from."""
 
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _ROOM = 1.15  # of the window around the body
@@ -185,22 +182,17 @@ def outside_views(scene: OutsideScene, solved: SolvedRecording, recording: Path)
     Raises:
         RecordingError: not a recording, or an image that cannot be decoded.
     """
-    middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
-    at_ns = int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
-    names = list(scene.stations)
-    shown = [
-        names[row] for row in np.unique(np.linspace(0, len(names) - 1, min(STATIONS, len(names))).round().astype(int))
-    ]
-    found = _images_until(recording, shown, at_ns - round(1e9 * _LEARNED_S), at_ns + solved.frame_ns // 2)
+    at_ns = middle_stamp(solved)
+    names = pick_evenly(list(scene.stations), STATIONS)
+    found = _images_until(recording, names, at_ns - round(1e9 * _LEARNED_S), at_ns + solved.frame_ns // 2)
     views = []
     for station, images in found.items():
         if not images or images[-1].stamp_ns < at_ns - solved.frame_ns // 2:
             continue
         for image in images:
-            pixels, poses = scene.decoded(image), scene.poses_at(image.stamp_ns)
-            scene.learn(station, pixels, poses)
+            pixels, contour = scene.add_image(image)
         seconds = float(solved.seconds(np.array([images[-1].stamp_ns]))[0])
-        views.append(OutsideView(station, seconds, pixels, scene.contour(station, pixels, poses), scene.colours))
+        views.append(OutsideView(station, seconds, pixels, contour, scene.colours))
     return tuple(views)
 
 
@@ -236,27 +228,22 @@ def _draw_view(axes: Axes, view: OutsideView) -> None:
     shifts = view.contour.shifts[np.isfinite(view.contour.shifts)]
     note = "the body is not in the image"
     if len(view.contour.shifts):
-        told = f"{len(shifts)} of {len(view.contour.shifts)} lines tell"
+        measured = f"{len(shifts)} of {len(view.contour.shifts)} lines measured"
         off = f", off by {float(np.median(np.abs(shifts))):.2f} px (median)" if len(shifts) else ""
-        note = told + off
+        note = measured + off
     panel_title(axes, view.station.replace("_", " "), f"{view.seconds:.2f} s, {note}")
 
 
 def _key() -> list[Line2D]:
-    lines = {f"force outward, {ENLARGED:g} times enlarged": OUTWARD, "force inward": INWARD}
-    points = {"contour": CONTOUR, "where a line tells nothing": SILENT}
-    areas = {"surface: left": LEFT, "right": RIGHT, "equipment": EQUIPMENT}
-    return [
-        *(Line2D([], [], color=colour, linewidth=2.0, label=name) for name, colour in lines.items()),
-        *(
-            Line2D([], [], color=colour, linestyle="", marker="o", markersize=4.0, label=name)
-            for name, colour in points.items()
-        ),
-        *(
-            Line2D([], [], color=colour, linestyle="", marker="s", markersize=7.0, alpha=0.5, label=name)
-            for name, colour in areas.items()
-        ),
-    ]
+    line: dict[str, Any] = {"linewidth": 2.0}
+    point: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 4.0}
+    area: dict[str, Any] = {"linestyle": "", "marker": "s", "markersize": 7.0, "alpha": 0.5}
+    entries = (
+        (f"force outward, {ENLARGED:g} times enlarged", OUTWARD, line), ("force inward", INWARD, line),
+        ("contour", CONTOUR, point), ("without measurement", SILENT, point),
+        ("surface: left", LEFT, area), ("right", RIGHT, area), ("equipment", EQUIPMENT, area),
+    )  # fmt: skip
+    return [Line2D([], [], color=colour, label=name, **style) for name, colour, style in entries]
 
 
 def _images_until(recording: Path, cameras: Sequence[str], from_ns: int, until_ns: int) -> dict[str, list[CameraImage]]:
@@ -272,3 +259,50 @@ def _images_until(recording: Path, cameras: Sequence[str], from_ns: int, until_n
             elif image.stamp_ns >= from_ns:
                 found[image.camera].append(image)
     return found
+
+
+_VIDEO_SHARP_PX = 720
+"""Frames of the video that are less high are magnified."""
+
+
+def check_station(scene: OutsideScene, station: str) -> None:
+    """Check that a static camera exists.
+
+    Raises:
+        StationError: the recording has no static camera of this name.
+    """
+    if station not in scene.stations:
+        raise StationError(
+            f"--overlay-video {shown(station)}: is no static camera that the recording has images of; there are "
+            f"{', '.join(scene.stations)}"
+        )
+
+
+def draw_outside_video(
+    scene: OutsideScene, solved: SolvedRecording, recording: Path, station: str, path: Path, progress: Progress
+) -> None:
+    """Write the images of a static camera as MP4, at their own times, with the solved body painted into them.
+
+    Raises:
+        RecordingError: not a recording, or an image that cannot be decoded.
+        StationError: there is no image of it.
+        OutputError: the video cannot be written.
+    """
+    camera = scene.stations[station].camera
+    window = Window(0, 0, camera.width, camera.height, -(-_VIDEO_SHARP_PX // camera.height))
+    with (
+        open_recording(recording) as images,
+        progress.step(path.name, images.image_count(station)) as advance,
+        video_writer(path, 1e9 / solved.frame_ns) as write,
+        threadpool_limits(1, user_api="blas"),  # its threads would compete with decoding and compressing
+    ):
+        is_empty = True
+        for image in images.images([station]):
+            advance()
+            if not solved.stamps_ns[0] <= image.stamp_ns <= solved.stamps_ns[-1]:
+                continue
+            painted = paint_contour(*scene.add_image(image), scene.colours, window)
+            write(1e-9 * (image.stamp_ns - int(solved.stamps_ns[0])), painted)
+            is_empty = False
+        if is_empty:
+            raise StationError(f"{recording}: has no image of {station} from the time that {solved.path} has")

@@ -1,37 +1,33 @@
-"""Images of some cameras at one instant, with landmarks and the wearer's own limbs drawn over them as solved."""
+"""Images of some body cameras at one time, with landmarks and limbs of the solved body drawn over them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.comparison import Distribution
-from bodycam_ros.evaluate.outside_picture import OutsideScene
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.plots.overlay import GOOD, GOOD_PX, Overlay, project_overlay
 from bodycam_ros.plots.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.camera_record import CameraRecord
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.shown import shown
-from bodycam_ros.static_cameras.contour_painting import Window, paint_contour
+
+Item = TypeVar("Item")
 
 CAMERAS = 6
 """Cameras that are shown, spread over the body."""
 
 _LATEST_S = 20.0
-"""The instant is the recording's middle, but no later than this: bags are read from their start."""
+"""The middle of the recording is shown, but nothing later than this: bags are read from their start."""
 
 _COLUMNS = 3
 _PANEL_INCHES = (5.3, 4.3)
@@ -45,9 +41,9 @@ class OverlayView:
     Attributes:
         camera: name.
         seconds: since the start of the recording.
-        registered: whether the camera knew its own pose.
+        registered: whether the camera was registered.
         image: (H, W) grey.
-        overlay: what the solved body and the map say that it should show.
+        overlay: projections of the solved body and the map.
     """
 
     camera: str
@@ -55,6 +51,18 @@ class OverlayView:
     registered: bool
     image: NDArray[np.uint8]
     overlay: Overlay
+
+
+def middle_stamp(solved: SolvedRecording) -> int:
+    """Stamp of the frame nearest to the middle of the recording, or to ``_LATEST_S`` [ns]."""
+    middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
+    return int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
+
+
+def pick_evenly(items: Sequence[Item], count: int) -> list[Item]:
+    """At most so many items, evenly spread, the first and the last among them."""
+    rows = np.linspace(0, len(items) - 1, min(count, len(items))).round().astype(int)
+    return [items[row] for row in np.unique(rows)]
 
 
 def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView, ...]:
@@ -68,12 +76,10 @@ def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView
         RecordingError: not a recording, or an image that cannot be decoded.
         LensError: the recording's intrinsics cannot be used.
     """
-    middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
-    at_ns = int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
+    at_ns = middle_stamp(solved)
     with open_recording(recording) as images:
         known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in images.cameras]
-        rows = np.unique(np.linspace(0, len(known) - 1, min(CAMERAS, len(known))).round().astype(int))
-        found = [(*known[row], _image_at(images, known[row][0], at_ns, solved.frame_ns)) for row in rows]
+        found = [(*each, _image_at(images, each[0], at_ns, solved.frame_ns)) for each in pick_evenly(known, CAMERAS)]
         return tuple(
             _view(solved, record, poses, image, images.camera_model(record.camera))
             for record, poses, image in found
@@ -161,54 +167,3 @@ def _view(
 def _pose_at(solved: SolvedRecording, poses: Array, at_ns: NDArray[np.int64]) -> Array:
     pose: Array = poses[0] if len(poses) == 1 else interpolated(solved.stamps_ns, poses, at_ns)[0]
     return pose
-
-
-_SHARP_PX = 720
-"""Pictures that are less high are magnified."""
-
-
-def check_station(scene: OutsideScene, station: str) -> None:
-    """Refuse a name that no static camera of the recording has.
-
-    Raises:
-        StationError: so it is.
-    """
-    if station not in scene.stations:
-        raise StationError(
-            f"--overlay-video {shown(station)}: is no static camera that the recording has images of; there are "
-            f"{', '.join(scene.stations)}"
-        )
-
-
-def draw_outside_video(
-    scene: OutsideScene, solved: SolvedRecording, recording: Path, station: str, path: Path, progress: Progress
-) -> None:
-    """Write the video as MP4: every image of a station while the body is solved, as long after each other as they were.
-
-    Colours are learned as the tracker does, image by image.
-
-    Raises:
-        RecordingError: not a recording, or an image that cannot be decoded.
-        StationError: there is no image of it.
-        OutputError: the video cannot be written.
-    """
-    camera = scene.stations[station].camera
-    window = Window(0, 0, camera.width, camera.height, -(-_SHARP_PX // camera.height))
-    with (
-        open_recording(recording) as images,
-        progress.step(path.name, images.image_count(station)) as advance,
-        video_writer(path, 1e9 / solved.frame_ns) as write,
-        threadpool_limits(1, user_api="blas"),  # whose threads would wait for those that decode and compress
-    ):
-        is_empty = True
-        for image in images.images([station]):
-            advance()
-            if not solved.stamps_ns[0] <= image.stamp_ns <= solved.stamps_ns[-1]:
-                continue
-            pixels, poses = scene.decoded(image), scene.poses_at(image.stamp_ns)
-            scene.learn(station, pixels, poses)
-            painted = paint_contour(pixels, scene.contour(station, pixels, poses), scene.colours, window)
-            write(1e-9 * (image.stamp_ns - int(solved.stamps_ns[0])), painted)
-            is_empty = False
-        if is_empty:
-            raise StationError(f"{recording}: has no image of {station} from the time that {solved.path} has")

@@ -13,7 +13,7 @@ from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
-from bodycam_ros.evaluate.registration_panel import draw_sights, draw_stations
+from bodycam_ros.evaluate.registration_panel import draw_registrations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
@@ -60,7 +60,7 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         _draw_headline(figure, evaluation, height)
         draw_figures(add_panel((0.03, 0.94), 0.545, 0.88), evaluation)
         registrations = add_panel(_LEFT_COLUMN, 0.232, 0.49)
-        (draw_sights if evaluation.cameras else draw_stations)(registrations, evaluation)
+        draw_registrations(registrations, evaluation)
         for draw, column, (bottom, top), count in (
             (draw_errors, _LEFT_COLUMN, (0.055, 0.182), ERROR_PANELS),
             (draw_angles, _RIGHT_COLUMN, (0.055, 0.49), ANGLE_PANELS),

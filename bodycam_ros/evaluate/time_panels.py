@@ -1,9 +1,6 @@
-"""Panels over time: one telling angle per limb, and the error or, where the truth is unknown, what the solver itself
-believes.
-"""
+"""Panels over time: the flexion of each limb; errors or, without truth, the estimated uncertainty."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,9 +27,6 @@ from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
 LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_arm", "elbow": "forearm"}
 """Joint -> the kind of segment that it moves."""
 
-_BENDS_BACKWARDS = "knee"
-_MOVES_ALL_ROUND = "shoulder"
-
 ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
 _SHORT_SCALE = 30.0  # ends of the scale: up to this ratio there are ticks at 2 and 5 too
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
@@ -42,51 +36,26 @@ _LONG_S = 15.0  # recordings whose curves would cover each other as thick lines
 _THINNEST = 0.35
 
 
-@dataclass(frozen=True)
-class LimbJoint:
-    """A joint to be shown.
-
-    Attributes:
-        name: "hip".
-        segment: "thigh_left".
-    """
-
-    name: str
-    segment: str
-
-
-def limb_joints(segments: tuple[str, ...]) -> tuple[LimbJoint, ...]:
-    """The joints of arms and legs that a body has, left before right."""
-    return tuple(
-        LimbJoint(name, f"{kind}_{side}")
-        for name, kind in LIMBS.items()
-        for side in ("left", "right")
-        if f"{kind}_{side}" in segments
-    )
-
-
-def flexion(joint: str, parent_R_child: Array) -> Array:
+def flexion(segment: str, parent_R_child: Array) -> Array:
     """Angle (T,) [rad] of a limb's long axis to its parent's, zero in the N-pose, continuous over time.
 
-    Segments hang along -z in the N-pose, x forward, so the limb's direction d in the parent is minus the third column
-    of the rotation (T, 3, 3). Hip, knee and elbow: atan2(d_x, -d_z) in the parent's sagittal plane, in the direction in
-    which they bend. Shoulder: the angle between d and -z, because an arm that is raised sideways leaves that plane.
+    Segments point along -z in the N-pose, x forward: the limb's direction d in the parent is minus the third column of
+    the rotation (T, 3, 3). Hip, knee and elbow: atan2(d_x, -d_z), in the direction in which they bend. Shoulder: the
+    angle between d and -z, because an arm that is raised sideways leaves the sagittal plane.
     """
     forward, _, up = -np.moveaxis(parent_R_child[:, :, 2], -1, 0)
-    if joint == _MOVES_ALL_ROUND:
-        raised: Array = np.arccos(np.clip(-up, -1.0, 1.0))
-        return raised
-    bent: Array = np.unwrap(np.arctan2(forward, -up))
-    return -bent if joint == _BENDS_BACKWARDS else bent
+    if segment.startswith(LIMBS["shoulder"]):
+        return np.asarray(np.arccos(np.clip(-up, -1.0, 1.0)))
+    return np.asarray(np.unwrap(np.arctan2(-forward if segment.startswith(LIMBS["knee"]) else forward, -up)))
 
 
 def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     """Draw one panel per kind of joint, left and right in their colours, the truth dashed."""
-    joints = limb_joints(evaluation.solved.urdf.segments)
-    for axes, name in zip(panels, LIMBS, strict=True):
-        for joint in (joint for joint in joints if joint.name == name):
-            _draw_joint(axes, evaluation, joint)
-        if any(joint.name == name for joint in joints):
+    for axes, (name, kind) in zip(panels, LIMBS.items(), strict=True):
+        segments = [s for s in (f"{kind}_left", f"{kind}_right") if s in evaluation.solved.urdf.segments]
+        for segment in segments:
+            _draw_joint(axes, evaluation, segment)
+        if segments:
             light_grid(axes)
         else:
             axes.text(
@@ -115,16 +84,16 @@ def _thinner(solved: SolvedRecording) -> float:
     return float(np.clip(_LONG_S / max(duration_s, 1e-9), _THINNEST, 1.0))
 
 
-def _draw_joint(axes: Axes, evaluation: Evaluation, joint: LimbJoint) -> None:
+def _draw_joint(axes: Axes, evaluation: Evaluation, segment: str) -> None:
     solved = evaluation.solved
     thinner = _thinner(solved)
-    parent = solved.urdf.parent_segments()[joint.segment]
-    world_R_parent, world_R_child = (solved.world_T_link[segment][:, :3, :3] for segment in (parent, joint.segment))
-    angle = np.degrees(flexion(joint.name, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
+    parent = solved.urdf.parent_segments()[segment]
+    world_R_parent, world_R_child = (solved.world_T_link[link][:, :3, :3] for link in (parent, segment))
+    angle = np.degrees(flexion(segment, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
     curve = broken_at_gaps(solved, solved.stamps_ns, angle)
-    axes.plot(*curve, color=side_colour(joint.segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
-    if evaluation.comparison is not None and joint.segment in evaluation.comparison.joints:
-        true = np.degrees(flexion(joint.name, evaluation.comparison.joints[joint.segment].true))
+    axes.plot(*curve, color=side_colour(segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
+    if evaluation.comparison is not None and segment in evaluation.comparison.joints:
+        true = np.degrees(flexion(segment, evaluation.comparison.joints[segment].true))
         axes.plot(
             *broken_at_gaps(solved, evaluation.comparison.stamps_ns, true),
             color=INK,
@@ -134,11 +103,11 @@ def _draw_joint(axes: Axes, evaluation: Evaluation, joint: LimbJoint) -> None:
 
 
 def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
-    """Draw two panels, of position and of rotation, with instants that no camera speaks about in red."""
+    """Draw two panels, of position and of rotation, with frames without any measurement in red."""
     if evaluation.comparison is not None:
         _draw_true_errors(panels, evaluation, evaluation.comparison)
     else:
-        _draw_own_doubts(panels, evaluation)
+        _draw_uncertainty(panels, evaluation)
     for axes in panels:
         light_grid(axes)
         _mark_blind(axes, evaluation)
@@ -157,7 +126,7 @@ def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison
     panel_title(panels[0], "Error against the truth", "mean over joints, and the worst joint")
 
 
-def _draw_own_doubts(panels: Sequence[Axes], evaluation: Evaluation) -> None:
+def _draw_uncertainty(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     solved = evaluation.solved
     sigma = broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
     panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=_lone_marker(sigma))
@@ -185,7 +154,7 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
 
 
 def _scale_by_decades(axes: Axes, errors: Array) -> None:
-    """A logarithmic scale: a limb that is lost is wrong by orders of magnitude more than one that is not."""
+    """Set a logarithmic scale: errors of a lost limb are larger by orders of magnitude."""
     low = max(float(errors.mean(axis=1).min()), _LEAST_ERROR) / _ROOM
     high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
     if errors.max() <= 0.0:
