@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_output
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_file, check_output
@@ -22,7 +21,7 @@ as they say, give what you measured with --ruler-mm and --force: the board.yaml 
 """
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("board", description=__doc__, epilog=_EPILOG)
     add_output(parser, "BOARD.pdf", "page to write, and beside it BOARD.yaml", "BOARD.pdf and BOARD.yaml")

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
@@ -44,7 +43,7 @@ _SUFFIXES = (".yaml", ".yml")
 _MM_PER_M = 1000.0
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("body", description=__doc__)
     add_recording(parser)

@@ -10,7 +10,6 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_equipment
 from bodycam_ros.terminal import Terminal, widened
 
@@ -27,7 +26,7 @@ _EXIT_CODES = "Exit code: 0 if all constraints can be satisfied, 3 if not, 1 if 
 _MAX_SIGMAS = 2.0  # of a length; beyond it the needed change is printed
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("body check", description=_DESCRIPTION, epilog=_EXIT_CODES)
     parser.add_argument("body", type=Path, metavar="BODY", help="body file, YAML or URDF")

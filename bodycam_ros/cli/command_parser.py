@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterable
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn
 
 ALL_SETTINGS = "--help-settings"
 
@@ -46,10 +46,6 @@ class CommandParser(argparse.ArgumentParser):
         positional = [_argument(action) for action in self._actions if not action.option_strings]
         flags = [action for action in self._actions if action.option_strings and action.required]
         return [*positional, *(f"{action.option_strings[0]} {_value(action)}" for action in flags), "[options]"]
-
-
-Subparsers: TypeAlias = "argparse._SubParsersAction[CommandParser]"
-"""The commands of ``bodycam``, as each module adds its own."""
 
 
 class _HelpWithSettings(argparse.Action):

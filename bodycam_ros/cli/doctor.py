@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_map
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.shown import printable
@@ -26,7 +25,7 @@ _EXIT_CODES = (
 _STYLES = ("green", "yellow", "bold red")
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("doctor", description=__doc__, epilog=_EXIT_CODES)
     parser.add_argument(

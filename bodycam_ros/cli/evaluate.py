@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_map, add_output, add_stations, add_surface, check_no_static_flags, given_flags
 from bodycam_ros.cli.progress import shown_progress, waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
@@ -26,7 +25,7 @@ _ALIGNMENTS = ("similarity", "rigid", "none")
 _FOUND, _SHARED = "found", "shared"
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("evaluate", description=__doc__)
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.export_robot import ROBOT, run_robot
 from bodycam_ros.cli.options import add_config, add_output
 from bodycam_ros.cli.progress import shown_progress
@@ -21,7 +20,7 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "export",

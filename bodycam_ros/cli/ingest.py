@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_output, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import OutputError
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("ingest", description=__doc__)
     parser.add_argument(

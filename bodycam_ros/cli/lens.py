@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_output
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import OutputError
@@ -29,7 +28,7 @@ is less certain than it could be; 3 if no lens explains the pictures; 1 if somet
 """
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("lens", description=__doc__, epilog=_EPILOG)
     parser.add_argument(

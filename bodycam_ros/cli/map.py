@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 _MORE = "'bodycam map check MAP' measures what a map covers; a folder that is named check is given as ./check."
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("map", description=__doc__, epilog=_MORE)
     add_source_flags(parser)

@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
@@ -12,7 +11,7 @@ from bodycam_ros.whole_file import whole_file
 _PNG = b"\x89PNG"
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("map check", description=__doc__)
     parser.add_argument("map", type=Path, metavar="MAP", help="folder made by 'bodycam map'")

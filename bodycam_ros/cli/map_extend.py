@@ -2,7 +2,6 @@
 
 import argparse
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
@@ -18,7 +17,7 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("map extend", description=__doc__)
     add_recording(parser)

@@ -124,13 +124,14 @@ def positive(text: str) -> int:
     return number
 
 
-def add_config(parser: CommandParser, *groups: str) -> None:
+def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
     """Add --config and, once one of them is used, the flags of settings.
 
     Args:
         groups: ``module:class`` of settings, imported once a flag is used: those of the pipeline take a second.
     """
     parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
+    assert isinstance(parser, CommandParser), "commands are added to a CommandParser"
     for group in groups:
         parser.defer(partial(_import_and_add, parser, group))
 

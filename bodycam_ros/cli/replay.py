@@ -9,7 +9,6 @@ from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn,
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from bodycam_ros.timing.clock_state import ClockHistory
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("replay", description=__doc__)
     add_recording(parser)

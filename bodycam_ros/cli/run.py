@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_jobs
 from bodycam_ros.cli.study import run_steps
 from bodycam_ros.study.recording_folder import LAYOUT, SOLVED, list_missing, read_recording_folder
@@ -24,7 +23,7 @@ or something is missing, 128 + the number of the signal that ended it.
 """
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "run", description=__doc__, epilog=_END, formatter_class=argparse.RawDescriptionHelpFormatter

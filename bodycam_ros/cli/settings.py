@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import yaml
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.settings import describe
 
 _WIDTH = 120
@@ -17,7 +16,7 @@ _TITLE = """\
 """
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("settings", description=__doc__)
     parser.set_defaults(run=run)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, settings_from_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import StationError
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from bodycam_ros.static_cameras.station_registration import RegisteredStation
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("stations", description=__doc__)
     add_recording(parser)

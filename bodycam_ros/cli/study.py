@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_jobs
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal, widened
@@ -37,7 +36,7 @@ failed, 128 + the number of the signal that ended it.
 _STYLES = {"good": "green", "doubtful": "yellow", "wrong": "bold red", "failed": "bold red"}
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "study", description=__doc__, epilog=_END, formatter_class=argparse.RawDescriptionHelpFormatter

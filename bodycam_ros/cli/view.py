@@ -7,7 +7,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.command_parser import Subparsers
 from bodycam_ros.cli.options import add_map, add_stations, add_surface, given_flags
 from bodycam_ros.errors import ViewError
 from bodycam_ros.output_place import check_file, check_output
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 PORT = 8080
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("view", description=__doc__)
     parser.add_argument(
