@@ -1,4 +1,4 @@
-"""Where cameras were registered, and where the solved body has them, at the same instants: kept in bounded memory."""
+"""Registered and solved camera poses at the same times, in bounded memory."""
 
 import math
 from collections import deque
@@ -16,19 +16,19 @@ from bodycam_ros.quality.thresholds import JUDGED_HZ
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _RECENT = 256
-"""Registrations of a camera that wait for their instant to be solved: some seconds at 60 Hz."""
+"""Registrations of a camera that are kept until their time is solved: some seconds at 60 Hz."""
 
 _MOST_ROWS = 3000
-"""Instants that are kept; of a longer recording every second goes, again and again."""
+"""Times that are kept; of a longer recording every second one is dropped, repeatedly."""
 
 _LONGEST_STEP_NS = 150_000_000
-"""Between two registrations that a place in between is read off: a limb goes straight for no longer."""
+"""Longest step between two registrations that a pose is interpolated in: limbs move straight for no longer."""
 
 _JUMP_NS = 1_000_000_000
-"""Back in time by more than this, and time begins anew; less is an image out of order, which is left out."""
+"""A larger step back in time restarts the log; a smaller one is an image out of order, which is dropped."""
 
 _LENS_INTERVAL, _FIRST_LENS_INTERVAL = 10, 3
-"""Every so many registered images of a camera tell of its lens: neighbours show the same landmarks. At first more."""
+"""Interval of registered images that the lens is checked with: neighbours show the same landmarks. At first shorter."""
 
 _TURNS, _MOVES = slice(0, 3), slice(3, 6)
 """Of a twist."""
@@ -70,14 +70,14 @@ class Agreement:
     """C cameras at T instants; rows are in the order of time.
 
     Attributes:
-        cameras: names, those on the body that were heard.
+        cameras: names of the body cameras with images.
         seconds: (T,) since ``start_ns`` [s].
         start_ns: stamp of the first image [ns].
         world_T_registered: (T, C, 4, 4) poses of the optical frames by their own registration [m]; NaN where unknown.
         twists: (T, C, 6) velocity of these poses in their own axes [rad/s, m/s]; NaN where unknown.
         world_T_solved: (T, C, 4, 4) where the solved body has them [m].
         counts: camera -> its images.
-        lens_errors: camera -> by how much its lens is not what its model says; absent where nobody knows.
+        lens_errors: camera -> by how much its lens is not what its model says; absent where unknown.
     """
 
     cameras: tuple[str, ...]
@@ -109,15 +109,14 @@ class Agreement:
 
 
 class AgreementLog:
-    """Hears registrations and solved bodies in order of time.
+    """Collects registrations and solved states in order of time.
 
-    A registration may come before or after the bodies of earlier instants; what it says about an instant counts if it,
-    and the one that follows the instant, came before that instant's body.
+    Registrations count for a state if the one before it and the one after it were added before that state.
 
     Args:
         body: segments, joints and mounts.
-        cameras: models by name, for what landmarks say of the lens; without them that stays unknown.
-        inlier_px: a landmark farther off than this says nothing of the lens [px].
+        cameras: models by name, to check lenses by landmarks; without them lenses are not checked.
+        inlier_px: gate of landmarks that lenses are checked with [px].
         span_s: only this much of the past is kept [s]; infinite for all, ever coarser.
     """
 
@@ -134,9 +133,9 @@ class AgreementLog:
         self._span_ns = 1e9 * span_s
         self._first_step_ns = self._step_ns = round(1e9 / JUDGED_HZ)
         self._lenses: dict[str, LensEvidence] = {}
-        self._forget()
+        self._reset()
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._recent: dict[str, deque[tuple[int, Array]]] = {}
         self._rows: deque[tuple[int, dict[str, tuple[Array, Array]], NDArray[np.float64]]] = deque()
         self._counts: dict[str, CameraCount] = {}
@@ -144,7 +143,7 @@ class AgreementLog:
         self._start_ns: int | None = None
 
     def add_registration(self, matches: LandmarkMatches) -> None:
-        """Add what one image of a camera said."""
+        """Add the registration of one image."""
         self.add_pose(matches.camera, matches.stamp_ns, matches.world_T_camera)
         model = self._models.get(matches.camera)
         if model is None or matches.world_T_camera is None or matches.camera not in self._counts:
@@ -154,13 +153,13 @@ class AgreementLog:
             self._lenses.setdefault(matches.camera, LensEvidence(model, self._inlier_px)).add(matches)
 
     def add_pose(self, camera: str, stamp_ns: int, world_T_camera: Array | None) -> None:
-        """Add one image of a camera: its registered pose (4, 4), or None where it was lost."""
+        """Add one image of a camera: its registered pose (4, 4), or None without."""
         if camera not in self._body.mounts:
             return
         count = self._counts.get(camera, CameraCount(first_ns=stamp_ns))
         if stamp_ns < count.last_ns - _JUMP_NS:
-            # Time begins anew: nothing of before belongs to what comes.
-            self._forget()
+            # Time restarts: earlier registrations do not belong to later ones.
+            self._reset()
             count = CameraCount(first_ns=stamp_ns)
         elif stamp_ns <= count.last_ns:
             return
@@ -181,7 +180,7 @@ class AgreementLog:
         places = {
             camera: place
             for camera, recent in self._recent.items()
-            if (place := _place_at(recent, stamp_ns)) is not None
+            if (place := _interpolate_pose(recent, stamp_ns)) is not None
         }
         self._rows.append((stamp_ns, places, world_T_segment))
         while stamp_ns - self._rows[0][0] > self._span_ns:
@@ -191,7 +190,7 @@ class AgreementLog:
             self._step_ns *= 2
 
     def agreement(self) -> Agreement:
-        """All that was kept."""
+        """The poses that are kept."""
         cameras = tuple(camera for camera in self._body.mounts if camera in self._counts)
         shape = (len(self._rows), len(cameras))
         registered, twists = np.full((*shape, 4, 4), np.nan), np.full((*shape, 6), np.nan)
@@ -224,7 +223,7 @@ class AgreementLog:
         return solved
 
 
-def _place_at(recent: deque[tuple[int, Array]], stamp_ns: int) -> tuple[Array, Array] | None:
+def _interpolate_pose(recent: deque[tuple[int, Array]], stamp_ns: int) -> tuple[Array, Array] | None:
     """Pose (4, 4) and twist (6) of a camera at a time between two of its registrations; None if they are far apart."""
     after = next((number for number in range(len(recent)) if recent[number][0] >= stamp_ns), None)
     if after is None:

@@ -1,4 +1,4 @@
-"""A joint as a camera would see it: where the cameras next to it say that it is."""
+"""Joints in the frame of a camera, by the registrations of its neighbours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class JointView:
     """The end of a link in a camera's frame, at the T instants at which the cameras on both sides are known.
 
     Attributes:
-        expected: (3,) where the body has it [m].
-        places: (T, 3) where the other camera says that it is [m].
+        expected: (3,) by the body [m].
+        places: (T, 3) by the other camera [m].
         velocities: (T, 3) of that point in the world, in the camera's axes [m/s].
         seconds: (T,) [s].
     """
@@ -63,8 +63,8 @@ class JointView:
     def clock_error(self) -> tuple[float, float]:
         """By how much the camera's clock is ahead of the other's [s], and which share of the gaps that explains.
 
-        What a camera says of t was before t: the joint lies ahead by its velocity times the clock's error. A body that
-        is a little wrong leaves a constant in the camera's frame, which is taken out.
+        A camera whose clock is ahead is registered too early: the joint lies ahead by its velocity times the clock's
+        error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
         """
         gaps, velocities = self.places - self.places.mean(axis=0), self.velocities - self.velocities.mean(axis=0)
         moving, total = float((velocities**2).sum()), float((gaps**2).sum())
@@ -88,7 +88,7 @@ class JointView:
 
 
 def joint_views(agreement: Agreement, body: BodyModel, core: Sequence[str], camera: str) -> list[JointView]:
-    """What the core says about a camera's nearest joints, or about its own segment."""
+    """A camera's nearest joints, or its own segment, by the core."""
     others = [name for name in core if name != camera]
     links = camera_links(body, body.mounts, [*others, camera])
     exact = [link for link in links if camera in (link.first, link.second) and link.is_exact]
@@ -96,7 +96,7 @@ def joint_views(agreement: Agreement, body: BodyModel, core: Sequence[str], came
 
 
 def joint_view(agreement: Agreement, link: CameraLink, camera: str) -> JointView:
-    """What the other camera of an exact link says about its end."""
+    """The end of an exact link by its other camera."""
     other = link.second if camera == link.first else link.first
     pose, other_pose = agreement.registered(camera), agreement.registered(other)
     camera_R_world = np.swapaxes(pose[:, :3, :3], -1, -2)

@@ -1,6 +1,6 @@
 """Why a camera contradicts the body: each likely cause leaves its own trace.
 
-A map of another size than the body believes: all cameras contradict alike, and one scale explains it. Names that were
+A map of another scale than the body: all cameras contradict alike, and one scale explains it. Names that were
 exchanged: each camera fits the place of another. A clock that is some milliseconds off: the camera is right about
 places and wrong about when.
 """
@@ -34,7 +34,7 @@ _CLOCK_EXPLAINS = 0.35
 """Share of the gaps that a clock must explain; on good recordings none of 5 ms explains more than 0.25."""
 
 _LEAST_CLOCK_ROWS = 20
-"""Instants that a clock is told by: of fewer, chance explains as much."""
+"""Fewest times that a clock is estimated by: of fewer, chance explains as much."""
 
 _LEFT_BY_CLOCK = 0.85
 """Share of the gap that may be left once the clock is put right; a fast limb is no straight line."""

@@ -155,7 +155,7 @@ def _joint_on(joint: Joint, segment: str) -> Array:
 
 
 _LEAST_ROWS = 3
-"""Instants that a link must be known at before it says anything."""
+"""Fewest times at which a link must be known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ class Contradiction:
     Attributes:
         core: cameras that agree with each other.
         gaps: camera that contradicts them -> its worst lasting gap [m].
-        rivals: camera that contradicts -> the one that could be blamed as well, where nothing tells which.
+        rivals: camera that contradicts -> the one that could be blamed as well, where they cannot be distinguished.
     """
 
     core: tuple[str, ...]
@@ -224,7 +224,7 @@ def blame(
             rivals[worst] = opposite
         blamed.append(worst)
         bad = {pair: gap for pair, gap in bad.items() if worst not in pair}
-        # Who agrees with one that is blamed is not the better for it.
+        # Agreement with a blamed camera does not count.
         good = {pair for pair in good if worst not in pair}
     return blamed, rivals
 
@@ -262,7 +262,7 @@ def lasting(values: Array, seconds: Array, min_stay_s: float) -> float:
 
 
 def gaps_over_time(agreement: Agreement, body: BodyModel, core: Sequence[str], camera: str) -> Array:
-    """(T,) by how much a camera contradicts the core [m], the median of its links; NaN where nothing tells."""
+    """(T,) by how much a camera contradicts the core [m], the median of its links; NaN where unknown."""
     others = [name for name in core if name != camera]
     links = [link for link in camera_links(body, body.mounts, [*others, camera]) if camera in (link.first, link.second)]
     gaps = [link.gap(agreement.registered(link.first), agreement.registered(link.second)) for link in links]

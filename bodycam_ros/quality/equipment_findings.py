@@ -29,7 +29,7 @@ _OFF_PRIORS = 3.0
 _IS_IT_THIS = "is it the equipment of this recording, and are its points right?"
 
 _Doubt = tuple[str, str]
-"""What is wrong, and what to do."""
+"""Observation and remedy."""
 
 
 def equipment_findings(record: EquipmentRecord | None, equipment: Equipment | None = None) -> tuple[Finding, ...]:
@@ -51,14 +51,14 @@ def equipment_findings(record: EquipmentRecord | None, equipment: Equipment | No
         doubts = [(f"nothing held it for {alone:.0%} of the time", _IS_IT_THIS)]
     else:
         attachments = {} if equipment is None else {each.name: each for each in equipment.attachments}
-        asked = [_of_attachment(record, k, attachments.get(name)) for k, name in enumerate(record.attachments)]
+        asked = [_attachment_doubt(record, k, attachments.get(name)) for k, name in enumerate(record.attachments)]
         doubts = [doubt for doubt in asked if doubt]
         if equipment is not None:
             doubts += _far_lengths(record, equipment)
     return tuple(Finding(record.name, Level.DOUBTFUL, what, remedy=remedy, part="equipment") for what, remedy in doubts)
 
 
-def _of_attachment(record: EquipmentRecord, column: int, attachment: Attachment | None) -> _Doubt | None:
+def _attachment_doubt(record: EquipmentRecord, column: int, attachment: Attachment | None) -> _Doubt | None:
     """What is wrong with an attachment, if its points are far from each other or it is let go for long."""
     held, name = record.held[record.placed, column], record.attachments[column]
     share = float(held.mean())

@@ -1,4 +1,4 @@
-"""From what was collected to the verdict, afterwards or live: what each camera did, what it makes of the result."""
+"""The verdict on a result, afterwards or live, by registered and solved camera poses."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
@@ -28,7 +28,7 @@ from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.verdict import Finding, Level, Verdict
 
 _LEAST_IMAGES = 5
-"""A camera that was heard this little is not called unregistered yet."""
+"""A camera with fewer images is not called unregistered yet."""
 
 
 def judge(agreement: Agreement, body: BodyModel) -> Verdict:
@@ -38,25 +38,27 @@ def judge(agreement: Agreement, body: BodyModel) -> Verdict:
         agreement: where cameras were registered and solved.
         body: that was solved.
     """
-    silent = [camera for camera in agreement.cameras if _is_unregistered(agreement, camera)]
-    alone = [camera for camera in agreement.cameras if camera not in silent and _shares_no_time(agreement, camera)]
-    cameras = [camera for camera in agreement.cameras if camera not in silent and camera not in alone]
+    unregistered = [camera for camera in agreement.cameras if _is_unregistered(agreement, camera)]
+    alone = [
+        camera for camera in agreement.cameras if camera not in unregistered and _shares_no_time(agreement, camera)
+    ]
+    cameras = [camera for camera in agreement.cameras if camera not in unregistered and camera not in alone]
     found = contradiction(agreement, body, cameras)
     accused = [
-        _of_contradicting(agreement, body, found, camera, cause)
+        _contradiction_finding(agreement, body, found, camera, cause)
         for camera, cause in causes(agreement, body, found).items()
     ]
     findings = [
-        *_of_silent(agreement, silent, everybody=bool(silent) and not cameras and not alone),
-        *(_of_alone(agreement, camera, cameras) for camera in alone),
+        *_unregistered_findings(agreement, unregistered, everybody=bool(unregistered) and not cameras and not alone),
+        *(_no_common_time_finding(agreement, camera, cameras) for camera in alone),
         *accused,
-        *_of_lenses_and_clocks(agreement, body, found),
-        *_of_early_ends(agreement, cameras),
-        *_of_blindness(agreement, body, cameras),
+        *_lens_and_clock_findings(agreement, body, found),
+        *_early_end_findings(agreement, cameras),
+        *_unobserved_findings(agreement, body, cameras),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
-        told = {finding.subject for finding in findings}
-        findings += _of_solver_astray(agreement, found, told)
+        subjects = {finding.subject for finding in findings}
+        findings += _solver_findings(agreement, found, subjects)
     return Verdict.from_findings(findings)
 
 
@@ -75,8 +77,8 @@ def _is_unregistered(agreement: Agreement, camera: str) -> bool:
     return not count.registered or (count.images >= _LEAST_IMAGES and count.share < LEAST_REGISTERED)
 
 
-def _of_silent(agreement: Agreement, silent: Sequence[str], everybody: bool) -> Iterator[Finding]:
-    for camera in silent:
+def _unregistered_findings(agreement: Agreement, unregistered: Sequence[str], everybody: bool) -> Iterator[Finding]:
+    for camera in unregistered:
         count = agreement.counts[camera]
         what = f"registered on {count.registered} of {count.images} images"
         if everybody:
@@ -96,7 +98,7 @@ def _shares_no_time(agreement: Agreement, camera: str) -> bool:
     return bool(others) and all(own.last_ns < other.first_ns or own.first_ns > other.last_ns for other in others)
 
 
-def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Finding:
+def _no_common_time_finding(agreement: Agreement, camera: str, others: Sequence[str]) -> Finding:
     starts = [agreement.counts[other].first_ns for other in others]
     later_s = 1e-9 * (agreement.counts[camera].first_ns - float(np.median(starts))) if starts else 0.0
     return Finding(
@@ -108,7 +110,7 @@ def _of_alone(agreement: Agreement, camera: str, others: Sequence[str]) -> Findi
     )
 
 
-def _of_contradicting(
+def _contradiction_finding(
     agreement: Agreement, body: BodyModel, found: Contradiction, camera: str, cause: Cause
 ) -> Finding:
     # Over segments without a camera, links tell the least that it may be off by; the solved body tells more.
@@ -131,7 +133,7 @@ def _of_contradicting(
 
 
 def _is_left_out(agreement: Agreement, body: BodyModel, found: Contradiction, camera: str) -> bool:
-    """Whether the solver was not misled: another camera holds the segment, and the body is where all others say."""
+    """Whether the solver rejected it: another camera is on the segment, and the body agrees with all others."""
     segment = body.mounts[camera].segment
     held = any(body.mounts[other].segment == segment for other in found.core)
     return held and all(
@@ -140,8 +142,8 @@ def _is_left_out(agreement: Agreement, body: BodyModel, found: Contradiction, ca
     )
 
 
-def _of_lenses_and_clocks(agreement: Agreement, body: BodyModel, found: Contradiction) -> Iterator[Finding]:
-    """Cameras that agree with each other, and yet have a lens or a clock that does not fit."""
+def _lens_and_clock_findings(agreement: Agreement, body: BodyModel, found: Contradiction) -> Iterator[Finding]:
+    """Cameras that agree with each other, but whose lens or clock does not fit."""
     clocks = clock_errors(agreement, body, found.core, CLOCK_ERROR_S)
     for camera in found.core:
         lens = agreement.lens_errors.get(camera)
@@ -153,21 +155,21 @@ def _of_lenses_and_clocks(agreement: Agreement, body: BodyModel, found: Contradi
             yield Finding(camera, Level.DOUBTFUL, "its places come at other times", cause.why, cause.remedy)
 
 
-def _of_solver_astray(agreement: Agreement, found: Contradiction, told: Collection[str]) -> Iterator[Finding]:
+def _solver_findings(agreement: Agreement, found: Contradiction, subjects: Collection[str]) -> Iterator[Finding]:
     """Cameras that agree with each other and not with what was solved, though none that is wrong explains it.
 
     Of those with a finding already only what is worse than that.
     """
     for camera in found.core:
         gap_m = lasting(solved_gaps(agreement, camera), agreement.seconds, LEAST_STAY_S)
-        if gap_m > (WRONG_GAP_M if camera in told else DOUBTFUL_GAP_M):
+        if gap_m > (WRONG_GAP_M if camera in subjects else DOUBTFUL_GAP_M):
             level = Level.WRONG if gap_m > WRONG_GAP_M else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from where it saw itself"
             yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")
 
 
-def _of_blindness(agreement: Agreement, body: BodyModel, cameras: Sequence[str]) -> Iterator[Finding]:
-    """Cameras that found no landmark for long, where nobody else on their segment could see for them."""
+def _unobserved_findings(agreement: Agreement, body: BodyModel, cameras: Sequence[str]) -> Iterator[Finding]:
+    """Cameras that were not registered for long, without another one on their segment."""
     looked_from_ns = agreement.start_ns + 1e9 * float(agreement.seconds[0]) if len(agreement.seconds) else np.inf
     for camera in cameras:
         count = agreement.counts[camera]
@@ -185,7 +187,7 @@ def _of_blindness(agreement: Agreement, body: BodyModel, cameras: Sequence[str])
             )
 
 
-def _of_early_ends(agreement: Agreement, cameras: Sequence[str]) -> Iterator[Finding]:
+def _early_end_findings(agreement: Agreement, cameras: Sequence[str]) -> Iterator[Finding]:
     last_ns = max((agreement.counts[camera].last_registered_ns for camera in cameras), default=0)
     for camera in cameras:
         ended_ns = agreement.counts[camera].last_registered_ns
@@ -201,14 +203,14 @@ def _of_early_ends(agreement: Agreement, cameras: Sequence[str]) -> Iterator[Fin
 
 
 class LiveVerdict:
-    """Hears what the solver hears and says, and judges now and then.
+    """A verdict that is computed at intervals while the body is solved.
 
     It judges the last seconds, so a verdict ends some time after its cause.
 
     Args:
         body: that is solved.
         cameras: models by name.
-        pose_fit: which landmarks a registration took for its own; they tell of the lens.
+        pose_fit: gate of landmarks that lenses are checked with.
     """
 
     def __init__(self, body: BodyModel, cameras: Mapping[str, CameraModel], pose_fit: PoseFitSettings) -> None:
@@ -219,7 +221,7 @@ class LiveVerdict:
         self._solved_ns = 0
 
     def add_registration(self, matches: LandmarkMatches) -> None:
-        """Add what one image of a camera said."""
+        """Add the registration of one image."""
         self._log.add_registration(matches)
 
     def add_state(self, stamp_ns: int, world_T_segment: NDArray[np.float64]) -> None:
@@ -227,7 +229,7 @@ class LiveVerdict:
         self._log.add_state(stamp_ns, world_T_segment)
         self._solved_ns = stamp_ns
         if self._judged_ns is None or stamp_ns < self._judged_ns:
-            # It needs some time before there is anything to judge.
+            # The first verdict needs some states.
             self._judged_ns, self._latest = stamp_ns, Verdict.from_findings(())
 
     def verdict(self) -> Verdict:

@@ -1,4 +1,4 @@
-"""What the landmarks of a registered camera say about its lens.
+"""Deviation of a registered camera's lens from its model, by landmarks.
 
 A lens that is not what ``images`` says leaves errors that no pose takes up. Four more unknowns, the focal length,
 how it changes towards the rim, and the principal point, are solved for together with each image's pose (A eq. 9); the

@@ -8,7 +8,7 @@ WRONG_GAP_M = 0.12
 """Beyond it a limb points elsewhere; lenses and names that are wrong show 0.14 and more."""
 
 LEAST_STAY_S = 1.0
-"""Half of this time must disagree; a wrong registration or blur passes sooner, and the solver bridges it."""
+"""Half of this time must disagree; a wrong registration or blur passes sooner, and the solver interpolates it."""
 
 WRONG_SHARE = 0.05
 """Of the time that a camera contradicts; shorter spells make a result doubtful, not wrong as a whole."""
@@ -31,10 +31,10 @@ EARLY_END_S = 1.0
 """A camera that is registered for the last time this long before the others ends early."""
 
 BLIND_S = 1.0
-"""A camera alone on its segment that is not registered for longer leaves it to guesswork."""
+"""A camera alone on its segment that is not registered for longer leaves it unobserved."""
 
 JUDGED_HZ = 10.0
-"""Instants that are looked at; a camera that is wrong stays wrong."""
+"""Rate of the states that are judged; a wrong camera stays wrong."""
 
 LIVE_SPAN_S = 30.0
 """How far a live verdict looks back: it ends this long after its cause."""
