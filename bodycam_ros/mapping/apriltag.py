@@ -110,6 +110,7 @@ _REACH_OF_BREADTH = 0.07  # search across an edge; a tag's border and its quiet 
 _MIN_REACH = 1.5  # [px]
 _STEPS_PER_PIXEL = 4  # samples across an edge
 _EDGE_BLUR = 0.7  # [px] smoothing before the steepest point is looked for
+_BLUR_REACH = 3.2  # sigmas of that filter
 _LINE_ITERATIONS = 5
 _MIN_LINE_POINTS = 6
 
@@ -229,7 +230,7 @@ def _edge_points(
     Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge. The edge is
     looked for along what the lens makes of a straight line; there are none where it shows none.
     """
-    from scipy.ndimage import map_coordinates
+    from scipy.ndimage import gaussian_filter1d, map_coordinates
 
     stations = np.linspace(_EDGE_MARGIN, 1.0 - _EDGE_MARGIN, max(_MIN_LINE_POINTS, int(np.linalg.norm(end - start))))
     chord, _ = camera.unproject(start + stations[:, None] * (end - start))
@@ -244,7 +245,9 @@ def _edge_points(
     offsets = np.arange(-reach, reach + 1e-9, 1.0 / _STEPS_PER_PIXEL)
     grid = line[:, None] + offsets[:, None] * outward[:, None]
     profiles = map_coordinates(spline, [grid[..., 1], grid[..., 0]], order=3, mode="nearest", prefilter=False)
-    slope = _smoothed_slope(profiles)
+    slope = gaussian_filter1d(
+        profiles, _EDGE_BLUR * _STEPS_PER_PIXEL, axis=1, order=1, mode="nearest", truncate=_BLUR_REACH
+    )
     peak = np.clip(slope.argmax(axis=1), 1, slope.shape[1] - 2)
     rows = np.arange(len(peak))
     left, middle, right = slope[rows, peak - 1], slope[rows, peak], slope[rows, peak + 1]
@@ -254,17 +257,6 @@ def _edge_points(
     at = offsets[0] + (peak + shift) / _STEPS_PER_PIXEL
     points: NDArray[np.float64] = (line + at[:, None] * outward)[inside]
     return points
-
-
-def _smoothed_slope(profiles: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Derivative of a Gaussian across each profile (N, S)."""
-    half = int(np.ceil(3.0 * _EDGE_BLUR * _STEPS_PER_PIXEL))
-    x = np.arange(-half, half + 1) / _STEPS_PER_PIXEL
-    kernel = -x * np.exp(-0.5 * (x / _EDGE_BLUR) ** 2)
-    padded = np.pad(profiles, ((0, 0), (half, half)), mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, len(x), axis=1)
-    slope: NDArray[np.float64] = windows @ -kernel
-    return slope
 
 
 def _fit_plane(bearings: NDArray[np.float64], tolerance: float) -> NDArray[np.float64] | None:

@@ -160,16 +160,13 @@ def structure_from(reconstruction: pycolmap.Reconstruction, camera_of_name: Mapp
                 points.append(row_of_point[point2D.point3D_id])
                 pixels.append(point2D.xy)
                 rows.append(row)
-    camera_T_world = np.tile(np.eye(4), (len(images), 1, 1))
-    for view, image in enumerate(images):
-        camera_T_world[view, :3] = image.cam_from_world().matrix()
     names = [i.name for i in images]
     cameras, camera_of_view = distinct([camera_of_name[name] for name in names])
     return Structure(
         names=names,
         cameras=cameras,
         camera_of_view=camera_of_view,
-        world_T_camera=inverse(camera_T_world),
+        world_T_camera=np.array(list(poses_of(reconstruction).values())).reshape(-1, 4, 4),
         points_world=np.array([reconstruction.points3D[p].xyz for p in point_ids]).reshape(-1, 3),
         colours=np.array([reconstruction.points3D[p].color for p in point_ids], dtype=np.uint8).reshape(-1, 3),
         observation_views=np.array(views, dtype=np.int64),

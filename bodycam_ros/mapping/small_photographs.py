@@ -1,6 +1,5 @@
 """The photographs as the map keeps them: small, grey, and with normals of the surfaces that its landmarks lie on."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -13,21 +12,11 @@ from bodycam_ros.mapping.features import read_photograph
 from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import Structure
 from bodycam_ros.registration.map_photographs import MapPhotographs
-from bodycam_ros.settings import setting
 
 _WIDTH_PX = 640  # of kept pictures: body cameras see the world at a fraction of a photograph's scale
 _JPEG_QUALITY = 75
 _NEIGHBOURS = 12  # landmarks that define the plane of the surface that a landmark lies on
 _MAX_THICKNESS = 0.3  # of these over their breadth; thicker is no surface, and is assumed to face the cameras
-
-
-@dataclass(frozen=True)
-class KeptPhotographSettings:
-    """What the map keeps of the photographs."""
-
-    keep: bool = setting(
-        True, reason="keep small photographs in the map; without them landmarks are known by their descriptors alone"
-    )
 
 
 def small_photographs(folder: Path, structure: Structure, workers: int, progress: Progress) -> MapPhotographs:
