@@ -63,8 +63,8 @@ class JointView:
     def clock_error(self) -> tuple[float, float]:
         """By how much the camera's clock is ahead of the other's [s], and which share of the gaps that explains.
 
-        A camera whose clock is ahead is registered too early: the joint lies ahead by its velocity times the clock's
-        error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
+        With a clock that is ahead, an image with stamp t was taken before t: the joint lies ahead by its velocity times
+        the clock's error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
         """
         gaps, velocities = self.places - self.places.mean(axis=0), self.velocities - self.velocities.mean(axis=0)
         moving, total = float((velocities**2).sum()), float((gaps**2).sum())
