@@ -1,4 +1,4 @@
-"""The table that nothing may worsen: python -m benchmarks.figures [--quick] [--only PATTERN] [--write-page].
+"""The table that nothing may worsen: python -m benchmarks.figures [--quick] [--only PATTERN ...] [--write-page].
 
 All recordings beside the repository (../shared) are measured, or where they are missing the sample in bags/. The table
 is printed beside the run before; out/figures/figures.json has it, figures.before.json the run before. Exit code 1
@@ -106,16 +106,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.figures", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="the rows that change most, in 3 minutes")
     parser.add_argument("--sample", action="store_true", help="only what the repository carries, as without ../shared")
-    parser.add_argument("--only", metavar="PATTERN", default="*", help="measurements whose name matches, as 'blind*'")
+    parser.add_argument(
+        "--only", metavar="PATTERN", nargs="+", default=["*"], help="measurements whose name matches one, as 'blind*'"
+    )
     parser.add_argument("--write-page", action="store_true", help="write docs/figures.md; for a full run")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="keep the results in this folder")
     arguments = parser.parse_args()
     shared = REPOSITORY.parent / "shared"
     shared_or_none = shared if (shared / "recordings").is_dir() and not arguments.sample else None
     mode = "sample" if shared_or_none is None else "quick" if arguments.quick else "full"
-    if arguments.write_page and (mode != "full" or arguments.only != "*"):
+    if arguments.write_page and (mode != "full" or arguments.only != ["*"]):
         parser.error("--write-page needs all rows: ../shared beside the repository, no --quick and no --only")
-    asked = [each for each in measurements(mode) if fnmatch(each.name, arguments.only)]
+    asked = [each for each in measurements(mode) if any(fnmatch(each.name, only) for only in arguments.only)]
     began_s, load = time.perf_counter(), os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="figures-") as folder:
         work = arguments.keep or Path(folder)

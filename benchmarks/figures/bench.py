@@ -48,7 +48,7 @@ class Bench:
         """Body of a range of motion, calibrated once; of the sample that which the repository carries."""
         if of == "sample":
             return REPOSITORY / "bags/body.yaml"
-        name = " ".join(map(str, (of, *(flag for flag in flags if not isinstance(flag, Path)))))
+        name = " ".join(map(str, (of, *([bag.name] if bag else []), *(f for f in flags if not isinstance(f, Path)))))
         with self._lock:
             if name not in self._bodies:
                 path, recording = self.work / f"{name}.body.yaml", self.recording(of)

@@ -27,7 +27,7 @@ def worn_footage(bench: Bench) -> Iterator[Figure]:
         for name in ("dev_rom", "dev_walk")
     }
     group = "dev_walk, worn footage"
-    ran = bench.replay(group, bags["dev_walk"], bench.body("dev_rom worn", bags["dev_rom"], "dev_rom"))
+    ran = bench.replay(group, bags["dev_walk"], bench.body("dev_rom", bags["dev_rom"]))
     yield from errors(group, score(bench.out(group), bench.recording("dev_walk")))
     yield Figure(f"{group}: verdict", verdict(ran))
 

@@ -45,6 +45,7 @@ Mask = NDArray[np.bool_]
 _BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
 _BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb to be observed again
 _CARRIED_S = 5.0  # the longest gap that accelerometers fill: their errors grow with the square of time
+_BENT = 0.2  # of the first guess: from a straight knee, the pose of a foot bends it backwards as well as forwards
 _FIRST_S = 0.033  # how long the first state lasts, as a measurement among others
 
 
@@ -155,7 +156,7 @@ class BodyEstimator:
 
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
         """The first state, where cameras measured the body or somebody placed it by hand."""
-        poses = first_poses(self.body, [*registered.values(), *placed])
+        poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
         initial = self._motion.initial(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
         return self._solve(frame, registered, Step(0.0, initial), placed)
 

@@ -1,8 +1,9 @@
 """The measurements of one state, and the state that fits them best: iterated, robust, with covariance.
 
 Every measurement is linearised in the increments (K) of the body's coordinates: poses of segments by their cameras (A
-eq. 8, first term), expected rotations of unobserved joints, gaps of joints that close loops (B eq. 15). The prediction
-is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the covariance.
+eq. 8, first term), expected rotations and limits of unobserved joints, gaps of joints that close loops (B eq. 15). The
+prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the
+covariance.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -17,6 +18,7 @@ from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
+from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
@@ -24,6 +26,8 @@ from bodycam_ros.settings import setting
 _STEPS = 10
 _NEAR, _SETTLED = 0.1, 1e-4  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
 KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
+_BEYOND = 1e-9  # of a rotation matrix's elements, by rounding
+_LIMIT_RAD = 0.1  # sigma beyond its limits of an unobserved joint: a foot alone would bend the knee backwards as well
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
 
@@ -133,7 +137,7 @@ class StateFit:
     """
 
     def __init__(self, tangent: TreeTangent, attachments: Collection[str] = ()) -> None:
-        self._tangent = tangent
+        self._tangent, self._limits = tangent, JointLimits(tangent.tree)
         joints = tangent.tree.tree_joints
         loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
         self._loops = tuple(ClosedJoint(joint, joint.information, np.inf) for joint in loops)
@@ -204,6 +208,8 @@ class StateFit:
             J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
+        if len(expected.rows):
+            self._add_limits(A, b, motion[:, :3, :3], expected.rows)
         for row, sigmas in self._soft.items():
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
@@ -214,6 +220,14 @@ class StateFit:
             A += weight * (J.T @ each.information @ J)
             b -= weight * (J.T @ (each.information @ gap))
         return A, b
+
+    def _add_limits(self, A: Array, b: Array, rotations: Array, rows: NDArray[np.int64]) -> None:
+        """Add that some joints (U,), of rotations (J, 3, 3), are within their limits, in place."""
+        within = self._limits.clamp(rotations)
+        for row in rows[np.abs(within - rotations).max(axis=(1, 2))[rows] > _BEYOND].tolist():
+            columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3] / _LIMIT_RAD
+            A[columns, columns] += turns.T @ turns
+            b[columns] += turns.T @ log_so3(rotations[row].T @ within[row]) / _LIMIT_RAD
 
 
 def cauchy(squared: Array, kernel: float) -> Array:

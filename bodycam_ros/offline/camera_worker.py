@@ -43,23 +43,22 @@ _HEAD_START = 0.13
 
 
 class FrameRateLimit:
-    """Selects the first image of each camera in every period; periods start with the first image of all.
+    """Selects the first image of each camera in every period.
 
     Args:
         max_rate: periods per second [Hz]; infinite to select every image.
+        start_ns: where the periods start, the same for all processes: which images are used depends on it [ns].
     """
 
-    def __init__(self, max_rate: float) -> None:
+    def __init__(self, max_rate: float, start_ns: int) -> None:
         self._max_rate = max_rate
-        self._start_ns: int | None = None
+        self._start_ns = start_ns
         self._latest: dict[str, int] = {}
 
     def is_due(self, camera: str, stamp_ns: int) -> bool:
         """Whether a camera's next image is the first in its period."""
         if math.isinf(self._max_rate):
             return True
-        if self._start_ns is None:
-            self._start_ns = stamp_ns
         number = math.floor(1e-9 * (stamp_ns - self._start_ns) * self._max_rate + _HEAD_START)
         if number == self._latest.get(camera):
             return False
@@ -259,7 +258,7 @@ def register_images(
             )
             for camera in cameras
         }
-        limit = FrameRateLimit(task.max_rate)
+        limit = FrameRateLimit(task.max_rate, recording.start_ns)
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns
