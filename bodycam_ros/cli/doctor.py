@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_map
+from bodycam_ros.cli.options import add_config, add_imu, add_jobs, add_lenses, add_map
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -44,6 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--board", type=Path, help="AprilTag board, is it in view? (default: board.yaml beside it)")
     add_lenses(parser)
+    add_imu(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_jobs(parser, "threads")
     add_config(parser)
@@ -57,7 +58,13 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.verdict import Level, finding_record, worst_level
 
     given = DoctorInput(
-        arguments.recording, arguments.map, arguments.body, arguments.rig, arguments.board, arguments.lenses
+        arguments.recording,
+        arguments.map,
+        arguments.body,
+        arguments.rig,
+        arguments.board,
+        arguments.lenses,
+        tuple(arguments.imu),
     )
     with shown_progress() as progress:
         findings = examine(given, arguments.jobs, progress)

@@ -31,6 +31,8 @@ from bodycam_ros.quality.recording_checks import (
     check_rates,
 )
 from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
+from bodycam_ros.quality.sensor_checks import check_sensors
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.verdict import Finding
@@ -52,6 +54,7 @@ class DoctorInput:
         rig: rig file of a range of motion, whose joints are to be exercised.
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
         lenses: folder with the lens YAMLs of videos; None: beside them.
+        imu: bags with the inertial sensors, beside those in the recording.
     """
 
     recording: Path
@@ -60,6 +63,7 @@ class DoctorInput:
     rig: Path | None = None
     board: Path | None = None
     lenses: Path | None = None
+    imu: tuple[Path, ...] = ()
 
 
 def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
@@ -95,6 +99,8 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         *check_blur(recording),
         *check_features(recording),
     ]
+    bags = (*([given.recording] if is_bag(given.recording) else []), *given.imu)
+    findings += check_sensors(read_imus(bags, [camera.name for camera in recording.cameras]))
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
     if reference_map is not None:
