@@ -1,13 +1,13 @@
 """The measurements of one state, and the state that fits them best: iterated, robust, with covariance.
 
 Every measurement is linearised in the increments (K) of the body's coordinates: poses of segments by their cameras (A
-eq. 8, first term), expected rotations and limits of unobserved joints, gaps of joints that close loops (B eq. 15). The
-prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the
-covariance.
+eq. 8, first term), expected rotations of unobserved joints and their limits, gaps of joints that close loops (B eq.
+15). The prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is
+the covariance.
 """
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 import numpy as np
@@ -27,7 +27,7 @@ _STEPS = 10
 _NEAR, _SETTLED = 0.1, 1e-4  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
 KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
 _BEYOND = 1e-9  # of a rotation matrix's elements, by rounding
-_LIMIT_RAD = 0.1  # sigma beyond its limits of an unobserved joint: a foot alone would bend the knee backwards as well
+_LIMIT_RAD = 0.1  # sigma beyond limits of a joint not observed yet: a foot alone would bend the knee backwards as well
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
 
@@ -121,11 +121,13 @@ class Measurements:
         cameras: poses of segments.
         expected: rotations of unobserved joints.
         closed: active joints that close loops.
+        limited: (U) rows of joints that stay within their limits.
     """
 
     cameras: SegmentPoses
     expected: JointRotations
     closed: Sequence[ClosedJoint] = ()
+    limited: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 class StateFit:
@@ -208,8 +210,8 @@ class StateFit:
             J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
-        if len(expected.rows):
-            self._add_limits(A, b, motion[:, :3, :3], expected.rows)
+        if len(measured.limited):
+            self._add_limits(A, b, motion[:, :3, :3], measured.limited)
         for row, sigmas in self._soft.items():
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
