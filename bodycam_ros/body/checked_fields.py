@@ -37,6 +37,8 @@ def read_entry(kind: Any, value: Any, where: str) -> Any:
         return msgspec.convert(value, kind, strict=False)
     except (msgspec.ValidationError, OverflowError) as error:
         problem, _, place = str(error)[:_LONGEST_MESSAGE].replace("`", "").partition(" - at $")
+        if "matching regex" in problem:
+            problem = "Expected printable characters"
         field = f"{where}: {place.lstrip('.')}" if place else where
         raise BodyError(f"{field}: {problem.replace('Object', 'table')}, in {shown(value)}") from error
 
@@ -80,7 +82,12 @@ def name_of(value: Any, where: str) -> str:
     Raises:
         BodyError: it is not text, too long, or holds characters that cannot be printed.
     """
-    name: str = read_entry(Name, value, f"{where} must be a name; put a number that is meant as a name in quotes")
+    try:
+        name: str = msgspec.convert(value, Name)
+    except msgspec.ValidationError as error:
+        quoted = "" if isinstance(value, str) else "; put a number that is meant as a name in quotes"
+        text = f"{where} must be a name of at most 100 printable characters, not {shown(value)}{quoted}"
+        raise BodyError(text) from error
     return name
 
 

@@ -146,7 +146,8 @@ class StepRunner:
 
     def _interrupt(self) -> None:
         self._starter.shutdown()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        # Not SIGINT: a Python that is still starting would print a traceback.
+        for number in (signal.SIGTERM, signal.SIGKILL):
             for running in self._running:
                 if running.process.poll() is None:
                     os.killpg(running.process.pid, number)
