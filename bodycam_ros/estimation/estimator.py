@@ -190,8 +190,7 @@ class BodyEstimator:
         cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
         rotations = self.body.joint_rotations(poses)
         predicted = self._prior.predict(rotations, joints_observed, joints_turning, step.dt_s or _FIRST_S)
-        alone = np.setdiff1d(predicted.rows, by_static.rows)
-        measured = Measurements(cameras, predicted.replaced(by_static), limited=self._prior.never_observed(alone))
+        measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
             evidence = [*accepted.values(), *static.together]
             measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start, poses)
@@ -277,8 +276,7 @@ class BodyEstimator:
         columns = coupling.restarted_columns(self._tangent, self._chain[-1].active if self._chain else None)
         start = coupling.with_equipment(start, poses, self._tangent)
         step = self._restart_columns(step, coupling.with_equipment(step.after.at, poses, self._tangent), columns)
-        measured = replace(
-            measured,
+        measured = Measurements(
             cameras=measured.cameras + coupling.root_measurement(),
             expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
             closed=coupling.closed_joints(poses),

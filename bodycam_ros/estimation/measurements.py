@@ -1,13 +1,12 @@
 """The measurements of one state, and the state that fits them best: iterated, robust, with covariance.
 
 Every measurement is linearised in the increments (K) of the body's coordinates: poses of segments by their cameras (A
-eq. 8, first term), expected rotations of unobserved joints and their limits, gaps of joints that close loops (B eq.
-15). The prediction is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is
-the covariance.
+eq. 8, first term), expected rotations of unobserved joints, gaps of joints that close loops (B eq. 15). The prediction
+is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the covariance.
 """
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -18,7 +17,6 @@ from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
-from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
@@ -26,8 +24,6 @@ from bodycam_ros.settings import setting
 _STEPS = 10
 _NEAR, _SETTLED = 0.1, 1e-4  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
 KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
-_BEYOND = 1e-9  # of a rotation matrix's elements, by rounding
-_LIMIT_RAD = 0.1  # sigma beyond limits of a joint not observed yet: a foot alone would bend the knee backwards as well
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
 
@@ -121,13 +117,11 @@ class Measurements:
         cameras: poses of segments.
         expected: rotations of unobserved joints.
         closed: active joints that close loops.
-        limited: (U) rows of joints that stay within their limits.
     """
 
     cameras: SegmentPoses
     expected: JointRotations
     closed: Sequence[ClosedJoint] = ()
-    limited: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 class StateFit:
@@ -139,7 +133,7 @@ class StateFit:
     """
 
     def __init__(self, tangent: TreeTangent, attachments: Collection[str] = ()) -> None:
-        self._tangent, self._limits = tangent, JointLimits(tangent.tree)
+        self._tangent = tangent
         joints = tangent.tree.tree_joints
         loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
         self._loops = tuple(ClosedJoint(joint, joint.information, np.inf) for joint in loops)
@@ -210,8 +204,6 @@ class StateFit:
             J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
-        if len(measured.limited):
-            self._add_limits(A, b, motion[:, :3, :3], measured.limited)
         for row, sigmas in self._soft.items():
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
@@ -222,14 +214,6 @@ class StateFit:
             A += weight * (J.T @ each.information @ J)
             b -= weight * (J.T @ (each.information @ gap))
         return A, b
-
-    def _add_limits(self, A: Array, b: Array, rotations: Array, rows: NDArray[np.int64]) -> None:
-        """Add that some joints (U,), of rotations (J, 3, 3), are within their limits, in place."""
-        within = self._limits.clamp(rotations)
-        for row in rows[np.abs(within - rotations).max(axis=(1, 2))[rows] > _BEYOND].tolist():
-            columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3] / _LIMIT_RAD
-            A[columns, columns] += turns.T @ turns
-            b[columns] += turns.T @ log_so3(rotations[row].T @ within[row]) / _LIMIT_RAD
 
 
 def cauchy(squared: Array, kernel: float) -> Array:

@@ -89,11 +89,6 @@ class PosePrior:
         variances = np.maximum(spread.reshape(-1, 3), _LEAST_RAD**2) * shared
         return JointRotations(rows, self.rotations(rows, predicted.reshape(-1, 3)), np.sqrt(variances))
 
-    def never_observed(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Those of some joints (U) that were not observed yet."""
-        chosen: NDArray[np.int64] = rows[np.diag(self._seconds)[3 * rows] == 0.0]
-        return chosen
-
     def _estimate(self) -> tuple[Array, Array]:
         """Mean (3J) and covariance (3J, 3J) of what was observed, and of what is assumed."""
         alone_s = np.diag(self._seconds)

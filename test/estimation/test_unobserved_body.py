@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
-from bodycam_ros.geometry import exp_se3
+from bodycam_ros.geometry import exp_se3, exp_so3, log_so3, rigid
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -111,3 +112,37 @@ def test_counts_are_of_the_whole_recording_when_its_time_begins_anew() -> None:
     pipeline._solve(frames)
     assert once > 0
     assert pipeline.refused["back"] == 2 * once
+
+
+def leg_of(cameras: dict[str, str]) -> BodyModel:
+    """Pelvis, thigh, shin and foot, with limits as a range of motion leaves them; camera -> its segment."""
+    below = rigid(np.eye(3), np.array([0.0, 0.0, -0.42]))
+    ranges = {
+        "hip": ((-1.3, 0.3), (-0.5, 0.5), (-0.7, 0.2)),
+        "knee": ((-0.09, 1.7), (-0.09, 0.09), (-0.09, 0.09)),
+        "ankle": ((-0.6, 0.6), (-0.4, 0.4), (-0.4, 0.4)),
+    }
+    chain = ("pelvis", "thigh_left", "shin_left", "foot_left")
+    joints = tuple(
+        Joint(name, parent, child, "ball", np.eye(4) if name == "hip" else below, angle_axes="yxz", limits=limits)
+        for (name, limits), parent, child in zip(ranges.items(), chain[:-1], chain[1:], strict=True)
+    )
+    mounts = {camera: CameraMount(segment, np.eye(4)) for camera, segment in cameras.items()}
+    return BodyModel("leg", "pelvis", chain, joints, mounts)
+
+
+@pytest.mark.parametrize("flexion", [0.3, 0.6, 1.0])
+def test_a_knee_of_which_only_the_foot_is_seen_bends_forwards(flexion: float) -> None:
+    body = leg_of({"waist": "pelvis", "foot": "foot_left"})
+    turns = exp_so3(np.array([[0.0, angle, 0.0] for angle in (-flexion / 3.0, flexion, -2.0 * flexion / 3.0)]))
+    true = body.forward_kinematics(np.eye(4), turns)
+    any_matches = seen_by(body_with_cameras(), "chest", 0, np.random.default_rng(0))
+    matches = {
+        camera: dataclasses.replace(
+            any_matches, camera=camera, world_T_camera=true[body.segment_index[mount.segment]], rotation_inliers=0
+        )
+        for camera, mount in body.mounts.items()
+    }
+    states = solve(BodyEstimator(body, lenses(body)), [BodyFrame(STEP_NS, matches)])
+    knee = body.joint_rotations(states[0].world_T_segment)[1]
+    assert np.linalg.norm(log_so3(knee) - [0.0, flexion, 0.0]) < 0.15
