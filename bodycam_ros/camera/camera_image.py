@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final, Protocol
 
 import cv2
@@ -279,3 +280,19 @@ def _decodable(image: CameraImage) -> bytes | NDArray[np.uint8] | Picture:
 
 def _file_pixels(image: CameraImage, file: bytes, mode: int) -> NDArray[np.uint8]:
     return np.asarray(file_values(image.camera, image.stamp_ns, file, mode), dtype=np.uint8)
+
+
+def read_image_file(path: Path, mode: int) -> NDArray[np.uint8] | None:
+    """Pixels of an image file; None if it is none.
+
+    Orientation tags are ignored: a calibration holds for the sensor's own rows and columns.
+
+    Args:
+        path: of the file.
+        mode: IMREAD_COLOR or IMREAD_GRAYSCALE of OpenCV.
+    """
+    try:
+        pixels = cv2.imread(str(path), mode | cv2.IMREAD_IGNORE_ORIENTATION)
+    except (cv2.error, UnicodeEncodeError):  # a header that claims an absurd size; a name that is not UTF-8
+        return None
+    return None if pixels is None else np.asarray(pixels, np.uint8)

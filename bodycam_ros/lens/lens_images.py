@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import grey_pixels
@@ -114,13 +115,10 @@ def _speed(before: NDArray[np.float32] | None, after: NDArray[np.float32]) -> fl
 
 
 def _image(path: Path) -> Grey:
-    try:
-        grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    except (cv2.error, UnicodeEncodeError):  # a header that claims an absurd size; a name that is not UTF-8
-        grey = None
+    grey = read_image_file(path, cv2.IMREAD_GRAYSCALE)
     if grey is None:
         raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
-    return np.asarray(grey, np.uint8)
+    return grey
 
 
 def _describe(picture: LensImage) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.apriltag import TagView, detect_tags
 from bodycam_ros.mapping.progress import in_parallel
@@ -110,14 +111,10 @@ def read_photograph(path: Path) -> NDArray[np.uint8]:
     Raises:
         MapError: the file is not an image that OpenCV reads.
     """
-    # Orientation tags are ignored: the calibration holds for the sensor's own rows and columns.
-    try:
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    except (cv2.error, UnicodeEncodeError):  # a header that claims an absurd size; a name that is not UTF-8
-        image = None
+    image = read_image_file(path, cv2.IMREAD_COLOR)
     if image is None:
         raise MapError(f"{path}: not a readable image; expected a whole JPEG or PNG file")
-    return np.asarray(image, dtype=np.uint8)
+    return image
 
 
 def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32]) -> NDArray[np.uint32]:

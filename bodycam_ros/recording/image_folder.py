@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.sound import SoundBlock
 from bodycam_ros.recording.video_file import FileFacts
@@ -103,7 +104,7 @@ class ImageFolder:
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
-    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    pixels = read_image_file(path, cv2.IMREAD_COLOR)
     if pixels is None:
         raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
-    return np.asarray(pixels, np.uint8)
+    return pixels
