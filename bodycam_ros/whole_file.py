@@ -50,10 +50,15 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_files(folder: Path) -> Iterator[Path]:
+def whole_files(folder: Path, inside: bool = False) -> Iterator[Path]:
     """Give an empty folder to write files to, which are moved into ``folder`` together when the block ends.
 
     Files of the same names are replaced; other files in the folder stay. It is made if it is not there.
+
+    Args:
+        folder: for the files.
+        inside: write them in the folder at first, which is there, instead of beside it: what is above a folder of the
+            user's may be another disk, or not the user's.
 
     Raises:
         OutputError: they cannot be written, in the block or after it; none is moved before all are on the disk.
@@ -61,7 +66,7 @@ def whole_files(folder: Path) -> Iterator[Path]:
     final = _final(folder)
     with failure_named(folder):
         final.parent.mkdir(parents=True, exist_ok=True)
-        with _scratch(final.parent, named=folder) as scratch:
+        with _scratch(final if inside else final.parent, named=folder) as scratch:
             yield scratch
             _bring_tree_to_disk(scratch)
             final.mkdir(exist_ok=True)

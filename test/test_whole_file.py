@@ -107,6 +107,15 @@ def test_files_appear_together_and_leave_others_alone(tmp_path: Path) -> None:
     assert names(tmp_path) == ["out"]
 
 
+def test_files_for_a_folder_of_the_users_need_nothing_above_it(tmp_path: Path) -> None:
+    folder = tmp_path / "disk"
+    make(folder, {"mine": "dear"})
+    with whole_files(folder, inside=True) as unfinished:
+        assert unfinished.parent == folder and names(tmp_path) == ["disk"]
+        make(unfinished, {"a": "new"})
+    assert contents(folder) == {"a": "new", "mine": "dear"} and names(folder) == ["a", "mine"]
+
+
 def test_a_folder_replaces_only_what_may_be_replaced(tmp_path: Path) -> None:
     def refuse(path: Path) -> None:
         raise ValueError(f"{path.name} stays")

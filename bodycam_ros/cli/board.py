@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     printed = layout if arguments.ruler_mm is None else scale_layout(layout, _shares(arguments.ruler_mm, rulers))
     placement = f"{'lying' if arguments.up == 'z' else 'standing'}: board {arguments.up} is up"
     text = board_yaml(printed, placement)
-    with whole_files(pdf.parent) as scratch:
+    with whole_files(pdf.parent, inside=True) as scratch:
         (scratch / pdf.name).write_bytes(content)
         (scratch / description.name).write_text(text, encoding="utf-8")
     console = Terminal()

@@ -197,7 +197,7 @@ def export(
         check_output(path, sources, makes_folders=len(sources) > 1)
         check_file(path, force, *next(beside for end, beside in chosen.beside.items() if path.name.endswith(end)))
     stale = [urdf.find_stale_loops(path, contents) for path in outputs] if force and format_name == "urdf" else []
-    with whole_files(folder) as scratch:
+    with whole_files(folder, inside=len(sources) == 1) as scratch:
         for path in contents.keys() - unchanged:
             (scratch / path.name).write_bytes(contents[path])
     for loops in filter(None, stale):
