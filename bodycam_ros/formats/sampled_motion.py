@@ -159,11 +159,13 @@ def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> Sampled
     _warn_of_gaps(solved, GAP_FRAMES * step_ns)
     as_solved = rate is None and not even
     at_ns = stamps if as_solved else _even_stamps(solved, 1e9 / rate if rate else step_ns)
-    joint_angles = JointAngles(solved.body)
-    solved_poses = joint_angles.poses(motion.joint_angles)
-    joints = [interpolated(stamps, solved_poses[:, row], at_ns) for row in range(solved_poses.shape[1])]
-    poses = np.stack(joints, axis=1) if joints else np.zeros((len(at_ns), 0, 4, 4))
-    angles = joint_angles.angles(poses, motion.joint_angles[_nearest(stamps, at_ns)])
+    joint_angles, angles, root = JointAngles(solved.body), motion.joint_angles, motion.world_T_root
+    poses = joint_angles.poses(angles)
+    if not as_solved:
+        root = interpolated(stamps, root, at_ns)
+        joints = [interpolated(stamps, poses[:, row], at_ns) for row in range(poses.shape[1])]
+        poses = np.stack(joints, axis=1) if joints else np.zeros((len(at_ns), 0, 4, 4))
+        angles = joint_angles.angles(poses, angles[_nearest(stamps, at_ns)])
     before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
     return SampledMotion(
         name="_".join(plain_name(solved.path).split()),  # one word: headers go by lines and columns
@@ -172,9 +174,9 @@ def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> Sampled
         known=between_neighbours(stamps, at_ns, GAP_FRAMES * step_ns) | np.isin(at_ns, stamps),
         placed=np.asarray(solved.placed[before] & solved.placed[after]),
         rate=rate or 1e9 / step_ns,
-        world_T_root=interpolated(stamps, motion.world_T_root, at_ns),
+        world_T_root=root,
         joint_poses=poses,
-        angles=motion.joint_angles if as_solved else angles,
+        angles=angles,
     )
 
 
