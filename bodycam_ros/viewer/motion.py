@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -57,12 +58,12 @@ class Motion:
         world_T_root[2, 3] = -min((min(bone.start[0, 2], bone.end[0, 2]) for bone in standing), default=0.0)
         return cls(np.zeros(1, np.int64), world_T_root[None], names, np.zeros((1, len(names))), {})
 
-    @property
+    @cached_property
     def seconds(self) -> Array:
         """(T,) times since the first state [s]."""
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) * 1e-9, dtype=np.float64)
 
-    @property
+    @cached_property
     def frame_ns(self) -> int:
         """Time from one state to the next, the median [ns]."""
         return int(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else _FRAME_NS

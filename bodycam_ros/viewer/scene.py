@@ -84,7 +84,8 @@ class Scene:
         if other is not None:
             self._nodes[other.path.name] = [self._other_lines.frame]
         self.layers = {layer: layer != NAMES for layer in self._nodes}
-        self.reshape(body)
+        self._surface.reshape(body)
+        self.show_layer(SURFACE, self.layers[SURFACE])
 
     def show(self, instant: int, *, follow: bool) -> None:
         """Show the body at a state, and if it is followed, at the middle of the scene."""

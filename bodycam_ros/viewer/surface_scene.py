@@ -29,13 +29,14 @@ class SurfaceScene:
         read: gives the surface of a body.
         detail: how finely it is drawn.
 
-    Attributes:
-        surfaces: segment -> surface of the body shown last.
+    It is made while it is visible: a correction changes the body with every move.
     """
 
     def __init__(self, scene: SceneApi, read: SurfaceReader, detail: Detail) -> None:
         self._scene, self._read, self._detail = scene, read, detail
-        self.surfaces: Mapping[str, Surface] = {}
+        self._body: BodyModel | None = None
+        self._surfaces: Mapping[str, Surface] | None = None
+        self._drawn: Mapping[str, Surface] | None = None
         self._meshes: list[MeshHandle] = []
         self._is_visible = False
 
@@ -45,10 +46,35 @@ class SurfaceScene:
         Raises:
             BodyError: it cannot be used.
         """
-        surfaces = self._read(body)
-        if surfaces is self.surfaces:
+        if body is not self._body:
+            self._body, self._surfaces = body, None
+        if self._is_visible:
+            self._draw(body)
+
+    @property
+    def surfaces(self) -> Mapping[str, Surface]:
+        """Segment -> surface of the body.
+
+        Raises:
+            BodyError: it cannot be used.
+        """
+        if self._surfaces is None:
+            self._surfaces = {} if self._body is None else self._read(self._body)
+        return self._surfaces
+
+    def show(self, visible: bool) -> None:
+        """Show the surface, or hide it; raises as ``surfaces``."""
+        self._is_visible = visible
+        if visible and self._body is not None:
+            self._draw(self._body)
+        for mesh in self._meshes:
+            mesh.visible = visible
+
+    def _draw(self, body: BodyModel) -> None:
+        surfaces = self.surfaces
+        if surfaces is self._drawn:
             return
-        self.surfaces = surfaces
+        self._drawn = surfaces
         for mesh in self._meshes:
             mesh.remove()
         self._meshes = [
@@ -63,12 +89,6 @@ class SurfaceScene:
             )
             for segment, surface in with_closed_forearms(body, surfaces).items()
         ]
-
-    def show(self, visible: bool) -> None:
-        """Show the surface, or hide it."""
-        self._is_visible = visible
-        for mesh in self._meshes:
-            mesh.visible = visible
 
 
 def surface_reader(body: BodyModel, body_path: Path, folder: Path | None) -> SurfaceReader:
