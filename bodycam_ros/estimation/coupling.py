@@ -104,10 +104,10 @@ class Coupling:
             poses[self._rows] = self._search.nominal(poses[self._body.segment_index[self._body.root]])
         own = [pose for pose in evidence if pose.segment == self.equipment.root]
         if not self.placed or attachments.are_contradicted(distances):
-            if own or stamp_ns >= self._search_due_ns:
+            if stamp_ns >= self._search_due_ns or (own and not self.placed):
                 self._search_due_ns = stamp_ns + self._search_wait_ns
-                self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
-                self._find(points, poses, own)
+                if not self._find(points, poses, own, distances):
+                    self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
         if self.placed and self._history.add(stamp_ns, attachments.engaged(points), poses[self._rows]):
             fitted = self._history.fit(self.fit, attachments.shifts)
             attachments.update_lengths(fitted.lengths, fitted.length_sigmas)
@@ -118,18 +118,24 @@ class Coupling:
     def _set_root(self, world_T_root: Array, sigmas: Array) -> None:
         self._world_T_root, self._root_sigmas = world_T_root, np.maximum(sigmas, _STANDS)
 
-    def _find(self, points: AttachedPoints, poses: Array, own: Sequence[SegmentPose]) -> None:
-        """Search equipment that is not placed, or nearer to its attachments than it is, and replace its poses."""
+    def _find(self, points: AttachedPoints, poses: Array, own: Sequence[SegmentPose], distances: Array) -> bool:
+        """Search equipment that is not placed, or nearer to its attachments than it is, and replace its poses.
+
+        Returns:
+            Whether it was found.
+        """
         surest = min(own, key=lambda pose: float(np.trace(pose.covariance)), default=None)
         root = None if surest is None else (surest.world_T_segment, np.sqrt(np.diag(surest.covariance)))
         found = self._search.find(points, self.attachments.shifts, root)
         if found is None:
-            return
-        before, after = (self.attachments.distances(points, each) for each in (poses[self._rows], found[0]))
-        if not self.placed or np.nansum(after) < np.nansum(before):
-            self.placed, self._was_placed, poses[self._rows] = True, False, found[0]
-            self._set_root(found[0][self._root], found[1])
-            self.attachments.place(after)
+            return False
+        after = self.attachments.distances(points, found[0])
+        if self.placed and not np.nansum(after) < np.nansum(distances):
+            return False
+        self.placed, self._was_placed, poses[self._rows] = True, False, found[0]
+        self._set_root(found[0][self._root], found[1])
+        self.attachments.place(after)
+        return True
 
     def restarted_columns(self, tangent: TreeTangent, before: ActiveAttachments | None) -> NDArray[np.bool_]:
         """(K,) coordinates without a past: of equipment that was just placed, and of hinges that are driven again."""
