@@ -15,10 +15,7 @@ _CHECK = "sensors"
 _LEAST_SAMPLES = 100
 _MIN_RATE_HZ = 90.0  # below it a stride is not integrated to a centimetre
 _GAP_S, _LONG_GAP_S = 0.03, 0.2  # a gyroscope is integrated over the first; in the second a limb turns by a radian
-_FROZEN, _SATURATED = (
-    0.5,
-    0.98,
-)  # share of equal neighbours; share of the largest reading that counts as the range's end
+_FROZEN = 0.5  # share of samples that repeat the one before
 _G_OFF, _UNIT_OFF = 0.5, 0.5  # share by which the median acceleration may differ: arms in swing read a third more
 _FASTEST = 60.0  # [rad/s] nothing on a body turns faster; 35 is the range of usual gyroscopes
 _REST_S = 1.0  # length of the quietest stretch, in which the bias shows
@@ -89,10 +86,13 @@ def _quietest(w: Array, count: int) -> slice:
 
 
 def _saturated(readings: Array) -> int:
-    """Samples that stay at the largest reading of their axis: noise would move them."""
-    largest = np.abs(readings).max(axis=0)
-    stays = (np.diff(readings, axis=0) == 0.0) & (np.abs(readings[1:]) > _SATURATED * largest)
-    return int(stays.any(axis=1).sum())
+    """Samples that stay at the largest reading of their axis while another axis goes on: noise would move them.
+
+    At rest the steps of a coarse sensor repeat as well, on all axes.
+    """
+    largest, same = np.abs(readings).max(axis=0), np.diff(readings, axis=0) == 0.0
+    stays = same & (np.abs(readings[1:]) == largest) & (largest > 0.0)
+    return int((stays.any(axis=1) & ~same.all(axis=1)).sum())
 
 
 def check_sensors(sensors: Mapping[str, ImuSamples]) -> Iterator[Finding]:
@@ -120,11 +120,8 @@ def _faults(quality: SensorQuality, samples: ImuSamples) -> Iterator[tuple[Level
         what = f"its accelerometer reads {quality.gravity:.1f} m/s^2, gravity is {GRAVITY:.1f}"
         yield Level.DOUBTFUL, what, "what is its unit, its range, its scale?"
     if quality.frozen > _FROZEN:
-        yield (
-            Level.WRONG,
-            f"{quality.frozen:.0%} of its samples repeat the one before",
-            "it is frozen; restart the camera",
-        )
+        what = f"{quality.frozen:.0%} of its samples repeat the one before"
+        yield Level.WRONG, what, "it is frozen; restart the camera"
     elif quality.saturated:
         what = f"{quality.saturated} samples are at the end of its range"
         yield Level.DOUBTFUL, what, "set a larger range, if it has one"

@@ -74,6 +74,12 @@ def test_a_fault_is_named(fault, level, word) -> None:  # type: ignore[no-untype
     assert any(each is level and word in what for each, what in found), found
 
 
+def test_the_coarse_steps_of_a_sensor_at_rest_are_not_the_end_of_its_range() -> None:
+    good = sensor(rest_s=6.0)
+    steps = ImuSamples(good.stamps_ns, good.angular_velocity.round(1), good.acceleration.round(0))
+    assert not [what for _, what in faults(steps) if "range" in what]
+
+
 def test_few_samples_are_named_and_none_are_silent() -> None:
     assert "has 50 samples" in faults(thinned(sensor(), 24))[0][1]
     assert not list(check_sensors({}))
