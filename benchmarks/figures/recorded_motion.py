@@ -32,9 +32,9 @@ def worn_footage(bench: Bench) -> Iterator[Figure]:
     yield Figure(f"{group}: verdict", verdict(ran))
 
 
-def bones(bench: Bench, name: str) -> Iterator[Figure]:
+def bones(bench: Bench, name: str, body: Path | None = None) -> Iterator[Figure]:
     """Lengths of the body's bones against the true ones."""
-    off_mm = _bone_errors(bench.body(name), bench.recording(name) / "truth/skeleton.yaml")
+    off_mm = _bone_errors(body or bench.body(name), bench.recording(name) / "truth/skeleton.yaml")
     yield Figure(f"{name}: bone length, mean [mm]", float(np.mean(off_mm)))
     yield Figure(f"{name}: bone length, max [mm]", float(np.max(off_mm)))
 
@@ -44,7 +44,7 @@ def ordinary_cameras(bench: Bench) -> Iterator[Figure]:
     for name in ("dev_gopro_rom", "dev_gopro_walk"):
         bodycam("ingest", bench.recording(name) / "mp4", "-o", bench.work / f"{name}.bag", "--jobs", bench.jobs)
     body = bench.body("dev_gopro_rom", bench.work / "dev_gopro_rom.bag")
-    yield from bones(bench, "dev_gopro_rom")
+    yield from bones(bench, "dev_gopro_rom", body)
     yield from _walk_from_files(bench, "dev_gopro_walk", body)
     # Its read-out times are those of another camera's video mode.
     yield from _walk_from_files(bench, "dev_gopro_walk, body of dev_rom", bench.body("dev_rom"))
