@@ -174,6 +174,8 @@ def mount_of(name: str, entry: Any) -> CameraMount:
     """
     where = f"camera {name}"
     mount: _MountEntry = read_entry(_MountEntry, entry, where)
+    if mount.readout_sigma and mount.readout_time is None:
+        raise BodyError(f"{where}: readout_sigma is the sigma of readout_time, which is missing")
     mode = mount.readout_mode
     return CameraMount(
         mount.segment,

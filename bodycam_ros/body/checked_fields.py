@@ -39,6 +39,8 @@ def read_entry(kind: Any, value: Any, where: str) -> Any:
         problem, _, place = str(error)[:_LONGEST_MESSAGE].replace("`", "").partition(" - at $")
         if "matching regex" in problem:
             problem = "Expected printable characters"
+        if problem.startswith("Expected str, got"):
+            problem += " (put a number that is meant as a name in quotes)"
         field = f"{where}: {place.lstrip('.')}" if place else where
         raise BodyError(f"{field}: {problem.replace('Object', 'table')}, in {shown(value)}") from error
 
@@ -89,16 +91,6 @@ def name_of(value: Any, where: str) -> str:
         text = f"{where} must be a name of at most 100 printable characters, not {shown(value)}{quoted}"
         raise BodyError(text) from error
     return name
-
-
-def number_of(value: Any, where: str, least: float, most: float) -> float:
-    """Return a number from ``least`` to ``most``.
-
-    Raises:
-        BodyError: it is none.
-    """
-    number: float = read_entry(Annotated[float, msgspec.Meta(ge=least, le=most)], value, where)
-    return number
 
 
 def table_of(value: Any, where: str, most: int) -> dict[str, Any]:

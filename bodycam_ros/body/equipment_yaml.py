@@ -30,7 +30,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import JointEntry, joint_of, mount_of
-from bodycam_ros.body.checked_fields import UNTURNED, Entry, Name, Point, name_of, read_entry
+from bodycam_ros.body.checked_fields import UNTURNED, Entry, Name, Point, read_entry
 from bodycam_ros.body.equipment import Attachment, Equipment, Interval, SegmentMotion
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
@@ -219,7 +219,7 @@ def _holds(value: str | list[Interval], where: str) -> tuple[tuple[Interval, ...
 
 
 def _joint(name: str, entry: _JointEntry) -> Joint:
-    joint = joint_of(name_of(name, "joints"), entry)
+    joint = joint_of(name, entry)
     if entry.turned_in_parent is None:
         return joint
     if entry.orientation_in_parent != UNTURNED:

@@ -68,6 +68,7 @@ def test_written_and_read_again_is_the_same_body(body: BodyModel, tmp_path: Path
         ("[0, 0, 5e-1]", f"[0, 0, {10**400}]", "line 6"),
         ("[0, 0, 0, 1.0005]", "[0, 0, 0, 1.1]", "under.*quaternion_xyzw"),
         ("1.0005]", "1], readout_time: 12", "under"),
+        ("1.0005]", "1], readout_sigma: 0.1", "under.*readout_time"),
         ("cameras:\n", "cameras: []\nreport:\n", "cameras: Expected"),
         ("  under:", "  under: {}\n  under:", "under"),
         ("name: stool", "name: [stool", ""),
