@@ -8,6 +8,7 @@ from bodycam_ros.kinematics.joint import Joint
 
 def closed_pose(joint: Joint, parent_T_child: Array) -> Array:
     """The pose (4, 4) of the child in the parent that closes a joint and keeps its present rotation, if permitted."""
-    rotation = joint.permitted_rotation(joint.joint_rotation(parent_T_child[:3, :3]))
+    joint_R = joint.parent_T_joint[:3, :3].T @ parent_T_child[:3, :3] @ joint.child_T_joint[:3, :3]
+    rotation = joint.permitted_rotation(joint_R)
     pose: Array = joint.parent_T_joint @ rigid(rotation, np.zeros(3)) @ joint.joint_T_child
     return pose

@@ -1,6 +1,6 @@
 """How far what equipment holds is from where it is held, in a motion with the constraint and in one without."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.comparison import Comparison, Distribution, compare
+from bodycam_ros.evaluate.comparison import Comparison, compare, spread
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.geometry import Array
 from bodycam_ros.plots.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
@@ -157,10 +157,7 @@ def constraint_figures(both: WithAndWithout) -> dict[str, Any]:
         "with": both.solved.path.name,
         "without": both.other.path.name,
         "instants": len(both.stamps_ns),
-        "measures": {
-            name: {"with": asdict(Distribution.of(a)), "without": asdict(Distribution.of(b))}
-            for name, (a, b) in rows.items()
-        },
+        "measures": {name: {"with": spread(a), "without": spread(b)} for name, (a, b) in rows.items()},
     }
 
 

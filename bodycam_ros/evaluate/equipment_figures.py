@@ -1,12 +1,11 @@
 """How well a body was coupled to its equipment, in figures."""
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
-from bodycam_ros.evaluate.comparison import Distribution
+from bodycam_ros.evaluate.comparison import spread
 
 _MM_PER_M = 1000.0
 
@@ -28,8 +27,8 @@ def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
         held, deviations = record.held[:, column], _MM_PER_M * record.deviations[:, column]
         attachments[name] = {
             "held": float(held.mean()),
-            "deviation_mm": asdict(Distribution.of(deviations[held])),
-            "apart_mm": asdict(Distribution.of(deviations[~held & record.placed])),
+            "deviation_mm": spread(deviations[held]),
+            "apart_mm": spread(deviations[~held & record.placed]),
             "let_go_s": [[1e-9 * (stamp - start_ns) for stamp in stretch] for stretch in record.let_go(column)],
         }
     lengths = {

@@ -5,10 +5,9 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.evaluate.agreement_figures import agreement_figures
-from bodycam_ros.evaluate.comparison import Comparison, Distribution
+from bodycam_ros.evaluate.comparison import Comparison, Distribution, spread
 from bodycam_ros.evaluate.constraints import constraint_figures
 from bodycam_ros.evaluate.equipment_figures import equipment_figures
 from bodycam_ros.evaluate.evaluation import Evaluation
@@ -38,9 +37,9 @@ def summary(evaluation: Evaluation) -> dict[str, Any]:
         "image_coverage": evaluation.image_coverage,
         "verdict": _verdict(evaluation.verdict),
         "gaps_s": [list(gap) for gap in evaluation.gaps],
-        "root_position_sigma_mm": _spread(MM_PER_M * evaluation.position_sigma),
-        "root_rotation_sigma_deg": _spread(np.degrees(evaluation.rotation_sigma)),
-        "jitter_mm": _spread(MM_PER_M * evaluation.jitter),
+        "root_position_sigma_mm": spread(MM_PER_M * evaluation.position_sigma),
+        "root_rotation_sigma_deg": spread(np.degrees(evaluation.rotation_sigma)),
+        "jitter_mm": spread(MM_PER_M * evaluation.jitter),
         "sliding": {foot: _sliding(sliding) for foot, sliding in evaluation.sliding.items()},
         "joint_ranges_deg": {name: np.degrees(limits).tolist() for name, limits in evaluation.angle_ranges.items()},
         "cameras": {health.camera: _camera(health) for health in evaluation.cameras},
@@ -83,12 +82,12 @@ def truth_figures(comparison: Comparison) -> dict[str, Any]:
         "coverage": comparison.coverage,
         "joints": len(comparison.segments),
         "links_missing": list(comparison.missing),
-        "position_cm": _spread(CM_PER_M * comparison.position_errors),
-        "sim_position_cm": _spread(CM_PER_M * comparison.similarity_errors),
+        "position_cm": spread(CM_PER_M * comparison.position_errors),
+        "sim_position_cm": spread(CM_PER_M * comparison.similarity_errors),
         "scale": comparison.scale,
         "tilt_deg": math.degrees(comparison.tilt),
-        "angle_deg": _spread(np.array(angles)),
-        "rotation_deg": _spread(np.array(rotations)),
+        "angle_deg": spread(np.array(angles)),
+        "rotation_deg": spread(np.array(rotations)),
         "per_joint": per_joint,
     }
 
@@ -149,10 +148,6 @@ def _clock(timing: ClockHistory) -> dict[str, Any]:
         "readout_ms": MS_PER_S * timing.readout_time,
         "readout_sigma_ms": MS_PER_S * timing.readout_sigma,
     }
-
-
-def _spread(values: NDArray[np.floating]) -> dict[str, float]:
-    return asdict(Distribution.of(values))
 
 
 def _scaled(distribution: Distribution, factor: float) -> dict[str, float]:

@@ -153,11 +153,6 @@ class Joint:
         information: Array = whitened.T @ whitened
         return information
 
-    def joint_rotation(self, parent_R_child: Array) -> Array:
-        """Joint rotation (..., 3, 3) of a rotation of the child segment in the parent segment (..., 3, 3)."""
-        R: Array = self.parent_T_joint[:3, :3].T @ parent_R_child @ self.child_T_joint[:3, :3]
-        return R
-
     def permitted_rotation(self, joint_rotation: Array) -> Array:
         """The part (..., 3, 3) of a joint rotation (..., 3, 3) that the type permits."""
         if self.type in ("ball", "free"):

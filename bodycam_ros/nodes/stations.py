@@ -26,9 +26,6 @@ class Stations:
         stage: the solver.
         stations: by name.
         on_measured: called with the measurements of one image.
-
-    Attributes:
-        stations: by name.
     """
 
     def __init__(
@@ -37,7 +34,7 @@ class Stations:
         stations: Mapping[str, Station],
         on_measured: Callable[[SaidSegments], None],
     ) -> None:
-        self._stage, self.stations, self._on_measured = stage, stations, on_measured
+        self._stage, self._on_measured = stage, on_measured
         self._published_ns: int | None = None
         # A node that was restarted needs both states.
         self._now = stage.publisher(SEGMENT_POSES_TYPE, SEGMENTS_NOW, latched(2))

@@ -87,7 +87,7 @@ class Retargeting:
         from pink.tasks import PostureTask
 
         self._pink, self._pin = pink, pinocchio
-        self._robot, self._settings = robot, settings
+        self._robot = robot
         self.set_person(body)
         self._bounds, self._collisions = JointBounds(robot), SelfCollisionLimit(robot, settings.clearance)
         self._posture = PostureTask(cost=_POSTURE)

@@ -55,7 +55,7 @@ class ShapeEvidence:
         row_of = self.body.segment_index
         self._parents = [row_of[joint.parent] for joint, _ in shape.lengths]
         self._axes = [axis for _, axis in shape.lengths]
-        self._initialised = np.array([joint.parent_T_joint[axis, 3] for joint, axis in shape.lengths])
+        self._initial = np.array([joint.parent_T_joint[axis, 3] for joint, axis in shape.lengths])
         self._moves = self.body.moves[:, [self.body.joint_row[joint.name] for joint, _ in shape.lengths]]
 
     def of_instant(
@@ -64,7 +64,7 @@ class ShapeEvidence:
         """Normal equations (size, size), (size,) of what lasts, the body's pose near poses (S, 4, 4) eliminated."""
         turns = self._step.jacobians(poses)
         # A length moves all that hangs on its joint, along an axis of the parent.
-        shifts = poses[self._parents, :3, self._axes].T * self._initialised
+        shifts = poses[self._parents, :3, self._axes].T * self._initial
         moves = self._moves[:, None] * (np.swapaxes(poses[:, :3, :3], 1, 2) @ shifts)
         pose_size, shape_size = turns.shape[2], self._shape.size
         total = pose_size + self._size
@@ -81,7 +81,7 @@ class ShapeEvidence:
                 points = contour.points[lines]
                 p, slope = points[:, 4:7], points[:, 7:10]
                 grown = self._growth_at(points)
-                grown[:, : len(self._initialised)] += moves[row].T
+                grown[:, : len(self._initial)] += moves[row].T
                 J = np.concatenate(
                     [
                         np.concatenate([np.cross(p, slope), slope], axis=1) @ turns[row],

@@ -46,14 +46,9 @@ class _Step:
 
 
 class BodyPredictor:
-    """Predicts a body from the solver's states and the camera's measurements.
+    """Predicts a body from the solver's states and the camera's measurements."""
 
-    Args:
-        motion: decay of velocities.
-    """
-
-    def __init__(self, motion: MotionSettings) -> None:
-        self._motion = motion
+    def __init__(self) -> None:
         self._states: deque[BodyNow] = deque(maxlen=_MAX_STEPS)
         self._steps: deque[_Step] = deque(maxlen=_MAX_STEPS)
         self._found: tuple[int, Array] | None = None
@@ -126,7 +121,7 @@ class SingleCamera:
         self._name, self._placed = name, placed
         self._body = tracker.body
         self._watch = ImageMeasurement(tracker, placed, motion)
-        self._predictor = BodyPredictor(motion)
+        self._predictor = BodyPredictor()
         self._initialised = False
 
     def add_state(self, body: BodyNow) -> None:
