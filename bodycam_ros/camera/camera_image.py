@@ -144,17 +144,38 @@ def file_values(camera: str, stamp_ns: int, file: bytes, mode: int) -> NDArray[A
     Raises:
         RecordingError: it is no image that OpenCV can decode.
     """
-    encoded = np.frombuffer(file, dtype=np.uint8)
-    try:
-        values = cv2.imdecode(encoded, mode) if encoded.size else None
-    except cv2.error:  # a header that claims an absurd size
-        values = None
+    values = _decoded(file, mode)
     if values is None:
         raise RecordingError(
             f"camera {camera}: the image of stamp {stamp_ns} ns ({len(file)} bytes) "
             "cannot be decoded; expected JPEG or PNG"
         )
-    return np.asarray(values)
+    return values
+
+
+def read_image_file(path: Path, mode: int) -> NDArray[np.uint8] | None:
+    """Pixels of an image file; None if it is none.
+
+    Orientation tags are ignored: a calibration holds for the sensor's own rows and columns. OpenCV's own reading of
+    files crashes on names that are not UTF-8.
+
+    Args:
+        path: of the file.
+        mode: IMREAD_COLOR or IMREAD_GRAYSCALE of OpenCV.
+    """
+    try:
+        file = path.read_bytes()
+    except OSError:
+        return None
+    return _decoded(file, mode | cv2.IMREAD_IGNORE_ORIENTATION)
+
+
+def _decoded(file: bytes, mode: int) -> NDArray[Any] | None:
+    try:
+        values = cv2.imdecode(np.frombuffer(file, np.uint8), mode) if file else None
+    except cv2.error:  # a header that claims an absurd size
+        return None
+    return None if values is None else np.asarray(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,19 +301,3 @@ def _decodable(image: CameraImage) -> bytes | NDArray[np.uint8] | Picture:
 
 def _file_pixels(image: CameraImage, file: bytes, mode: int) -> NDArray[np.uint8]:
     return np.asarray(file_values(image.camera, image.stamp_ns, file, mode), dtype=np.uint8)
-
-
-def read_image_file(path: Path, mode: int) -> NDArray[np.uint8] | None:
-    """Pixels of an image file; None if it is none.
-
-    Orientation tags are ignored: a calibration holds for the sensor's own rows and columns.
-
-    Args:
-        path: of the file.
-        mode: IMREAD_COLOR or IMREAD_GRAYSCALE of OpenCV.
-    """
-    try:
-        pixels = cv2.imread(str(path), mode | cv2.IMREAD_IGNORE_ORIENTATION)
-    except (cv2.error, UnicodeEncodeError):  # a header that claims an absurd size; a name that is not UTF-8
-        return None
-    return None if pixels is None else np.asarray(pixels, np.uint8)

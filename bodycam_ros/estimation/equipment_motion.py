@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
@@ -130,6 +129,8 @@ def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_
             expected += T * (v0 + v1) / 2.0 + T**2 * (a0 - a1) / 12.0  # where the jerk is least
         filled[last:] += 2.0 * np.pi * np.round((expected - filled[last]) / (2.0 * np.pi))
         if last - first > 1:
+            from scipy.interpolate import BPoly
+
             curve = BPoly.from_derivatives(stamps_s[[first, last]], [[filled[first], v0, a0], [filled[last], v1, a1]])
             filled[first + 1 : last] = curve(stamps_s[first + 1 : last])
     return filled

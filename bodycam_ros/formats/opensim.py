@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from trimesh import Trimesh
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
 from bodycam_ros.body.urdf import xml_numbers
@@ -104,6 +103,8 @@ def model_text(motion: SampledMotion, markers: list[Marker]) -> str:
 
 def _mesh_mass(vertices: Array, faces: NDArray[np.int32]) -> Mass:
     """Mass of closed surfaces with vertices (V, 3) and faces (F, 3), filled with water."""
+    from trimesh import Trimesh
+
     mesh = Trimesh(vertices, faces, process=False)
     mesh.density = _DENSITY
     return Mass(float(mesh.mass), np.asarray(mesh.center_mass), np.asarray(mesh.moment_inertia))

@@ -1,8 +1,9 @@
-"""Reader of other systems' motions in all formats."""
+"""Readers of other systems' motions and joint points in all formats."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.formats.bvh import read_bvh
 from bodycam_ros.formats.c3d import read_c3d
@@ -11,6 +12,8 @@ from bodycam_ros.formats.csv import read_csv
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
+from bodycam_ros.static_cameras.start_file import PlacedBody, placed_body
+from bodycam_ros.static_cameras.station import Station
 
 _READERS: Mapping[str, Callable[[Path], CapturedMotion]] = {
     ".bvh": read_bvh,
@@ -59,3 +62,8 @@ def read_joint_points(path: Path) -> Mapping[str, Array] | None:
         return read_csv(path) if suffix == ".csv" else read_captured(path).points
     except RecordingError as error:
         raise BodyError(str(error)) from error
+
+
+def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
+    """The body in the first image, by a start file in any format; arguments and errors as of ``placed_body``."""
+    return placed_body(start, file, stations, body, read_joint_points(start))

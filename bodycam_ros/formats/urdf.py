@@ -44,12 +44,13 @@ def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, s
     if is_bag(source):
         text = _published(source)
         with _source_named(source):
-            loops = body_from_urdf(text).loop_joints if f"<{BODY}>" in text else ()
-            text = text if mass_kg is None else _text(body_from_urdf(text), mass_kg)
-            return {"": text, **_loops_file(loops, source)}
+            body = body_from_urdf(text) if mass_kg is not None or f"<{BODY}>" in text else None
+            text = text if body is None or mass_kg is None else _text(body, mass_kg)
+            return {"": text, **_loops_file(() if body is None else body.loop_joints, source)}
     body = read_body(source)
     if own := [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]:
-        logger.warning("%s: joints %s have sigmas of their own, which no URDF carries", source, ", ".join(own))
+        text = "%s: joints %s have sigmas of their own, which other programs do not read from a URDF"
+        logger.warning(text, source, ", ".join(own))
     with _source_named(source):
         return {"": _text(body, mass_kg), **_loops_file(body.loop_joints, source)}
 

@@ -15,8 +15,7 @@ import yaml
 
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, tags_in
-from bodycam_ros.lens.board_page import PrintArea
+from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, PrintArea, tags_in
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml

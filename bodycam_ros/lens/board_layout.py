@@ -129,3 +129,18 @@ def cell_outlines(black: NDArray[np.bool_]) -> list[Array]:
                 loop.append(ahead[loop[-1]].pop())
             loops.append(np.array(loop[:-1], dtype=np.float64))
     return loops
+
+
+@dataclass(frozen=True)
+class PrintArea:
+    """Area of a page for the board.
+
+    Attributes:
+        left, lower: of its lower left corner [mm].
+        width, height: [mm].
+    """
+
+    left: float
+    lower: float
+    width: float
+    height: float

@@ -1,6 +1,5 @@
 """A board as a PDF page in true scale, with rulers to check the printer."""
 
-from dataclasses import dataclass
 from io import BytesIO
 
 import numpy as np
@@ -10,7 +9,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from bodycam_ros.errors import OutputError
-from bodycam_ros.lens.board_layout import BoardLayout
+from bodycam_ros.lens.board_layout import BoardLayout, PrintArea
 
 PAGES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "letter": (279.4, 215.9)}
 """Widths and heights [mm], lying on their long side."""
@@ -21,21 +20,6 @@ _RULER = 10.0  # [mm] breadth of a ruler with its numbers
 _QUIET = 5.0  # [mm] between what is printed beside the board and the board
 _LETTERS_PT, _TICKS_PT = 7.0, 5.5
 _RULER_STEP = 50.0  # [mm] a ruler is a whole number of these long
-
-
-@dataclass(frozen=True)
-class PrintArea:
-    """Area of a page for the board.
-
-    Attributes:
-        left, lower: of its lower left corner [mm].
-        width, height: [mm].
-    """
-
-    left: float
-    lower: float
-    width: float
-    height: float
 
 
 def print_area(page_mm: tuple[float, float]) -> PrintArea:

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -20,11 +21,13 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
-from bodycam_ros.mapping.moving_camera import MovingCamera
-from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.tracking.rotation import estimate_rotation
+
+if TYPE_CHECKING:
+    from bodycam_ros.mapping.moving_camera import MovingCamera
+    from bodycam_ros.recording.bag_reader import Recording
 
 logger = logging.getLogger(__name__)
 
@@ -130,6 +133,8 @@ def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]
     Raises:
         RecordingError: not a bag.
     """
+    from bodycam_ros.recording.bag_reader import open_recording
+
     with open_recording(path) as recording:
         for camera in cameras:
             if camera in recording.cameras:
@@ -138,7 +143,7 @@ def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]
                     yield match
 
 
-def warn_of_mismatch(source: MovingCamera) -> None:
+def warn_of_mismatch(source: "MovingCamera") -> None:
     """Log a warning if the frames of a video do not fit its calibration: mapping would fail."""
 
     def images() -> Iterator[Grey]:
@@ -250,7 +255,7 @@ def _full_size(pixels: NDArray[np.float32], scale: float) -> Array:
     return full
 
 
-def _camera_images(recording: Recording, camera: str) -> Iterator[Grey]:
+def _camera_images(recording: "Recording", camera: str) -> Iterator[Grey]:
     """Images of the calibration's size; the tracker reports others."""
     model = recording.camera_model(camera)
     for image in recording.images([camera]):
@@ -262,7 +267,9 @@ def _camera_images(recording: Recording, camera: str) -> Iterator[Grey]:
 
 def _match_errors(camera: CameraModel, errors_pairs: Sequence[Array]) -> LensMatch:
     """The scale of the focal lengths that errors (pairs, scales) [px] support."""
-    median = np.median(errors_pairs, axis=0) if len(errors_pairs) >= _MIN_PAIRS else np.full(len(_SCALES), np.inf)
+    if len(errors_pairs) < _MIN_PAIRS:
+        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(errors_pairs))
+    median = np.median(errors_pairs, axis=0)
     if not np.isfinite(median[_GIVEN]):
         return LensMatch(camera.name, 1.0, 0.0, 0.0, 0)
     errors, best = np.array(errors_pairs), int(np.argmin(median))
@@ -277,7 +284,7 @@ def _match_errors(camera: CameraModel, errors_pairs: Sequence[Array]) -> LensMat
 def _errors_px(camera: CameraModel, pair: PointPair) -> Array | None:
     """(scales,) median epipolar errors [px] of a pair; None if the camera turned too little for them to differ."""
     fitted = _rotation(*_rays(camera, pair))
-    if fitted is None or np.degrees(np.arccos(np.clip(0.5 * (np.trace(fitted) - 1.0), -1.0, 1.0))) < _MIN_TURN_DEG:
+    if fitted is None or np.degrees(np.linalg.norm(log_so3(fitted))) < _MIN_TURN_DEG:
         return None
     lens = lens_numbers(camera)
     return np.array([_epipolar_error(with_lens(camera, np.r_[s * lens[:2], lens[2:]]), pair) for s in _SCALES])

@@ -6,9 +6,11 @@ How they are registered in the map, how they agree in time, and the verdict on t
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.registration.landmark_matches import CameraSight, LandmarkMatches, camera_sight
@@ -23,6 +25,18 @@ _APART_S = 5.0
 """Largest delay of a busy machine; stamps farther apart are of another clock."""
 
 _LEVELS = {Level.GOOD: StatusLevel.OK, Level.DOUBTFUL: StatusLevel.WARN, Level.WRONG: StatusLevel.ERROR}
+
+
+class KnownCameras(Protocol):
+    """Camera models by now; see ``CameraModels``."""
+
+    models: dict[str, CameraModel]
+    refused: set[str]
+    changes: int
+
+    @property
+    def missing(self) -> list[str]:
+        """Cameras without camera_info so far."""
 
 
 @dataclass

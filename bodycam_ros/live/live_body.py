@@ -10,8 +10,7 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyOutput, SaidSegments
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import BodyError, StationError
-from bodycam_ros.formats.read_captured import read_joint_points
+from bodycam_ros.errors import BodyError
 from bodycam_ros.live.camera_diagnostics import verdict_status
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.live.solver_diagnostics import equipment_status
@@ -20,51 +19,9 @@ from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.reference_map import check_metric, load_map
 from bodycam_ros.static_cameras.person_model import with_hands
-from bodycam_ros.static_cameras.start_file import placed_body
 from bodycam_ros.static_cameras.static_measurement import ReportedMeasurement
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.stations_file import read_stations
-
-
-def read_world(file: Path, map_path: str) -> dict[str, Station]:
-    """Static cameras of a file, in the frame of a map, or in the file's own if the path is empty.
-
-    Raises:
-        StationError, LensError, MapError: as of ``read_stations``, or the map cannot be used.
-    """
-    if not map_path:
-        return read_stations(file)
-    reference_map = load_map(Path(map_path))
-    check_metric(reference_map, Path(map_path))
-    return read_stations(file, reference_map)
-
-
-def read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
-    """Static cameras of the solver; empty without the parameter ``stations``.
-
-    Raises:
-        StationError: as above, a body is to be calibrated, there is no initial estimate of the body, or a parameter of
-            static cameras is given without any.
-    """
-    stations, start, worn = parameters.stations, parameters.start, parameters.worn
-    if not stations:
-        if start or not worn:
-            given = f"start {start}" if start else "worn false"
-            raise StationError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
-        return {}
-    if parameters.rig:
-        raise StationError(
-            f"{stations}: static cameras are not used in a range of motion; make the body first, then start again "
-            "with 'stations' and without 'rig'"
-        )
-    if not worn and not start:
-        raise StationError(
-            f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a file of "
-            "segments, and give that as the parameter 'start'"
-        )
-    return read_world(Path(stations), parameters.map)
 
 
 class LiveBody:
@@ -172,12 +129,11 @@ class LiveBody:
         return statuses
 
     def _static_measurement(self, body: BodyModel) -> ReportedMeasurement:
-        start, file = self._parameters.start, Path(self._parameters.stations)
-        placed = (
-            placed_body(Path(start), file, self._stations, body, read_joint_points(Path(start))).world_T_segment
-            if start
-            else None
-        )
+        start, file, placed = self._parameters.start, Path(self._parameters.stations), None
+        if start:
+            from bodycam_ros.formats.read_captured import read_start  # it loads SciPy, which few nodes need
+
+            placed = read_start(Path(start), file, self._stations, body).world_T_segment
         return ReportedMeasurement(body, placed, self._settings().motion)
 
     def _restart_verdict(self, body: BodyModel, cameras: Mapping[str, CameraModel]) -> None:

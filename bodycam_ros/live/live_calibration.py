@@ -6,7 +6,6 @@ import threading
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
@@ -26,24 +25,6 @@ from bodycam_ros.registration.reference_map import check_upright, load_map
 logger = logging.getLogger(__name__)
 
 _STOP_S = 5.0
-
-
-class Work(Protocol):
-    """Work beside the executor.
-
-    Attributes:
-        step, share: current step and how much of it is done, 0 to 1.
-    """
-
-    step: str
-    share: float
-
-    @property
-    def result(self) -> tuple[bool, str] | None:
-        """Whether it succeeded, and a summary or the error; None while it runs."""
-
-    def cancel(self) -> bool:
-        """Stop it without any output; False if it is too late."""
 
 
 class LiveCalibration:

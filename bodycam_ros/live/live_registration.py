@@ -5,12 +5,12 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import bodycam_ros.registration.relocalisation  # noqa: F401  it loads pycolmap, which only the main thread may
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import registrar
-from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
+from bodycam_ros.live.camera_diagnostics import KnownCameras, RegistrationDiagnostics
 from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
-from bodycam_ros.live.solver_diagnostics import KnownCameras
 from bodycam_ros.live.stored_map import StoredMap
 from bodycam_ros.mapping.live_mapper import LiveMapper
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few

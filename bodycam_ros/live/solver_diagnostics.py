@@ -1,36 +1,24 @@
-"""Diagnostics of the solver: rates, latency, missing cameras, equipment; and of a robot that follows."""
+"""Diagnostics of the solver: rates, latency, missing cameras, equipment."""
 
 import time
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyState
-from bodycam_ros.camera import CameraModel
-from bodycam_ros.live.camera_diagnostics import timing_status
+from bodycam_ros.live.camera_diagnostics import KnownCameras, timing_status
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
-from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.robot.retargeting import RobotState
+
+if TYPE_CHECKING:
+    from bodycam_ros.pipeline import SkeletonPipeline
 
 _ARRIVALS = 1000
 _JUMP_NS = 1_000_000_000
 _PATIENCE_S = 2.0
 """No registration for so long is an error, and so are registrations without a solved frame."""
-
-
-class KnownCameras(Protocol):
-    """Camera models by now; see ``CameraModels``."""
-
-    models: dict[str, CameraModel]
-    refused: set[str]
-    changes: int
-
-    @property
-    def missing(self) -> list[str]:
-        """Cameras without camera_info so far."""
 
 
 @dataclass
@@ -87,7 +75,7 @@ class SolverDiagnostics:
             arrived_s = self._arrivals.popleft()[1]
         self._tally.latency_s += self._solved_s - arrived_s
 
-    def report(self, pipeline: SkeletonPipeline | None, has_body: bool) -> list[Status]:
+    def report(self, pipeline: "SkeletonPipeline | None", has_body: bool) -> list[Status]:
         """Status of the body and of each camera since the last report.
 
         Args:
@@ -142,7 +130,7 @@ class SolverDiagnostics:
         return StatusLevel.OK, "solving"
 
 
-def _camera_statuses(pipeline: SkeletonPipeline | None) -> list[Status]:
+def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:
     """How each camera agrees in time with the others."""
     if pipeline is None:
         return []
@@ -178,39 +166,3 @@ def equipment_status(report: EquipmentReport) -> Status:
     for length, value, sigma in zip(report.lengths, report.values, report.sigmas, strict=True):
         values[f"length {length} [mm]"] = f"{1e3 * value:.1f} +- {1e3 * sigma:.1f}"
     return Status(name, StatusLevel.OK if active else StatusLevel.WARN, text, values)
-
-
-class RobotDiagnostics:
-    """Counts the frames that a robot follows between two reports.
-
-    Args:
-        dropped: frames and bodies that it could not follow.
-    """
-
-    def __init__(self, dropped: DroppedMessages) -> None:
-        self._dropped = dropped
-        self._frames = self._limited = 0
-        self._farthest_m = 0.0
-
-    def add(self, state: RobotState) -> None:
-        """Count a frame."""
-        self._frames += 1
-        self._limited += state.blocked
-        self._farthest_m = max(self._farthest_m, *state.errors_m.values())
-
-    def report(self, has_body: bool) -> Status:
-        """Status since the last report; ``has_body``: whether there is a body that the robot can follow."""
-        frames, limited = self._frames, self._limited
-        values: dict[str, object] = {
-            "frames per second": frames,
-            "farthest hand or foot [cm]": round(100.0 * self._farthest_m, 1),
-            "frames at joint limits": limited,
-            **self._dropped.values,
-        }
-        self._frames, self._limited, self._farthest_m = 0, 0, 0.0
-        dropped = self._dropped.count_new()
-        if not frames:
-            text = self._dropped.latest if dropped or not has_body else ""
-            return Status("robot", StatusLevel.WARN, text or "nothing to follow: no body is solved", values)
-        level, text = (StatusLevel.WARN, "at its joint limits") if limited else (StatusLevel.OK, "follows")
-        return Status("robot", level, text, values)

@@ -1,7 +1,7 @@
 """An action whose work is done beside the executor, with progress and cancellation."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
@@ -9,11 +9,28 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.live_calibration import Work
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.nodes.parameters import action_class
 
 _POLL_S = 0.2
+
+
+class Work(Protocol):
+    """Work beside the executor.
+
+    Attributes:
+        step, share: current step and how much of it is done, 0 to 1.
+    """
+
+    step: str
+    share: float
+
+    @property
+    def result(self) -> tuple[bool, str] | None:
+        """Whether it succeeded, and a summary or the error; None while it runs."""
+
+    def cancel(self) -> bool:
+        """Stop it without any output; False if it is too late."""
 
 
 class LaterAction:

@@ -11,9 +11,8 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.body_state import BodyNow
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import StationError
-from bodycam_ros.formats.read_captured import read_joint_points
-from bodycam_ros.live.live_body import read_world
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
+from bodycam_ros.live.static_world import read_world
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import (
@@ -30,7 +29,7 @@ from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.single_camera import SingleCamera
-from bodycam_ros.static_cameras.start_file import placed_body
+from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 _START_WAIT_S = 0.5
@@ -60,8 +59,11 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         self._station = stations[self.camera]
         surfaces = surfaces_of(self._body, path, Path(given.surface) if given.surface else None)
         self._surface = BodySurface.of(self._body, surfaces)
-        start = Path(given.start)
-        self._placed = placed_body(start, file, stations, self._body, read_joint_points(start)) if given.start else None
+        self._placed: PlacedBody | None = None
+        if given.start:
+            from bodycam_ros.formats.read_captured import read_start  # it loads SciPy, which few nodes need
+
+            self._placed = read_start(Path(given.start), file, stations, self._body)
         self._latest: deque[BodyNow] = deque(maxlen=2)
         self._poses = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
         self.subscription(SEGMENT_POSES_TYPE, SEGMENTS_NOW, self._add_body, latched(STAGE_DEPTH), even_inactive=True)

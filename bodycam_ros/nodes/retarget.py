@@ -10,7 +10,7 @@ from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.live.joint_state_synchronizer import PoseSynchronizer
 from bodycam_ros.live.node_parameters import RetargetParameters
-from bodycam_ros.live.solver_diagnostics import RobotDiagnostics
+from bodycam_ros.live.robot_diagnostics import RobotDiagnostics
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import Status, text_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message

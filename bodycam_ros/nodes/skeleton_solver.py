@@ -6,6 +6,7 @@ With a rig it first calibrates the body from a range of motion (A 4.2).
 import time
 from collections.abc import Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_yaml import read_equipment
@@ -14,10 +15,10 @@ from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.live.dropped_messages import LostMessages
-from bodycam_ros.live.live_body import LiveBody, read_static_cameras
-from bodycam_ros.live.live_calibration import LiveCalibration, Work
+from bodycam_ros.live.live_body import LiveBody
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics
+from bodycam_ros.live.static_world import read_static_cameras
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
@@ -25,11 +26,15 @@ from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
+from bodycam_ros.nodes.later_action import Work
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, best_effort, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+
+if TYPE_CHECKING:
+    from bodycam_ros.live.live_calibration import LiveCalibration
 
 _POLL_S, _CALIBRATION_POLL_S = 0.5, 0.2
 _IMU_DEPTH = 200  # samples that may wait, 0.2 s of a fast sensor
@@ -55,7 +60,11 @@ class SolverStage(Stage[SolverParameters]):
         equipment = read_equipment(given.equipment) if given.equipment else None
         stations = read_static_cameras(given)
         self._live = LiveBody(given, lambda: self.settings, stations)
-        self._calibration = LiveCalibration(given, equipment) if given.rig else None
+        self._calibration: LiveCalibration | None = None
+        if given.rig:
+            from bodycam_ros.live import live_calibration  # it loads matplotlib
+
+            self._calibration = live_calibration.LiveCalibration(given, equipment)
         carried = self._live.read() if self._calibration is None else self._calibration.cameras
         self._topics = BodyTopics(self, with_equipment=equipment is not None)
         self._stations = Stations(self, stations, self._add_static) if stations else None

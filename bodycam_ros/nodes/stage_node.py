@@ -19,12 +19,11 @@ from std_srvs.srv import Trigger
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.live.dropped_messages import DroppedMessages
-from bodycam_ros.live.live_calibration import Work
 from bodycam_ros.live.node_parameters import ManagedParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, diagnostics_message
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.moments import Moments
-from bodycam_ros.nodes.later_action import LaterAction
+from bodycam_ros.nodes.later_action import LaterAction, Work
 from bodycam_ros.nodes.parameters import NodeParameters, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.pipeline_settings import PipelineSettings

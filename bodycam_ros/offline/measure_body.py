@@ -14,7 +14,7 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
-from bodycam_ros.formats.read_captured import read_joint_points
+from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
 from bodycam_ros.offline.front_end import register_recording, warm_up
@@ -27,7 +27,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, c
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.person_model import with_hands
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles, placed_body
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.station import Station
 
 logger = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ def measure_body(
             body,
             stations,
             lambda: station_instants(recording_path, stations, refused),
-            lambda begun: placed_body(start, given.stations, stations, begun, read_joint_points(start)),
+            lambda begun: read_start(start, given.stations, stations, begun),
             settings,
             pipeline.region,
             pipeline.motion,

@@ -15,13 +15,13 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.formats.read_captured import read_joint_points
+from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles, placed_body
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration, StationsSettings
@@ -101,11 +101,7 @@ def station_watch(
     """
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)
-    placed = (
-        None
-        if given.start is None
-        else placed_body(given.start, given.stations, stations, body, read_joint_points(given.start))
-    )
+    placed = None if given.start is None else read_start(given.start, given.stations, stations, body)
     return ImageMeasurement(tracker, placed, settings.motion, on_seen)
 
 

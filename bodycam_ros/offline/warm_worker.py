@@ -7,7 +7,8 @@ import gc
 
 import cv2
 
-import bodycam_ros.offline.camera_worker  # noqa: F401
+import bodycam_ros.offline.camera_worker
+import bodycam_ros.registration.relocalisation  # noqa: F401
 from bodycam_ros.kernels import load_kernels
 
 cv2.setNumThreads(1)  # threads do not survive a fork

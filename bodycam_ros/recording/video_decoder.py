@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.own_process import MOST_PIXELS
-from bodycam_ros.recording.video_file import DecodedFrame
 
 if TYPE_CHECKING:
     from av import VideoFrame
@@ -114,6 +113,8 @@ def decode_last(images: Sequence[CameraImage]) -> CameraImage:
 
 
 def _decoded(image: CameraImage, frame: "VideoFrame") -> CameraImage:
+    from bodycam_ros.recording.video_file import DecodedFrame  # it loads PyAV
+
     return replace(image, content=DecodedFrame(frame))
 
 

@@ -25,7 +25,6 @@ from bodycam_ros.registration.matching import (
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, steady_pixels
 from bodycam_ros.registration.readout_time import EVERY, LEAST_TURN, ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.relocalisation import find_poses
 from bodycam_ros.registration.track_landmarks import TrackLandmarks
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.camera_motion import CameraMotion, ImageMotion
@@ -160,6 +159,9 @@ class Registrar:
         if pose is None and predicted is not None:
             tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX)
         if pose is None:
+            # Here, as whoever knows the settings alone need not load pycolmap.
+            from bodycam_ros.registration.relocalisation import find_poses
+
             pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
             for candidate in find_poses(self.camera, self.map, pixels, frame.descriptors):
                 tracks, pose = self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX)

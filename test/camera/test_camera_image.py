@@ -1,14 +1,17 @@
 """Images in grey and in colours, and those that cannot be decoded, or must not be."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.camera_image import CameraImage, decode_colour, decode_grey
+from bodycam_ros.camera.camera_image import CameraImage, decode_colour, decode_grey, read_image_file
 from bodycam_ros.errors import RecordingError
 
 
@@ -46,3 +49,18 @@ except RecordingError as error:
     kilobytes, message = done.stdout.split(" ", 1)
     assert int(kilobytes) < 400_000
     assert "camera head" in message
+
+
+def test_a_file_is_read_whatever_its_name_is(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(0).integers(0, 255, (8, 12, 3), np.uint8)
+    plain = tmp_path / "a.png"
+    cv2.imwrite(str(plain), pixels)
+    other = tmp_path / os.fsdecode(b"\xff\xfe.png")
+    other.write_bytes(plain.read_bytes())
+    assert np.array_equal(read_image_file(other, cv2.IMREAD_COLOR), pixels)
+    broken = tmp_path / "b.png"
+    broken.write_bytes(plain.read_bytes()[:20])
+    empty = tmp_path / "c.png"
+    empty.touch()
+    for path in (broken, empty, tmp_path / "missing.png", tmp_path):
+        assert read_image_file(path, cv2.IMREAD_GRAYSCALE) is None

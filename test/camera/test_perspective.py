@@ -7,7 +7,8 @@ import numpy as np
 import pycolmap
 import pytest
 
-from bodycam_ros.camera import CameraModel, colmap_model
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.colmap_model import colmap_model
 
 Make = Callable[..., CameraModel]
 Cone = Callable[..., np.ndarray]

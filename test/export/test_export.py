@@ -59,7 +59,7 @@ def test_what_urdf_cannot_carry_is_named(tmp_path: Path, caplog: pytest.LogCaptu
     write_body(BodyModel("bike", "frame", ("frame", "pedal"), joints, {}), tmp_path / "bike.yaml")
     assert main(["export", str(tmp_path / "bike.yaml"), "--to", "urdf", "-o", str(tmp_path / "bike.urdf")]) == 0
     assert [record.getMessage().split(": ")[1] for record in caplog.records] == [
-        "joints crank have sigmas of their own, which no URDF carries",
+        "joints crank have sigmas of their own, which other programs do not read from a URDF",
         "joints foot close loops; a URDF is a tree and leaves them open",
     ]
 

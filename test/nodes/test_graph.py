@@ -97,3 +97,11 @@ def test_the_launch_file_loads_nothing_heavy() -> None:
     command = "import sys, bodycam_ros.live.graph; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
     assert not {"numpy", "scipy", "cv2", "numba", "rclpy"} & {*loaded}
+
+
+@pytest.mark.parametrize("node", ["tracker", "player", "retarget"])
+def test_a_node_loads_no_library_that_it_does_not_need(node: str) -> None:
+    """There is a tracker for each camera: 16 times the time and memory."""
+    command = f"import sys, bodycam_ros.nodes.{node}; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"scipy", "matplotlib", "pycolmap", "numba", "jinja2", "trimesh", "av", "gtsam"} & {*loaded}
