@@ -4,7 +4,7 @@ Slots exist from the start. A landmark of size zero is never visible, so computa
 empty slots without effect, arrays keep their length, and memory is bounded.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -66,10 +66,17 @@ class ExtendableMap(ReferenceMap):
     Attributes:
         slots_from: row of the first slot.
         first_id: ids from here on are those of slots: the id minus ``first_id``, modulo the capacity, is the slot.
+        update_count: (1,) how often the slots were written.
     """
 
     slots_from: int = 0
     first_id: int = 0
+    update_count: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, np.int64))
+
+    @property
+    def changes(self) -> int:
+        """How often landmarks were added or removed."""
+        return int(self.update_count[0])
 
     @property
     def capacity(self) -> int:
@@ -119,7 +126,7 @@ class ExtendableMap(ReferenceMap):
         self.descriptor_view[described] = added.views
         self.descriptor_size[described] = sizes
         self.landmark_sizes[rows] = sizes.max(axis=1)
-        self.grid.put(rows)
+        self.update_count[0] += 1
         if "visual_index" in self.__dict__:  # else the index will be made of all landmarks, once a camera is lost
             self.visual_index.add(described[sizes > 0.0])
 
@@ -153,7 +160,7 @@ class ExtendableMap(ReferenceMap):
 
 
 def _fields_of(reference_map: ReferenceMap) -> dict[str, Any]:
-    return {field.name: getattr(reference_map, field.name) for field in fields(ReferenceMap)}
+    return {each.name: getattr(reference_map, each.name) for each in fields(ReferenceMap)}
 
 
 def make_extendable(reference_map: ReferenceMap, capacity: int) -> ExtendableMap:

@@ -93,7 +93,7 @@ class DirectRegistration:
         self._levels = pyramid_levels(camera.height, camera.width)
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
         self._trust = LandmarkTrust(len(reference_map.landmark_ids))
-        self._local = LocalLandmarks(reference_map.grid, camera.fx, LEAST_SIGMA_PX)
+        self._local = LocalLandmarks(reference_map, camera.fx, LEAST_SIGMA_PX)
         self._points = as_rows(reference_map.points_world)
         self._sizes = reference_map.landmark_sizes
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
-from bodycam_ros.registration.local_landmarks import LandmarkGrid
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, cluster_words
 from bodycam_ros.shown import shown
@@ -95,10 +94,10 @@ class ReferenceMap:
         np.maximum.at(sizes, self.descriptor_landmark, self.descriptor_size)
         return sizes
 
-    @cached_property
-    def grid(self) -> LandmarkGrid:
-        """The landmarks in cells, for all cameras."""
-        return LandmarkGrid(self.points_world, self.landmark_sizes)
+    @property
+    def changes(self) -> int:
+        """How often landmarks were added or removed: a loaded map is never changed."""
+        return 0
 
     @cached_property
     def visual_index(self) -> VisualIndex:

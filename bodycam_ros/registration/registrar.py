@@ -88,7 +88,7 @@ class Registrar:
         self.settings = settings or RegistrarSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self.readout = ReadoutTime(readout)
-        self._local = LocalLandmarks(reference_map.grid, camera.fx, MIN_VISIBLE_SCALE_PX)
+        self._local = LocalLandmarks(reference_map, camera.fx, MIN_VISIBLE_SCALE_PX)
         self._motion = CameraMotion()
         self._image_motion: ImageMotion | None = None
         self._tracks = TrackLandmarks.none()

@@ -8,7 +8,7 @@ from numpy_patches import best_views_in_numpy, choose_in_numpy
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import exp_se3, transform_points
-from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
+from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks, landmarks_within
 
 LENSES = {
     "equidistant": [-0.0137, 0.0037, -0.0015, 0.0004],
@@ -72,3 +72,12 @@ def test_the_view_is_that_of_numpy(camera: CameraModel) -> None:
         views, best_views_in_numpy(camera, POSE, points, rows, photographers, poses, observers)
     )
     assert (views == -1).any() and len(set(views.tolist())) > 8
+
+
+def test_landmarks_in_reach_are_those_of_numpy() -> None:
+    points, _, sizes = landmarks(2000)
+    sizes[::5] = 0.0
+    distances = np.linalg.norm(points - CENTRE, axis=1)
+    expected = np.flatnonzero((distances <= 60.0 * sizes.astype(float) + 0.2) & (sizes > 0.0))
+    np.testing.assert_array_equal(landmarks_within(CENTRE, 60.0, 0.2, points, sizes), expected)
+    assert 100 < len(expected) < 1500
