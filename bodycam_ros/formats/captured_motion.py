@@ -6,9 +6,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, rigid
@@ -78,7 +77,7 @@ class CapturedMotion:
             known: NDArray[np.bool_] = np.all(np.isfinite(raw), axis=1)
             for run in runs:
                 weight, *axes = (
-                    gaussian_filter1d(np.where(known[run], values, 0.0), size, mode="constant")
+                    scipy.ndimage.gaussian_filter1d(np.where(known[run], values, 0.0), size, mode="constant")
                     for values in (np.ones(len(run)), *raw[run].T)
                 )
                 whole = weight > _WHOLE
@@ -108,13 +107,13 @@ class CapturedMotion:
         return found
 
     @cached_property
-    def _curves(self) -> dict[str, tuple[Array, CubicSpline | None]]:
+    def _curves(self) -> "dict[str, tuple[Array, scipy.interpolate.CubicSpline | None]]":
         seconds = self.seconds(self.stamps_ns)
-        curves: dict[str, tuple[Array, CubicSpline | None]] = {}
+        curves: dict[str, tuple[Array, scipy.interpolate.CubicSpline | None]] = {}
         for name, points in self.points.items():
             seen = np.isfinite(points).all(axis=1)
             times = seconds[seen]
-            curves[name] = times, CubicSpline(times, points[seen]) if len(times) >= 2 else None
+            curves[name] = times, scipy.interpolate.CubicSpline(times, points[seen]) if len(times) >= 2 else None
         return curves
 
 

@@ -10,8 +10,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
 from bodycam_ros.body.urdf import xml_numbers
@@ -128,7 +128,7 @@ def _add_body(bodies: ET.Element, body: BodyModel, segment: str, mass: Mass) -> 
         _add(cylinder, "half_height", xml_numbers(np.array([length / 2.0])))
         _add(frame, "socket_parent", f"/bodyset/{segment}")
         _add(frame, "translation", _position(end / 2.0))
-        along_y = Rotation.align_vectors((OPENSIM_R_OURS @ end / length)[None], _Y[None])[0]
+        along_y = scipy.spatial.transform.Rotation.align_vectors((OPENSIM_R_OURS @ end / length)[None], _Y[None])[0]
         _add(frame, "orientation", _body_fixed(np.asarray(along_y.as_matrix())))
     sphere = ET.SubElement(ET.SubElement(element, "attached_geometry"), "Sphere", name="joint")
     _add(sphere, "socket_frame", "..")
@@ -222,4 +222,4 @@ def _position(ours: Array) -> str:
 
 def _body_fixed(R: Array) -> str:
     """A frame's orientation as OpenSim has it: angles about x, then y, then z of the frame [rad]."""
-    return xml_numbers(np.asarray(Rotation.from_matrix(R).as_euler("XYZ"), dtype=np.float64))
+    return xml_numbers(np.asarray(scipy.spatial.transform.Rotation.from_matrix(R).as_euler("XYZ"), dtype=np.float64))

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components
-from scipy.spatial import cKDTree
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
@@ -142,7 +140,7 @@ def without_empty_faces(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
 def parts_of(count: int, faces: Faces) -> NDArray[np.int32]:
     """(V) which connected part each of so many vertices belongs to."""
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    _, part = connected_components(_graph(pairs, np.ones(len(pairs)), count), directed=False)
+    _, part = scipy.sparse.csgraph.connected_components(_graph(pairs, np.ones(len(pairs)), count), directed=False)
     labels: NDArray[np.int32] = part
     return labels
 
@@ -152,8 +150,10 @@ def _sewn(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
     used, faces_of_used = np.unique(faces, return_inverse=True)
     _, first, same = np.unique(vertices[used].round(_MICROMETRE), axis=0, return_index=True, return_inverse=True)
     vertices, faces = vertices[used][first], same.ravel()[faces_of_used].reshape(-1, 3).astype(np.int32)
-    near = cKDTree(vertices).query_pairs(_SEAM_M, output_type="ndarray")
-    _, label = connected_components(_graph(near, np.ones(len(near)), len(vertices)), directed=False)
+    near = scipy.spatial.cKDTree(vertices).query_pairs(_SEAM_M, output_type="ndarray")
+    _, label = scipy.sparse.csgraph.connected_components(
+        _graph(near, np.ones(len(near)), len(vertices)), directed=False
+    )
     _, first = np.unique(label, return_index=True)
     sewn: Faces = label[faces].astype(np.int32)
     return vertices[first], sewn
@@ -164,7 +164,7 @@ def _wound_alike(faces: Faces, surface: Surface) -> Faces:
     first, second = surface.edge_faces.T
     neighbours = second != OPEN
     alike = _graph(np.stack([first, second], axis=1)[neighbours], np.ones(int(neighbours.sum())), len(faces))
-    pieces, piece = connected_components(alike, directed=False)
+    pieces, piece = scipy.sparse.csgraph.connected_components(alike, directed=False)
     # An edge that two faces go along in the same direction is two open edges of the surface.
     ends = np.sort(surface.edges[~neighbours], axis=1)
     order = np.lexsort(ends.T)
@@ -179,7 +179,7 @@ def _wound_alike(faces: Faces, surface: Surface) -> Faces:
     seen = np.zeros(pieces, bool)
     for start in range(pieces):
         if not seen[start]:
-            reached, before = breadth_first_order(graph, start, directed=False)
+            reached, before = scipy.sparse.csgraph.breadth_first_order(graph, start, directed=False)
             for one in reached[1:]:
                 turned[one] = not turned[before[one]]
             seen[reached] = True
@@ -199,8 +199,8 @@ def _outward(vertices: Array, faces: Faces) -> Faces:
     return np.where(inside_out[part][:, None], faces[:, ::-1], faces)
 
 
-def _graph(pairs: NDArray[np.integer], weights: Array, size: int) -> coo_array:
-    return coo_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(size, size))
+def _graph(pairs: NDArray[np.integer], weights: Array, size: int) -> "scipy.sparse.coo_array":
+    return scipy.sparse.coo_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(size, size))
 
 
 BULGES = 9

@@ -13,10 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.ndimage import gaussian_filter1d
-from scipy.optimize import least_squares
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, hat
@@ -160,9 +158,9 @@ class _Signal:
         # Means over even intervals: the difference of integrals, whatever the sensor's rate is.
         edges = np.arange(0.0, min(float(seconds[-1]), _LONGEST_S), 0.5 / _RATE)
         values = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
-        integrals = cumulative_trapezoid(values, seconds, axis=0, initial=0.0)
+        integrals = scipy.integrate.cumulative_trapezoid(values, seconds, axis=0, initial=0.0)
         even = 2.0 * _RATE * np.diff([np.interp(edges, seconds, column) for column in integrals.T], axis=1)
-        filtered = gaussian_filter1d(even, 2.0 * _SMOOTHING_S * _RATE, axis=1)[:, ::2].T
+        filtered = scipy.ndimage.gaussian_filter1d(even, 2.0 * _SMOOTHING_S * _RATE, axis=1)[:, ::2].T
         w, force = hat(filtered[:, :3]), filtered[:, 3:]
         turning = hat(np.gradient(filtered[:, :3], 1.0 / _RATE, axis=0))
         return _Signal(np.asarray(force, np.float64), np.asarray(turning + w @ w, np.float64))
@@ -194,7 +192,7 @@ def _pair_offset(first: _Signal, second: _Signal) -> tuple[float, float] | None:
     best = None
     for lag in _lags(first, second, count, margin):
         start, scale = np.append(np.zeros(12), lag), np.append(np.full(12, 0.1), 1.0)
-        fit = least_squares(
+        fit = scipy.optimize.least_squares(
             lambda x: evaluate(x)[0], start, lambda x: evaluate(x)[1], loss="cauchy", x_scale=scale, **_STOP
         )
         if best is None or fit.cost < best.cost:

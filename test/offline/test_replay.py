@@ -1,5 +1,7 @@
 """The offline replay on real images: deterministic, complete and right."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -154,3 +156,10 @@ def test_the_sample_comes_out_right(sample: Path, sample_out: Path) -> None:
     assert np.degrees(comparison.tilt) < 0.2
     rotation_errors = [joint.rotation_errors.mean() for joint in comparison.joints.values()]
     assert np.degrees(np.mean(rotation_errors)) < 0.3
+
+
+def test_replay_starts_without_scipy() -> None:
+    """Its parts are loaded when one is used: all of them take as long to load as everything else together."""
+    command = "import sys, bodycam_ros.offline.replay; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"scipy.linalg", "scipy.sparse", "scipy.spatial", "scipy.optimize", "scipy.interpolate"} & {*loaded}
