@@ -1,7 +1,6 @@
 """Every group of settings that there is: one file serves all commands and nodes, each of which reads its own of it."""
 
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
-from bodycam_ros.ingest.clock_settings import IngestSettings
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.robot.retargeting import RobotSettings
@@ -11,7 +10,6 @@ from bodycam_ros.static_cameras.station_registration import StationsSettings
 
 OF_COMMANDS: tuple[type[SettingsGroups], ...] = (
     MapSettings,
-    IngestSettings,
     MeasureSettings,
     StationsSettings,
     RobotSettings,

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 from rich.table import Column, Table
 
-from bodycam_ros.cli.options import add_config, add_jobs, add_lenses, add_output, settings_from_flags
+from bodycam_ros.cli.options import add_jobs, add_lenses, add_output
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import OutputError
-from bodycam_ros.ingest.clock_settings import IngestSettings
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
@@ -30,7 +29,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_output(
         parser,
         "BAG",
-        "ros2 bag folder to write, and beside it BAG_timing with table and picture of the clocks",
+        "ros2 bag folder to write, and beside it BAG_timing with a table of the clocks",
         "BAG, if an ingest wrote it, and its report",
     )
     add_lenses(parser)
@@ -48,7 +47,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     add_jobs(parser, "threads")
-    add_config(parser, "ingest.clock_settings:IngestSettings")
     parser.set_defaults(run=run)
 
 
@@ -60,7 +58,6 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.ingest.ingest import find_cameras, ingest, lens_remarks
     from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
 
-    settings = settings_from_flags(arguments, IngestSettings, arguments.config)
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
@@ -75,9 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
         elif arguments.offsets is not None:
             offsets = read_offsets(arguments.offsets, [camera.name for camera in cameras])
         else:
-            offsets = find_offsets(
-                cameras, rig, settings.clocks, lambda step, n, total: progress.show(step, n / max(1, total))
-            )
+            offsets = find_offsets(cameras, rig, lambda step, n, total: progress.show(step, n / max(1, total)))
         summary = ingest(
             cameras,
             offsets.times,
@@ -108,7 +103,7 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     """Refuse what cannot be written, or must not be replaced, before the work."""
     from bodycam_ros.recording.bag_writer import INGEST, check_replaceable
 
-    inputs = (*arguments.videos, arguments.lenses, arguments.rig, arguments.config, arguments.offsets)
+    inputs = (*arguments.videos, arguments.lenses, arguments.rig, arguments.offsets)
     if not 0.05 <= arguments.scale <= 1.0:
         raise OutputError(f"--scale must be from 0.05 to 1, not {arguments.scale:g}")
     if arguments.rate is not None and not 0.0 < arguments.rate <= 1000.0:

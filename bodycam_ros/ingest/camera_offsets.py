@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.angular_speed import AngularSpeed, angular_speed
-from bodycam_ros.ingest.clock_fit import SOUND_SPEED, CameraTime, FoundTimes, TimeSource, relative_to
-from bodycam_ros.ingest.clock_settings import ClockSettings
+from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes, TimeSource, relative_to
 from bodycam_ros.ingest.frame_stream import for_each_camera
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.ingest.motion_sync import motion_times
@@ -36,21 +35,6 @@ _SATELLITE_SIGMA_S = 0.1  # the reading is some way behind its payload, and not 
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
 
-_CLAP_DISTANCE_M: Mapping[str, float] = {
-    "hand": 0.1,
-    "forearm": 0.25,
-    "upper_arm": 0.45,
-    "torso": 0.4,
-    "head": 0.5,
-    "pelvis": 0.45,
-    "thigh": 0.65,
-    "shin": 1.05,
-    "foot": 1.35,
-}
-"""From hands that clap before the chest of a person of 1.75 m to the middle of each segment [m], by kind of segment."""
-
-_CLAP_DISTANCE_SIGMA_M = 0.12  # left once it is corrected: size, bearing, and on which side the camera is
-
 Progress = Callable[[str, int, int], None]
 """Called with what is done, how much of it is done, and of how much."""
 
@@ -63,8 +47,7 @@ class Offsets:
         reference: camera whose media time is the recording's.
         times: camera -> its clock, in the order in which they were given.
         confidence: camera -> 0 to 1: how far ahead the chosen offset is of the second best; 1 of a given one.
-        sounds: that several cameras recorded, in order of time, the claps among them.
-        scanned: camera -> what was kept of its sound.
+        claps: in order of time.
         unplaced: camera without a clock -> why; it is in neither ``times`` nor ``confidence``.
         remarks: for the user, a line each.
     """
@@ -72,35 +55,27 @@ class Offsets:
     reference: str
     times: Mapping[str, CameraTime]
     confidence: Mapping[str, float]
-    sounds: tuple[CommonSound, ...] = ()
-    scanned: Mapping[str, CameraSound] = field(default_factory=dict)
+    claps: tuple[CommonSound, ...] = ()
     unplaced: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-
-    @property
-    def claps(self) -> tuple[CommonSound, ...]:
-        """The claps, in order of time."""
-        return tuple(sound for sound in self.sounds if sound.clap)
 
 
 def find_offsets(
     cameras: Sequence[IngestCamera],
     rig: Rig | None,
-    settings: ClockSettings,
     on_progress: Progress = lambda what, done, count: None,
 ) -> Offsets:
     """Find the clocks of all cameras from their files; see ``camera_times``."""
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
     sources = [_motion(cameras, rig, on_progress), satellite_clock(videos), creation_clock(videos)]
-    return camera_times(sounds, None if rig is None else rig.cameras, sources, settings, on_progress)
+    return camera_times(sounds, None if rig is None else rig.cameras, sources, on_progress)
 
 
 def camera_times(
     sounds: Mapping[str, SoundSource],
     segments: Mapping[str, str] | None = None,
     sources: Sequence[TimeSource] = (),
-    settings: ClockSettings | None = None,
     on_progress: Progress = lambda what, done, count: None,
 ) -> Offsets:
     """Find the clocks of all cameras.
@@ -109,18 +84,11 @@ def camera_times(
         sounds: camera -> its sound, opened once; no block at all is a camera without sound.
         segments: camera -> segment that it is strapped to, if that is known.
         sources: used after the sound, in this order.
-        settings: whose time it is to be, and where claps come from.
         on_progress: called from the calling thread.
 
     Raises:
         RecordingError: no two cameras can be placed; the message gives the reason for each, and what to do.
     """
-    settings = settings or ClockSettings()
-    if settings.reference and settings.reference not in sounds:
-        raise RecordingError(
-            f"clocks.reference: there is no camera '{settings.reference}' in the recording; there are "
-            f"{', '.join(sounds)}"
-        )
     if len(sounds) == 1:
         only = next(iter(sounds))
         return Offsets(only, {only: CameraTime(only, 0.0, 0.0, 0.0, 0.0, "given")}, {only: 1.0})
@@ -129,13 +97,10 @@ def camera_times(
     remarks += [f"{name}: {fault}" for name, fault in without.items()]
     # A camera in the middle of the body: claps reach it with the mean delay.
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
-    found = sound_times(
-        scanned, settings.reference or middle, lambda done, count: on_progress("comparing sounds", done, count)
-    )
+    found = sound_times(scanned, middle, lambda done, count: on_progress("comparing sounds", done, count))
     times, confidence = dict(found.times), dict(found.confidence)
-    if segments and settings.wearer_claps:
-        times = _without_travel(times, segments)
-    if times and not any(sound.clap for sound in found.sounds):
+    claps = tuple(sound for sound in found.sounds if sound.clap)
+    if times and not claps:
         remarks.append("no clap was found; cameras are placed by their sound as a whole")
     tried = []
     for source in sources:
@@ -147,18 +112,13 @@ def camera_times(
     if len(placed) < 2:
         raise RecordingError(_unknown_clocks({name: _reason(name, without, (), tried) for name in sounds}))
     reference = next((name for name in placed if times[name].start_sigma_s == 0.0), placed[0])
-    if settings.reference in placed:
-        reference = settings.reference
-    elif settings.reference:
-        remarks.append(f"{settings.reference}: cannot be the reference, it is not placed; {reference} is")
     return Offsets(
         reference,
         relative_to(reference, {name: times[name] for name in placed}),
         {name: confidence[name] for name in placed},
-        tuple(sound.relative_to(times[reference]) for sound in found.sounds),
-        scanned,
+        tuple(clap.relative_to(times[reference]) for clap in claps),
         reasons,
-        tuple(remarks + _doubts(placed, times, confidence, found.sounds)),
+        tuple(remarks + _doubts(placed, times, confidence, claps)),
     )
 
 
@@ -188,26 +148,6 @@ def _silence(sound: CameraSound) -> str:
     if sound.duration_s <= 0.0:
         return "has no sound"
     return "its sound is silence" if sound.loudest <= 0.0 else ""
-
-
-def _without_travel(times: Mapping[str, CameraTime], segments: Mapping[str, str]) -> dict[str, CameraTime]:
-    """Clocks from the wearer's own claps, without the nominal travel to each camera."""
-    kinds = {name: segments.get(name, "").removesuffix("_left").removesuffix("_right") for name in times}
-    travel_s = {n: _CLAP_DISTANCE_M[kind] / SOUND_SPEED for n, kind in kinds.items() if kind in _CLAP_DISTANCE_M}
-    reference = next((name for name, time in times.items() if time.start_sigma_s == 0.0), "")
-    if reference not in travel_s:
-        return dict(times)
-    sigma_s = float(np.hypot(np.sqrt(2.0) * _CLAP_DISTANCE_SIGMA_M / SOUND_SPEED, 1e-4))
-    return {
-        name: time
-        if name == reference or name not in travel_s
-        else replace(
-            time,
-            start_s=time.start_s + travel_s[name] - travel_s[reference],
-            start_sigma_s=min(time.start_sigma_s, sigma_s),
-        )
-        for name, time in times.items()
-    }
 
 
 def _added(
@@ -246,7 +186,7 @@ def _doubts(
     names: Sequence[str],
     times: Mapping[str, CameraTime],
     confidence: Mapping[str, float],
-    sounds: Sequence[CommonSound],
+    claps: Sequence[CommonSound],
 ) -> list[str]:
     doubts = [
         f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})"
@@ -254,7 +194,7 @@ def _doubts(
         if confidence[n] < _DOUBTFUL and times[n].start_sigma_s <= _ROUGH_S
     ]
     for name in names:
-        missing = [f"{s.recording_s:.2f} s" for s in sounds if s.clap and name not in s.heard_s]
+        missing = [f"{s.recording_s:.2f} s" for s in claps if name not in s.heard_s]
         if times[name].source == "claps" and missing:
             doubts.append(f"{name}: does not have the clap at {', '.join(missing[:_MOST_NAMED])}")
     return doubts

@@ -1,7 +1,7 @@
 """Clocks of cameras on one body from how they turned, where there is no sound.
 
-A segment turns somewhat as the one that it hangs on, which gives the clock to hundredths of a second. Cameras of one
-segment turn alike, so their clocks agree to a fraction of a frame.
+A segment turns as the other cameras on it do, and somewhat as the one that it hangs on, which gives the clock to
+hundredths of a second; the calibration of the body and the solver estimate the rest, and the drift.
 """
 
 from collections.abc import Mapping
@@ -11,9 +11,8 @@ import numpy as np
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.ingest.angular_speed import AngularSpeed
-from bodycam_ros.ingest.clock_fit import FoundTimes, SharedEvents, fit_clocks
+from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
 from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, chance_curve, even_motion, offset_curve
-from bodycam_ros.ingest.motion_lags import DRIFT_SIGMA, MIN_OVERLAP_S, rigid_lags
 from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
 
 _MAX_OFFSET_S = 600.0  # cameras started by hand run within minutes of each other; more is more chance of a wrong match
@@ -21,10 +20,9 @@ _SEARCHED_S = 300.0  # the liveliest stretch of this length decides which second
 _LEAST_SHARE = 0.1  # of the shorter recording that two must have in common
 _MIN_CONFIDENCE = 0.25  # limbs that have nothing to do with each other lead by less 19 times in 20, linked ones by 0.8
 _APART_S = 0.25
-_RIGID = 0.7  # share of the motion explained from which on two cameras of an unknown rig are one body
-_ON_ONE_SEGMENT = 0.5  # and by the rig
-_LINKED_SIGMA_S = 0.03  # of an offset by the search: a limb leads or trails its neighbour by hundredths of a second
-_RIGID_FLOOR_S = 0.003  # near things move against far ones: up to 7 ms were measured on a slowly turning pelvis
+_MIN_OVERLAP_S = 2.0  # shorter stretches of motion resemble each other by chance
+_DRIFT_SIGMA = 7e-5  # of two cameras: each crystal is within 50 millionths
+_LINKED_SIGMA_S = 0.03  # of an offset: a limb leads or trails its neighbour by hundredths of a second
 
 
 def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> FoundTimes:
@@ -32,7 +30,7 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
 
     Args:
         speeds: camera -> how it turned.
-        rig: which camera is on which segment; without it all pairs are compared, and rigid ones are found out.
+        rig: which camera is on which segment; without it all pairs are compared.
     """
     lively = {camera: speed for camera, speed in speeds.items() if _is_lively(speed)}
     remarks = [
@@ -58,7 +56,7 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
         elif camera not in agreed:
             remarks.append(
                 f"camera {camera}: no camera on its own or a neighbouring segment that is aligned with {reference} has "
-                f"{MIN_OVERLAP_S:g} s of motion in common with it; its clock cannot be aligned by motion"
+                f"{_MIN_OVERLAP_S:g} s of motion in common with it; its clock cannot be aligned by motion"
             )
         elif camera not in sure:
             remarks.append(
@@ -66,46 +64,27 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
                 f"the best {agreed[camera].confidence:.0%}), so its clock is unknown: record a clap near it, or "
                 "turn the whole body to and fro once"
             )
-    starts = {camera: offset.samples / SEARCH_RATE for camera, offset in sure.items()}
-    names = list(starts)
-    rigid_pairs = set(_pairs(lively, rig, same_segment=True))
-    least_explained = _RIGID if rig is None else _ON_ONE_SEGMENT
-    middle_s = begin_s + 0.5 * _SEARCHED_S
-    records: list[list[tuple[int, float, float]]] = []
-    for pair in rigid_pairs & set(curves):
-        if pair[0] in starts and pair[1] in starts:
-            records += [
-                [
-                    (names.index(camera), media_s, lag.sigma_s / np.sqrt(2.0))
-                    for camera, media_s in zip(pair, (lag.first_s, lag.second_s), strict=True)
-                ]
-                for lag in rigid_lags(lively, starts, pair, middle_s, least_explained)
-            ]
-    for camera in starts:
-        if camera != reference:
-            records.append(
-                [(names.index(name), middle_s - starts[name], _LINKED_SIGMA_S) for name in (reference, camera)]
-            )
-    events = SharedEvents.from_records(records)
-    fit = fit_clocks(names, events, reference, "motion", _RIGID_FLOOR_S, np.sqrt(2.0) * DRIFT_SIGMA)
-    return FoundTimes("motion", fit.times, {camera: sure[camera].confidence for camera in fit.times}, remarks)
+    times = {
+        camera: CameraTime(camera, offset.samples / SEARCH_RATE, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion")
+        for camera, offset in sure.items()
+    }
+    times |= {reference: CameraTime(reference, 0.0, 0.0, 0.0, 0.0, "motion")}
+    return FoundTimes("motion", times, {camera: sure[camera].confidence for camera in sure}, remarks)
 
 
 def _is_lively(speed: AngularSpeed) -> bool:
     return bool(speed.known.sum() >= 0.25 * len(speed.media_s)) and len(speed.media_s) > 20
 
 
-def _pairs(cameras: Mapping[str, AngularSpeed], rig: Rig | None, same_segment: bool) -> list[Pair]:
-    """Pairs to compare: of one segment, or of neighbours as well; without a rig all."""
+def _pairs(cameras: Mapping[str, AngularSpeed], rig: Rig | None) -> list[Pair]:
+    """Pairs to compare: of one segment and of neighbours; without a rig all."""
     pairs = list(combinations(cameras, 2))
     if rig is None:
         return pairs
     chosen = []
     for first, second in pairs:
         one, other = rig.cameras.get(first), rig.cameras.get(second)
-        if one is None or other is None:
-            continue
-        if one == other or (not same_segment and (other == rig.parents[one] or one == rig.parents[other])):
+        if one is not None and other is not None and (one in (other, rig.parents[other]) or other == rig.parents[one]):
             chosen.append((first, second))
     return chosen
 
@@ -120,12 +99,12 @@ def _curves(
         camera: even_motion(speed, begin_s - _MAX_OFFSET_S, end_s + _MAX_OFFSET_S) for camera, speed in speeds.items()
     }
     curves, chance = {}, {}
-    for pair in _pairs(speeds, rig, same_segment=False):
+    for pair in _pairs(speeds, rig):
         first, second = outer[pair[0]], inner[pair[1]]
         if first is None or second is None:
             continue
         shorter = min(len(first.values), len(second.values)) / SEARCH_RATE
-        overlap = max(MIN_OVERLAP_S, _LEAST_SHARE * shorter)
+        overlap = max(_MIN_OVERLAP_S, _LEAST_SHARE * shorter)
         curve = offset_curve(first, second, overlap, _MAX_OFFSET_S)
         by_chance = chance_curve(first, second, overlap, _MAX_OFFSET_S)
         if curve is not None and by_chance is not None:

@@ -1,4 +1,4 @@
-"""Table, file and picture of the clocks of all cameras.
+"""Table and file of the clocks of all cameras.
 
 reference: waist_front           camera whose media time is the recording's
 cameras:
@@ -21,30 +21,14 @@ remarks: []
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-import numpy as np
 import yaml
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from bodycam_ros.ingest.camera_offsets import Offsets
-from bodycam_ros.ingest.sound_peaks import ENVELOPE_S, SNIPPET_S, SNIPPET_SAMPLES, CameraSound
-from bodycam_ros.ingest.sound_sync import CommonSound
-from bodycam_ros.plots.picture_style import FAINT, GOOD, INK, QUIET, TYPOGRAPHY, panel_title, side_colour
 from bodycam_ros.whole_file import failure_named, whole_files, write_whole
 
-Array = NDArray[np.float64]
-
 _PPM, _MS = 1e6, 1e3
-_DOTS_PER_INCH = 110
-_WIDTH_INCHES, _ROW_INCHES = 16.0, 0.45
-_MOST_COLUMNS = 1400
-_ZOOM_MS = (-6.0, 12.0)
-_HEIGHT = 0.82  # of a row that a curve may fill
 
 
 def timing_table(offsets: Offsets) -> Table:
@@ -74,16 +58,15 @@ def timing_table(offsets: Offsets) -> Table:
 
 
 def write_timing_report(offsets: Offsets, folder: Path) -> None:
-    """Write ``timing.yaml`` and ``timing.png`` into a folder, both or neither; earlier ones are replaced.
+    """Write ``timing.yaml`` into a folder; an earlier one is replaced.
 
     Raises:
-        OutputError: they cannot be written.
+        OutputError: it cannot be written.
     """
     text = yaml.safe_dump(_document(offsets), sort_keys=False, allow_unicode=True, width=120)
     head = "# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n"
     with whole_files(folder) as unfinished, failure_named(folder):
         write_whole(unfinished / "timing.yaml", head + text)
-        _draw(offsets, unfinished / "timing.png")
 
 
 def _document(offsets: Offsets) -> dict[str, Any]:
@@ -113,79 +96,3 @@ def _document(offsets: Offsets) -> dict[str, Any]:
         "unplaced": dict(offsets.unplaced),
         "remarks": list(offsets.remarks),
     }
-
-
-def _draw(offsets: Offsets, path: Path) -> None:
-    """The sound of all cameras in one time, and the first and last clap to the millisecond."""
-    names = sorted(offsets.times, key=lambda name: offsets.times[name].start_s)
-    claps = list(dict.fromkeys((offsets.claps[0], offsets.claps[-1]))) if offsets.claps else []
-    height = max(4.0, 1.6 + _ROW_INCHES * len(names))
-    with matplotlib.rc_context(TYPOGRAPHY):
-        figure = Figure(figsize=(_WIDTH_INCHES, height), facecolor="white", layout="constrained")
-        FigureCanvasAgg(figure)
-        panels: Any = figure.subplots(1, 1 + len(claps), width_ratios=[2.0] + [1.0] * len(claps), squeeze=False)[0]
-        sounds, count = len(offsets.sounds), len(offsets.claps)
-        panel_title(
-            panels[0],
-            f"In the time of {offsets.reference}",
-            f"cameras: {len(names)}, claps: {count}, other common sounds: {sounds - count}",
-        )
-        _draw_rows(panels[0], names, offsets)
-        for axes, clap in zip(panels[1:], claps, strict=True):
-            _draw_clap(axes, clap, offsets, names)
-        figure.savefig(path, dpi=_DOTS_PER_INCH, format="png")
-
-
-def _draw_rows(axes: Axes, names: list[str], offsets: Offsets) -> None:
-    """A row per camera: how suddenly it gets louder, over time."""
-    for row, name in enumerate(names):
-        sound = offsets.scanned.get(name)
-        if sound is None:
-            continue
-        seconds, values = _shown_envelope(sound)
-        seconds = offsets.times[name].recording_s(seconds)
-        if len(seconds):
-            axes.plot(seconds[[0, -1]], [row, row], color=FAINT, linewidth=6.0, solid_capstyle="butt", zorder=1)
-        axes.fill_between(seconds, row, row - _HEIGHT * values, color=side_colour(name), linewidth=0.4, zorder=2)
-    for clap in offsets.claps:
-        axes.axvline(clap.recording_s, color=GOOD, linewidth=0.7, alpha=0.6, zorder=0)
-    axes.set_ylim(len(names) - 0.4, -1.1)
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    axes.tick_params(axis="y", length=0)
-    axes.spines["left"].set_visible(False)
-    axes.margins(x=0.01)
-    axes.set_xlabel("time of the recording [s]", labelpad=2.0)
-
-
-def _shown_envelope(sound: CameraSound) -> tuple[Array, Array]:
-    """Media times (N,) [s] and the envelope (N,), its largest value 1, the greatest of each column."""
-    step = max(1, -(-len(sound.envelope) // _MOST_COLUMNS))
-    count = len(sound.envelope) // step
-    values: Array = sound.envelope[: count * step].reshape(count, step).max(axis=1, initial=0.0).astype(np.float64)
-    seconds: Array = np.float64(sound.start_s) + np.float64(ENVELOPE_S * step) * (np.arange(count) + 0.5)
-    return seconds, values / max(float(values.max(initial=0.0)), 1e-9)
-
-
-def _draw_clap(axes: Axes, clap: CommonSound, offsets: Offsets, names: list[str]) -> None:
-    """Waveforms of one clap over the time that the clocks give it."""
-    step_ms = 1e3 * SNIPPET_S / SNIPPET_SAMPLES
-    for row, name in enumerate(names):
-        if name not in clap.peaks:
-            axes.text(_ZOOM_MS[0], row, "  not recorded", color=QUIET, fontsize=8.0, va="center")
-            continue
-        peak, time = clap.peaks[name], offsets.times[name]
-        begin = float(time.recording_s(np.array([peak.snippet_s]))[0])
-        milliseconds = 1e3 * (begin - clap.recording_s) + step_ms * np.arange(SNIPPET_SAMPLES)
-        shown = (milliseconds >= _ZOOM_MS[0]) & (milliseconds <= _ZOOM_MS[1])
-        wave = row - 0.55 * _HEIGHT * peak.snippet[shown].astype(float)
-        axes.plot(milliseconds[shown], wave, color=side_colour(name), linewidth=0.6)
-        late = 1e3 * float(time.recording_s(np.array([clap.heard_s[name]]))[0] - clap.recording_s)
-        axes.plot([late, late], [row - 0.45, row + 0.45], color=INK, linewidth=1.2, zorder=3)
-    axes.axvline(0.0, color=GOOD, linewidth=0.7, alpha=0.6, zorder=0)
-    axes.set_xlim(*_ZOOM_MS)
-    axes.set_ylim(len(names) - 0.4, -0.9)
-    axes.set_yticks([])
-    axes.spines["left"].set_visible(False)
-    axes.set_xlabel("[ms] after the time by the clocks", labelpad=2.0)
-    spread = 1e3 * float(np.ptp(list(clap.late_s.values())))
-    panel_title(axes, f"Clap at {clap.recording_s:.3f} s", f"{spread:.1f} ms from first to last")

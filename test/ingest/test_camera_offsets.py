@@ -8,7 +8,6 @@ from clapped_sound import Recorder, sources, true_start, worst_errors
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import camera_times
 from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
-from bodycam_ros.ingest.clock_settings import ClockSettings
 from bodycam_ros.recording.sound import SoundBlock
 
 CLAPS = {3.5: 0.8, 14.2: 0.9}
@@ -41,18 +40,6 @@ def test_travel_is_within_the_error_budget() -> None:
         error = abs(time.start_s - true_start(RECORDERS, name, offsets.reference))
         assert error <= 3.0 * time.start_sigma_s
         assert error < 3e-3
-
-
-def test_claps_by_the_wearer_are_freed_of_their_travel() -> None:
-    ways = {"waist": 0.45, "head": 0.5, "foot_left": 1.35, "shin_left": 1.05}
-    segments = {"waist": "pelvis", "head": "head", "foot_left": "foot_left", "shin_left": "shin_left"}
-    recorders = {name: Recorder(0.3 * n, 16.0, way_m=way) for n, (name, way) in enumerate(ways.items())}
-    heard = sources(recorders, CLAPS)
-    unaware = camera_times(heard, segments)
-    aware = camera_times(heard, segments, settings=ClockSettings(wearer_claps=True))
-    assert unaware.reference == aware.reference == "waist"
-    assert worst_errors(recorders, "waist", unaware.times)[0] > 2e-3
-    assert worst_errors(recorders, "waist", aware.times)[0] < 0.3e-3
 
 
 @pytest.mark.parametrize(
@@ -143,14 +130,6 @@ def test_a_source_that_contradicts_is_left_out_and_named() -> None:
     told = camera_times(sources(RECORDERS, CLAPS), sources=[known(starts | {wrong: starts[wrong] + 0.2})])
     assert abs(told.times[wrong].start_s - plain.times[wrong].start_s) < 1e-6
     assert any(r.startswith(f"{wrong}: its clock by motion differs from that by claps by +20") for r in told.remarks)
-
-
-def test_a_reference_that_is_not_there_is_named() -> None:
-    with pytest.raises(RecordingError, match="no camera 'nose'"):
-        camera_times(sources(RECORDERS, CLAPS), settings=ClockSettings(reference="nose"))
-    offsets = camera_times(sources(RECORDERS, CLAPS), settings=ClockSettings(reference="shin"))
-    assert offsets.reference == "shin"
-    assert offsets.times["shin"] == CameraTime("shin", 0.0, 0.0, 0.0, 0.0, "claps")
 
 
 def test_a_sound_that_breaks_off_is_named_and_what_was_heard_counts() -> None:

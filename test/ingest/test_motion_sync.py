@@ -34,35 +34,16 @@ def test_clocks_are_found_without_any_sound(speeds: dict[str, AngularSpeed]) -> 
     assert set(found.times) == set(CLOCKS)
     assert not found.remarks
     errors = {camera: clock.start_s - true_start(camera) for camera, clock in found.times.items()}
-    assert abs(errors["hip"]) < 0.002
-    assert abs(errors["chest"] - errors["back"]) < 0.002
     for camera, error in errors.items():
         assert abs(error) < 0.06, camera
         assert abs(error) <= 3.0 * found.times[camera].start_sigma_s, camera
 
 
-def test_without_a_rig_the_rigid_pairs_are_found_out(speeds: dict[str, AngularSpeed]) -> None:
+def test_clocks_are_found_without_a_rig(speeds: dict[str, AngularSpeed]) -> None:
     found = motion_times(speeds)
     errors = {camera: clock.start_s - true_start(camera) for camera, clock in found.times.items()}
     assert set(errors) == set(CLOCKS)
-    assert abs(errors["hip"]) < 0.002
-    assert abs(errors["chest"] - errors["back"]) < 0.002
     assert max(map(abs, errors.values())) < 0.08
-
-
-def test_drift_over_five_minutes() -> None:
-    clocks = {
-        "waist": Clock(1.0),
-        "hip": Clock(2.713, 80e-6),
-        "back": Clock(0.4121, -45e-6),
-        "chest": Clock(3.3, 20e-6),
-    }
-    omega = turning_body(310.0)
-    speeds = {name: camera_speed(name, omega[RIG.cameras[name]], clock, 300.0) for name, clock in clocks.items()}
-    found = motion_times(speeds, RIG).times
-    assert found["hip"].drift == pytest.approx(80e-6, abs=5e-6)
-    assert found["hip"].start_s == pytest.approx(true_start("hip", clocks), abs=0.003)
-    assert found["chest"].drift - found["back"].drift == pytest.approx(65e-6, abs=5e-6)
 
 
 def test_a_camera_that_saw_nothing_is_named(speeds: dict[str, AngularSpeed]) -> None:
