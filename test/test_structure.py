@@ -75,7 +75,7 @@ def test_no_folders_import_in_a_circle() -> None:
     graph = rooms_imported()
     assert graph["estimation"] >= {"registration", "body"}
     assert not circle(graph), " imports ".join(circle(graph))
-    assert len([room for room in graph if (PACKAGE / room).is_dir()]) <= 27
+    assert len([room for room in graph if (PACKAGE / room).is_dir()]) <= 26
 
 
 def test_no_files_import_in_a_circle() -> None:
@@ -86,7 +86,7 @@ def test_no_files_import_in_a_circle() -> None:
 
 def test_what_shows_does_not_import_what_measures() -> None:
     graph = rooms_imported()
-    for folder in ("calibration", "viewer", "plots", "results"):
+    for folder in ("calibration", "viewer", "results"):
         assert "evaluate" not in graph[folder], folder
 
 

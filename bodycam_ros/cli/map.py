@@ -46,10 +46,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # COLMAP and matplotlib take a second to load; the other commands and --help do without.
+    from bodycam_ros.evaluate.coverage_picture import draw_coverage
     from bodycam_ros.mapping.build import build_map
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.mapping.map_settings import MapSettings
-    from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import check_replaceable
 
     output: Path = arguments.output

@@ -22,8 +22,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.evaluate.coverage_picture import draw_coverage
     from bodycam_ros.mapping.coverage import coverage_lines, measure_coverage
-    from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import ReferenceMap
 
     if arguments.output is not None:

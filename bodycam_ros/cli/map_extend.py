@@ -30,9 +30,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.evaluate.coverage_picture import draw_coverage
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.offline.extend import extend_map
-    from bodycam_ros.plots.coverage_picture import draw_coverage
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 
     recording, output = arguments.recording, arguments.output

@@ -10,7 +10,7 @@ from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import Level, Verdict
 
 if TYPE_CHECKING:
-    from bodycam_ros.plots.page import Section
+    from bodycam_ros.evaluate.page import Section
 
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 

@@ -11,7 +11,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Comparison, compare, spread
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
+from bodycam_ros.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
 from bodycam_ros.results.topics import read_published_body
 

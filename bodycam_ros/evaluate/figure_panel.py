@@ -9,9 +9,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from bodycam_ros.body.stick_figure import HEAD, Bone, ObliqueView, bones
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import (
+from bodycam_ros.picture_style import (
     CENTRE,
     EQUIPMENT,
     FAINT,
@@ -23,7 +24,6 @@ from bodycam_ros.plots.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.plots.stick_figure import HEAD, Bone, ObliqueView, bones
 
 FIGURES = 8
 """Instants that are shown."""

@@ -11,11 +11,11 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Distribution, distance_in_time
 from bodycam_ros.geometry import Array, inverse, log_so3
-from bodycam_ros.plots.overlay import project_overlay
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.camera_record import CameraRecord
+from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.timing.clock_state import ClockHistory
 

@@ -11,7 +11,7 @@ from bodycam_ros.calibration.anthropometry import JOINT_ABOVE
 from bodycam_ros.evaluate.anatomical_angles import kind_and_side
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import (
+from bodycam_ros.picture_style import (
     CENTRE,
     LEFT,
     RIGHT,

@@ -16,7 +16,7 @@ from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.overlay_picture import middle_stamp, pick_evenly
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.progress import Progress
-from bodycam_ros.plots.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
+from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.registration.reference_map import ReferenceMap

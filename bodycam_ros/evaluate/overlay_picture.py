@@ -14,11 +14,11 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.overlay import GOOD, GOOD_PX, Overlay, project_overlay
-from bodycam_ros.plots.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
+from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.camera_record import CameraRecord
+from bodycam_ros.results.overlay import GOOD, GOOD_PX, Overlay, project_overlay
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 Item = TypeVar("Item")

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import (
+from bodycam_ros.picture_style import (
     LANDMARKS,
     QUIET,
     RELATIVE,

@@ -12,10 +12,10 @@ from bodycam_ros.evaluate.constraints import draw_constraints
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.joint_picture import draw_joint_errors
 from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
+from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
 from bodycam_ros.evaluate.report_sections import report_sections
 from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import draw_summary
-from bodycam_ros.plots.page import Page, Picture, Section, render_page
 from bodycam_ros.whole_file import whole_files
 
 FIGURES, PAGE, OUTSIDE, VIDEO = "summary.json", "report.html", "outside.png", "outside.mp4"

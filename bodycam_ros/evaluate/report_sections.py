@@ -6,7 +6,7 @@ from typing import Any
 
 from bodycam_ros.evaluate.gait import CRITERION
 from bodycam_ros.evaluate.gait_figures import MEASURES
-from bodycam_ros.plots.page import Section, Table
+from bodycam_ros.evaluate.page import Section, Table
 
 Rows = Mapping[str, Mapping[str, Any]]
 

@@ -17,7 +17,7 @@ from bodycam_ros.evaluate.registration_panel import draw_registrations
 from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import (
+from bodycam_ros.picture_style import (
     CAUTION,
     GOOD,
     INK,

@@ -11,7 +11,7 @@ from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.summary import MM_PER_M
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import (
+from bodycam_ros.picture_style import (
     INK,
     LEFT,
     QUIET,

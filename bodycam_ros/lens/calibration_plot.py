@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 
 from bodycam_ros.lens.lens_calibration import LensCalibration
 from bodycam_ros.lens.lens_quality import CELLS, TRUSTED_RADIUS
-from bodycam_ros.plots.picture_style import (
+from bodycam_ros.picture_style import (
     FAINT,
     GOOD,
     INK,

@@ -14,11 +14,11 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
+from bodycam_ros.evaluate.body_report import write_html_report
+from bodycam_ros.evaluate.body_tables import body_report
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.plots.body_report import write_html_report
-from bodycam_ros.plots.report_tables import body_report
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import check_upright, load_map
 

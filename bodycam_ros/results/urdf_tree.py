@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_yaml import body_from_yaml
+from bodycam_ros.body.stick_figure import Bone, bones, equipment_lines
 from bodycam_ros.body.urdf import CAMERA_SUFFIX
 from bodycam_ros.body.urdf_document import UrdfDocument, UrdfJoint
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array, exp_se3
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.plots.stick_figure import Bone, bones, equipment_lines
 
 
 @dataclass(frozen=True, eq=False)

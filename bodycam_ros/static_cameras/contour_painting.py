@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.picture_style import FAINT
+from bodycam_ros.picture_style import FAINT
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
 from bodycam_ros.static_cameras.station import MeasuredContour
 

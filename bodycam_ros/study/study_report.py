@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.plots.page import Link, Page, Section, Table, number, render_page
+from bodycam_ros.evaluate.page import Link, Page, Section, Table, number, render_page
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Study, StudySteps

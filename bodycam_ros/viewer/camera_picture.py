@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.overlay import GOOD, GOOD_PX, project_overlay
-from bodycam_ros.plots.picture_style import EQUIPMENT, WARNING, side_colour
-from bodycam_ros.plots.stick_figure import Bone
+from bodycam_ros.picture_style import EQUIPMENT, WARNING, side_colour
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.results.overlay import GOOD, GOOD_PX, project_overlay
 from bodycam_ros.static_cameras.contour_painting import CONTOUR
 from bodycam_ros.viewer.scene_nodes import rgb
 

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.errors import BodyError, RecordingError, ViewError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.messages.poses import transform_from_pose
-from bodycam_ros.plots.stick_figure import Bone, body_bones, equipment_lines
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import MotionJoiner, nearest
 from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, ROBOT, camera_topics, published_robot

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import GuiApi, GuiSliderHandle
 
-from bodycam_ros.plots.picture_style import LEFT, RIGHT, side_colour
+from bodycam_ros.picture_style import LEFT, RIGHT, side_colour
 from bodycam_ros.viewer.correction import NO_MOVE, Move, Part
 from bodycam_ros.viewer.inbox import Action, Inbox, set_value
 from bodycam_ros.viewer.motion import Motion, OtherMotion

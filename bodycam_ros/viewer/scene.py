@@ -9,9 +9,9 @@ from viser import PointCloudHandle, SceneApi, SceneNodeHandle, ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.plots.overlay import GOOD
-from bodycam_ros.plots.picture_style import EQUIPMENT
+from bodycam_ros.picture_style import EQUIPMENT
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.overlay import GOOD
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from viser import CameraFrustumHandle, IcosphereHandle, LabelHandle, MeshHandle, SceneApi, SceneNodeHandle
 
 from bodycam_ros.geometry import Array, quaternion_xyzw
-from bodycam_ros.plots.picture_style import QUIET, WARNING, side_colour
+from bodycam_ros.picture_style import QUIET, WARNING, side_colour
 
 WORLD = "/world"
 """Name of the map's frame in the scene."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
-from bodycam_ros.plots.picture_style import FAINT, GOOD, INK, QUIET, RELATIVE, ROTATION_ONLY, WARNING
+from bodycam_ros.picture_style import FAINT, GOOD, INK, QUIET, RELATIVE, ROTATION_ONLY, WARNING
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.camera_record import CameraLog

@@ -16,8 +16,8 @@ from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
 from bodycam_ros.evaluate.figure_panel import draw_figures
 from bodycam_ros.evaluate.summary_picture import draw_equipment
 from bodycam_ros.messages.equipment import EQUIPMENT
-from bodycam_ros.plots.picture_style import CENTRE, LEFT
-from bodycam_ros.plots.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
+from bodycam_ros.picture_style import CENTRE, LEFT
+from bodycam_ros.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.results.solved_recording import read_solved

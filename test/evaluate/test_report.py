@@ -21,7 +21,7 @@ from bodycam_ros.evaluate.registration_panel import sight_table
 from bodycam_ros.evaluate.report import write_report
 from bodycam_ros.evaluate.time_panels import flexion
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.plots.picture_style import LEFT, RIGHT, WARNING
+from bodycam_ros.picture_style import LEFT, RIGHT, WARNING
 from bodycam_ros.registration.landmark_matches import CameraSight
 
 SMALL_SHARE = 1e-4  # of the picture's pixels

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from tiny_bag import HEIGHT, WIDTH, write_camera_info
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.timing import timing_messages
-from bodycam_ros.plots.stick_figure import Bone
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
-from bodycam_ros.plots.picture_style import EQUIPMENT
-from bodycam_ros.plots.stick_figure import Bone
+from bodycam_ros.picture_style import EQUIPMENT
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces

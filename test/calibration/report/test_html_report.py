@@ -8,7 +8,7 @@ from known_calibration import calibrated_body, good_diagnosis, worrying_diagnosi
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.plots.body_report import body_png, html_report
+from bodycam_ros.evaluate.body_report import body_png, html_report
 
 VOID = {"meta", "img"}
 

@@ -14,8 +14,8 @@ from rich.console import Console
 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.cli.body import print_report
-from bodycam_ros.plots.page import Table
-from bodycam_ros.plots.report_tables import report_sections
+from bodycam_ros.evaluate.body_tables import report_sections
+from bodycam_ros.evaluate.page import Table
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.plots.stick_figure import Bone
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 GOOD, GOOD_PX = "#35e0c4", 3.0

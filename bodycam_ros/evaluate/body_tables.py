@@ -15,7 +15,7 @@ from bodycam_ros.calibration.diagnosis import (
     JointDiagnosis,
     RefinementGain,
 )
-from bodycam_ros.plots.page import Section, Table, number
+from bodycam_ros.evaluate.page import Section, Table, number
 
 _MM_PER_M, _MS_PER_S = 1000.0, 1000.0
 _DIGITS = 4

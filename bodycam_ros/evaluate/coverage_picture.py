@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.coverage import Coverage, Gap, find_gaps
-from bodycam_ros.plots.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
+from bodycam_ros.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.shown import printable
 

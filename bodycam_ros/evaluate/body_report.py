@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.anthropometry import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, JointDiagnosis
-from bodycam_ros.plots.page import Page, Picture, Section, render_page
-from bodycam_ros.plots.picture_style import FAINT, INK, QUIET, WARNING, open_picture, panel_title, side_colour
-from bodycam_ros.plots.report_tables import report_sections, summary_line
-from bodycam_ros.plots.stick_figure import body_bones
+from bodycam_ros.evaluate.body_tables import report_sections, summary_line
+from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
+from bodycam_ros.picture_style import FAINT, INK, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.whole_file import write_whole
 
 _SIZE_INCHES = (13.0, 7.5)

@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from bodycam_ros.plots.picture_style import FAINT, INK, QUIET, WARNING
+from bodycam_ros.picture_style import FAINT, INK, QUIET, WARNING
 
 _TEMPLATE = "page.html.jinja"
 

@@ -1,1 +1,0 @@
-"""Pictures and pages of maps and bodies, and what all pictures share."""
