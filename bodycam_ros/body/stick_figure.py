@@ -1,6 +1,6 @@
-"""The lines that a body is drawn with, and a view in which both its legs and arms stay apart."""
+"""The lines that a body is drawn with."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,11 +17,6 @@ _TIPS_M = {
 """Where a last segment ends, for drawing only: fingertips, toes and the crown are not measured."""
 
 HEAD = "head"
-
-_TURN_WALKING = np.radians(20.0)  # from the side towards the front: both legs and arms stay apart
-_TURN_STANDING = np.radians(50.0)  # of a person who stays in place
-_ELEVATION = np.radians(14.0)  # enough to see the path on the floor
-_STANDING_M = 1.5  # a root that moves less stands: the view follows its heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +40,7 @@ class Bone:
         return replace(self, start=self.start[row], end=self.end[row])
 
 
-def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> list[Bone]:
+def limb_bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> list[Bone]:
     """A line from the origin of each segment to that of each child, and to the tips of the last ones.
 
     Args:
@@ -63,68 +58,13 @@ def bones(world_T_segment: Mapping[str, Array], parents: Mapping[str, str]) -> l
     return lines
 
 
-def equipment_lines(world_T_segment: Mapping[str, Array], ends: Mapping[str, Sequence[Array]]) -> list[Bone]:
-    """Lines of the equipment, from the origin of each segment.
-
-    Args:
-        world_T_segment: segment -> (T, 4, 4) [m].
-        ends: segment -> where its lines end (3,), in its own axes [m].
-    """
-    return [
-        Bone(
-            segment,
-            world_T_segment[segment][:, :3, 3],
-            transform_points(world_T_segment[segment], end[None])[:, 0],
-            True,
-        )
-        for segment, all_ends in ends.items()
-        for end in all_ends
-    ]
-
-
 def body_bones(body: BodyModel, world_T_segment: Array) -> list[Bone]:
-    """The lines of a body and its equipment at poses (S, 4, 4) [m]."""
-    poses = dict(zip(body.segments, world_T_segment[:, None], strict=True))
-    equipment = body.equipment_segments
-    ends = {segment: bone_ends(body, segment) for segment in body.segments if segment in equipment}
-    limbs = {segment: pose for segment, pose in poses.items() if segment not in equipment}
-    return [*bones(limbs, {joint.child: joint.parent for joint in body.tree_joints}), *equipment_lines(poses, ends)]
-
-
-@dataclass(frozen=True, eq=False)
-class ObliqueView:
-    """Screen axes in a world whose z is up.
-
-    Attributes:
-        right: (3,) unit vector to the right.
-        up: (3,) unit vector upwards on the screen.
-    """
-
-    right: Array
-    up: Array
-
-    @classmethod
-    def of_path(cls, world_T_root: Array) -> "ObliqueView":
-        """The view of a root's path (T, 4, 4) [m], which goes to the right."""
-        ground = world_T_root[:, :2, 3]
-        centred = ground - ground.mean(axis=0)
-        _, _, directions = np.linalg.svd(centred, full_matrices=False)
-        along = centred @ directions[0]
-        heading = directions[0] * (1.0 if along[-1] >= along[0] else -1.0)
-        turn = _TURN_WALKING
-        if np.ptp(along) < _STANDING_M:
-            heading, turn = world_T_root[:, :2, 0].mean(axis=0), _TURN_STANDING
-        azimuth = np.arctan2(heading[1], heading[0]) + turn
-        right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        away = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-        return cls(right, np.sin(_ELEVATION) * away + np.cos(_ELEVATION) * np.array([0.0, 0.0, 1.0]))
-
-    def project(self, points: Array) -> Array:
-        """Screen positions (..., 2) [m] of points (..., 3) [m]."""
-        screen: Array = np.stack([points @ self.right, points @ self.up], axis=-1)
-        return screen
-
-    def depth(self, points: Array) -> Array:
-        """How far (...) points (..., 3) are from the viewer [m], up to a constant."""
-        depth: Array = points @ np.cross(self.up, self.right)
-        return depth
+    """The lines of a body and its equipment at poses (S, 4, 4), or (S, T, 4, 4) over T states [m]."""
+    poses = world_T_segment if world_T_segment.ndim == 4 else world_T_segment[:, None]
+    world_T = dict(zip(body.segments, poses, strict=True))
+    equipment = {segment: world_T.pop(segment) for segment in body.segments if segment in body.equipment_segments}
+    lines = limb_bones(world_T, {joint.child: joint.parent for joint in body.tree_joints})
+    for segment, each in equipment.items():
+        ends = (transform_points(each, end[None])[:, 0] for end in bone_ends(body, segment))
+        lines += [Bone(segment, each[:, :3, 3], end, is_equipment=True) for end in ends]
+    return lines

@@ -54,7 +54,6 @@ class UrdfDocument:
         name: of the robot; may be empty.
         root: the link without a parent.
         links: names, in the order of the document.
-        drawn: those that have a shape.
         joints: parents first, else in the order of the document.
         body: the body that it was written of, in YAML; empty in documents of other programs.
     """
@@ -62,7 +61,6 @@ class UrdfDocument:
     name: str
     root: str
     links: tuple[str, ...]
-    drawn: frozenset[str]
     joints: tuple[UrdfJoint, ...]
     body: str = ""
 
@@ -81,8 +79,7 @@ class UrdfDocument:
             joints[element.get("name", "")] = _joint(element)
             if number >= _MAX_JOINTS or len(joints) <= number:
                 raise BodyError(f"joint {element.get('name')} is listed twice, or is one of more than {_MAX_JOINTS}")
-        elements = robot.findall("link")
-        links = tuple(element.get("name", "") for element in elements)
+        links = tuple(element.get("name", "") for element in robot.iterfind("link"))
         if "" in links:
             raise BodyError("a link has no name")
         children = {joint.child for joint in joints.values()}
@@ -94,7 +91,6 @@ class UrdfDocument:
             name=robot.get("name", ""),
             root=roots[0],
             links=links,
-            drawn=frozenset(each.get("name", "") for each in elements if each.find("visual") is not None),
             joints=tuple(joints[joint.name] for joint in tree.tree_joints),
             body=robot.findtext(BODY, default=""),
         )

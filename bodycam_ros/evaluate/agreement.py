@@ -26,7 +26,6 @@ from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.results.topics import read_published_body
 
 _UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
 """Metres, centimetres, millimetres, inches, and the unit of the motions of Carnegie Mellon University."""
@@ -159,8 +158,8 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
     Raises:
         RecordingError: names, times or motion do not fit each other.
     """
-    links = [*solved.urdf.segments, *map(optical_frame, solved.urdf.cameras)]
-    joints = {joint.name: joint.child for joint in read_published_body(solved.path).tree_joints}
+    links = [*solved.body.segments, *map(optical_frame, solved.body.mounts)]
+    joints = {joint.name: joint.child for joint in solved.body.tree_joints}
     places = locate_points(captured, links, joints, options.names)
     unit: float | None = None
     if not captured.has_unit:
@@ -217,7 +216,7 @@ def compare_with_truth(
         RecordingError: they share no time or too few segments, or the truth's cameras are malformed.
     """
     poses = dict(truth.world_T_segment)
-    for camera in solved.urdf.cameras:
+    for camera in solved.body.mounts:
         if (camera_poses := read_true_camera(truth, camera)) is not None:
             poses[optical_frame(camera)] = camera_poses
     rotations = {name: np.ascontiguousarray(poses[name][:, :3, :3]) for name in truth.world_T_segment}
@@ -236,7 +235,7 @@ def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
     Raises:
         RecordingError: they agree no better than at other offsets in time.
     """
-    segments = [segment for segment in solved.urdf.segments if segment in truth.world_T_segment]
+    segments = [segment for segment in solved.body.segments if segment in truth.world_T_segment]
     captured = _captured_truth(truth, {segment: truth.world_T_segment[segment] for segment in segments}, {})
     places = {segment: PointSite(segment, np.zeros(3)) for segment in segments}
     return rate_shared_clock(_body_points(solved, places), captured, solved.start_ns)
@@ -296,7 +295,7 @@ def _compare_angles(
     ours = {segment: solved.world_T_link[segment][known, :3, :3] for segment in theirs}
     found = [
         compare_rotations(child, *(np.swapaxes(R[parent], 1, 2) @ R[child] for R in (ours, theirs)))
-        for child, parent in solved.urdf.parent_segments().items()
+        for child, parent in solved.parents.items()
         if parent in theirs and child in theirs
     ]
     if found:

@@ -12,8 +12,7 @@ from bodycam_ros.evaluate.comparison import Comparison, compare, spread
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
-from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
-from bodycam_ros.results.topics import read_published_body
+from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MAX_PANELS = 3
 
@@ -125,7 +124,7 @@ def _held_points(
     solved: SolvedRecording, other: SolvedRecording, rows: NDArray[np.int64], other_rows: NDArray[np.int64]
 ) -> tuple[HeldPoint, ...]:
     """By the loops of the body that was published: where the equipment has them is told by the motion with it."""
-    body = read_published_body(solved.path)
+    body = solved.body
     found = []
     for joint in body.loop_joints:
         ends = {joint.parent: joint.parent_T_joint, joint.child: joint.child_T_joint}
@@ -177,7 +176,7 @@ def draw_constraints(both: WithAndWithout, path: Path) -> None:
         panels = figure.subplots(1, len(points), squeeze=False)[0]
         for axes, point in zip(panels, points, strict=True):
             for off, colour, name in ((point.off_without, CAUTION, "without"), (point.off_with, INK, "with")):
-                seconds, values = broken_at_gaps(both.solved, both.stamps_ns, 1e3 * off)
+                seconds, values = both.solved.curve(both.stamps_ns, 1e3 * off)
                 label = f"{name}: {1e3 * float(off.mean()):.1f} mm, {1e3 * float(off.max()):.1f} at most"
                 axes.plot(seconds, values, color=colour, linewidth=1.4, label=label)
             axes.set_ylim(0.0, 1.35e3 * max(1e-3, float(max(point.off_without.max(), point.off_with.max()))))

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from bodycam_ros.body.stick_figure import HEAD, Bone, ObliqueView, bones
+from bodycam_ros.body.stick_figure import HEAD, Bone, limb_bones
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
@@ -34,6 +34,51 @@ _LEAST_STEP_M = 0.45
 _SIDE_BY_SIDE_M = 0.85
 _MARGIN_M = 0.7
 _HEAD_RADIUS_M = 0.10
+
+
+_TURN_WALKING = np.radians(20.0)  # from the side towards the front: both legs and arms stay apart
+_TURN_STANDING = np.radians(50.0)  # of a person who stays in place
+_ELEVATION = np.radians(14.0)  # enough to see the path on the floor
+_STANDING_M = 1.5  # a root that moves less stands: the view follows its heading
+
+
+@dataclass(frozen=True, eq=False)
+class ObliqueView:
+    """Screen axes in a world whose z is up.
+
+    Attributes:
+        right: (3,) unit vector to the right.
+        up: (3,) unit vector upwards on the screen.
+    """
+
+    right: Array
+    up: Array
+
+    @classmethod
+    def of_path(cls, world_T_root: Array) -> "ObliqueView":
+        """The view of a root's path (T, 4, 4) [m], which goes to the right."""
+        ground = world_T_root[:, :2, 3]
+        centred = ground - ground.mean(axis=0)
+        _, _, directions = np.linalg.svd(centred, full_matrices=False)
+        along = centred @ directions[0]
+        heading = directions[0] * (1.0 if along[-1] >= along[0] else -1.0)
+        turn = _TURN_WALKING
+        if np.ptp(along) < _STANDING_M:
+            heading, turn = world_T_root[:, :2, 0].mean(axis=0), _TURN_STANDING
+        azimuth = np.arctan2(heading[1], heading[0]) + turn
+        right = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        away = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        return cls(right, np.sin(_ELEVATION) * away + np.cos(_ELEVATION) * np.array([0.0, 0.0, 1.0]))
+
+    def project(self, points: Array) -> Array:
+        """Screen positions (..., 2) [m] of points (..., 3) [m]."""
+        screen: Array = np.stack([points @ self.right, points @ self.up], axis=-1)
+        return screen
+
+    def depth(self, points: Array) -> Array:
+        """How far (...) points (..., 3) are from the viewer [m], up to a constant."""
+        depth: Array = points @ np.cross(self.up, self.right)
+        return depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +107,7 @@ class _Scene:
 def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     """Draw the panel: left, right and centre in their colours, the truth in grey beneath."""
     solved = evaluation.solved
-    body = solved.urdf.bones(solved.world_T_link)
+    body = solved.bones()
     root = solved.motion.world_T_root[:, :3, 3]
     scene = _scene(solved.motion.world_T_root, body, solved.placed)
     _draw_floor(axes, scene, root)
@@ -70,7 +115,7 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
         known = dict(zip(evaluation.comparison.segments, evaluation.comparison.true_segments, strict=True))
         rows = np.searchsorted(evaluation.comparison.stamps_ns, solved.stamps_ns[scene.rows])
         rows = np.minimum(rows, len(evaluation.comparison.stamps_ns) - 1)
-        _draw_truth(axes, scene, bones(known, solved.urdf.parent_segments()), rows)
+        _draw_truth(axes, scene, limb_bones(known, solved.parents), rows)
     depth = scene.view.depth(root[scene.rows])
     for number in np.argsort(-depth):
         _draw_body(axes, scene, body, int(number))

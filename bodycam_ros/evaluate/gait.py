@@ -324,7 +324,7 @@ def _unbroken(seconds: Array, start_s: float, end_s: float, longest_step_s: floa
 def solved_gait(solved: SolvedRecording) -> Gait | None:
     """How the body walks as it was solved; None where it does not."""
     soles = {foot.removeprefix("foot_"): sole_of(solved, foot, solved.world_T_link[foot]) for foot in feet_of(solved)}
-    segments = {segment: solved.world_T_link[segment] for segment in solved.urdf.body_segments}
+    segments = {segment: solved.world_T_link[segment] for segment in solved.body_segments}
     return gait(solved.seconds(solved.stamps_ns), segments, soles, 1e-9 * solved.longest_step_ns)
 
 

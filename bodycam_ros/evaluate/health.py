@@ -70,14 +70,14 @@ def root_sigmas(root_covariance: Array) -> tuple[Array, Array]:
 def angle_ranges(solved: SolvedRecording) -> dict[str, tuple[float, float]]:
     """Joint -> the least and the greatest of its angles [rad]; without those that slide."""
     angles = solved.motion.joint_angles
-    slide = {joint.name for joint in solved.urdf.joints if joint.slides}
+    slide = {name for joint in solved.body.tree_joints if joint.type == "free" for name in joint.angle_names[:3]}
     ends = zip(angles.min(axis=0).tolist(), angles.max(axis=0).tolist(), strict=True)
     return {name: pair for name, pair in zip(solved.motion.joint_names, ends, strict=True) if name not in slide}
 
 
 def jitter(solved: SolvedRecording) -> Array:
     """Noise (T, S) of the body's segments' origins [m], see ``jitter_of``."""
-    origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.urdf.body_segments], axis=1)
+    origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.body_segments], axis=1)
     return jitter_of(origins, solved.stamps_ns, solved.instant_ns)
 
 

@@ -20,7 +20,6 @@ from bodycam_ros.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.results.solved_recording import broken_at_gaps
 
 _ROWS = (("spine", "neck", "shoulder", "elbow"), ("hip", "knee", "ankle", "pelvis"))
 _WIDTH, _ROW_HEIGHT = 16.0, 2.4  # [in]
@@ -60,9 +59,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
         for row, (errors, unit, kinds) in zip(panels, rows, strict=True):
             for axes, kind in zip(row, kinds, strict=True):
                 here = {segment: e for segment, e in errors.items() if _joint_kind(segment) == kind}
-                _draw_panel(
-                    axes, kind, unit, {s: broken_at_gaps(evaluation.solved, of.stamps_ns, e) for s, e in here.items()}
-                )
+                _draw_panel(axes, kind, unit, {s: evaluation.solved.curve(of.stamps_ns, e) for s, e in here.items()})
             row[0].set_ylabel("position [cm]" if unit == "cm" else "rotation [°]")
         for axes in panels[-1]:
             axes.set_xlabel("time [s]")

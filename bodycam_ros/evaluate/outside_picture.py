@@ -22,7 +22,6 @@ from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.results.topics import read_published_body
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_painting import (
@@ -85,7 +84,7 @@ class OutsideScene:
             RecordingError: not a recording.
             MapError, LensError: the map, or a lens, cannot be used.
         """
-        body = read_published_body(solved.path)
+        body = solved.body
         stations = read_stations(files.stations, None if files.map is None else ReferenceMap.load(files.map))
         check_stations_frame(files.stations, solved.path, files.map)
         with open_recording(recording) as images:

@@ -152,7 +152,8 @@ def _view(
     at_ns = np.clip(np.array([time_ns]), solved.stamps_ns[0], solved.stamps_ns[-1])
     found = solved.landmarks((record.camera,))
     matches = next(matches for matches in found if matches.stamp_ns == time_ns)
-    limbs = solved.urdf.bones({s: _pose_at(solved, solved.world_T_link[s], at_ns)[None] for s in solved.urdf.segments})
+    poses_at = [_pose_at(solved, solved.world_T_link[segment], at_ns) for segment in solved.body.segments]
+    limbs = solved.bones(np.array(poses_at)[None])
     if not solved.placed[np.abs(solved.stamps_ns - at_ns[0]).argmin()]:
         limbs = [limb for limb in limbs if not limb.is_equipment]
     return OverlayView(

@@ -100,13 +100,13 @@ def sliding_against_truth(solved: SolvedRecording, comparison: Comparison) -> di
 
 def feet_of(solved: SolvedRecording) -> list[str]:
     """Segments that stand, and hang on another whose length tells their size."""
-    parents = solved.urdf.parent_segments()
+    parents = solved.parents
     return [foot for foot in _CONTACT.segments.split() if foot in parents]
 
 
 def sole_of(solved: SolvedRecording, foot: str, world_T_foot: Array) -> Array:
     """Heel and ball (T, 2, 3) in the world [m]."""
-    shin = solved.urdf.parent_segments()[foot]
+    shin = solved.parents[foot]
     ends = solved.world_T_link[foot][:, :3, 3] - solved.world_T_link[shin][:, :3, 3]
     return transform_points(world_T_foot, sole_points(float(np.median(np.linalg.norm(ends, axis=1)))))
 

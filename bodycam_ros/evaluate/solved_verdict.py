@@ -14,7 +14,6 @@ from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.results.topics import read_published_body
 from bodycam_ros.verdict import Verdict
 
 _AHEAD_NS = 200_000_000
@@ -40,7 +39,7 @@ def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
 
 
 def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:
-    body = read_published_body(solved.path)
+    body = solved.body
     body = replace(body, joints=body.tree_joints)  # what closes loops is of the equipment
     log = AgreementLog(body, models, PoseFitSettings().inlier_px)
     world_T_segment = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)

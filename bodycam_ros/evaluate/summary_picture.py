@@ -28,7 +28,7 @@ from bodycam_ros.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
+from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.verdict import Level, Verdict
 
 _VERDICT_COLOURS = {Level.GOOD: GOOD, Level.DOUBTFUL: CAUTION, Level.WRONG: WARNING}
@@ -165,7 +165,7 @@ def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord)
         for mask, width, alpha in ((held, 1.5, 1.0), (~held, 0.8, 0.45)):
             # A step longer at the beginning of each stretch, so that lines meet.
             shown = mask | np.append(mask[1:], False)
-            curve = broken_at_gaps(solved, record.stamps_ns, np.where(shown, distance, np.nan))
+            curve = solved.curve(record.stamps_ns, np.where(shown, distance, np.nan))
             axes.plot(*curve, linewidth=width, alpha=alpha, **style)
         handles.append(Line2D([], [], label=name, linewidth=1.5, **style))
     axes.set_yscale("log")

@@ -22,7 +22,7 @@ from bodycam_ros.picture_style import (
     panel_title,
     side_colour,
 )
-from bodycam_ros.results.solved_recording import SolvedRecording, broken_at_gaps
+from bodycam_ros.results.solved_recording import SolvedRecording
 
 LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_arm", "elbow": "forearm"}
 """Joint -> the kind of segment that it moves."""
@@ -52,7 +52,7 @@ def flexion(segment: str, parent_R_child: Array) -> Array:
 def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     """Draw one panel per kind of joint, left and right in their colours, the truth dashed."""
     for axes, (name, kind) in zip(panels, LIMBS.items(), strict=True):
-        segments = [s for s in (f"{kind}_left", f"{kind}_right") if s in evaluation.solved.urdf.segments]
+        segments = [s for s in (f"{kind}_left", f"{kind}_right") if s in evaluation.solved.body.segments]
         for segment in segments:
             _draw_joint(axes, evaluation, segment)
         if segments:
@@ -87,15 +87,15 @@ def _thinner(solved: SolvedRecording) -> float:
 def _draw_joint(axes: Axes, evaluation: Evaluation, segment: str) -> None:
     solved = evaluation.solved
     thinner = _thinner(solved)
-    parent = solved.urdf.parent_segments()[segment]
+    parent = solved.parents[segment]
     world_R_parent, world_R_child = (solved.world_T_link[link][:, :3, :3] for link in (parent, segment))
     angle = np.degrees(flexion(segment, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
-    curve = broken_at_gaps(solved, solved.stamps_ns, angle)
+    curve = solved.curve(solved.stamps_ns, angle)
     axes.plot(*curve, color=side_colour(segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
     if evaluation.comparison is not None and segment in evaluation.comparison.joints:
         true = np.degrees(flexion(segment, evaluation.comparison.joints[segment].true))
         axes.plot(
-            *broken_at_gaps(solved, evaluation.comparison.stamps_ns, true),
+            *solved.curve(evaluation.comparison.stamps_ns, true),
             color=INK,
             linewidth=0.8 * thinner,
             linestyle=_DASHED,
@@ -120,7 +120,7 @@ def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison
         (panels[0], MM_PER_M * comparison.position_errors, "position\n[mm]"),
         (panels[1], rotations, "rotation\n[°]"),
     ):
-        _draw_spread(axes, broken_at_gaps(evaluation.solved, comparison.stamps_ns, errors))
+        _draw_spread(axes, evaluation.solved.curve(comparison.stamps_ns, errors))
         _scale_by_decades(axes, errors)
         axes.set_ylabel(label)
     panel_title(panels[0], "Error against the truth", "mean over joints, and the worst joint")
@@ -128,10 +128,10 @@ def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison
 
 def _draw_uncertainty(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     solved = evaluation.solved
-    sigma = broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
+    sigma = solved.curve(solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
     panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=_lone_marker(sigma))
     panels[0].set_ylabel("root sigma\n[mm]")
-    _draw_spread(panels[1], broken_at_gaps(solved, solved.stamps_ns, MM_PER_M * evaluation.jitter))
+    _draw_spread(panels[1], solved.curve(solved.stamps_ns, MM_PER_M * evaluation.jitter))
     panels[1].set_ylabel("jitter\n[mm]")
     for axes in panels:
         axes.set_ylim(bottom=0.0)

@@ -11,7 +11,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 from bodycam_ros.messages.factory import Message, numbers, stamp_ns
 from bodycam_ros.messages.poses import pose_and_covariance
-from bodycam_ros.results.topics import JOINT_STATES, ODOMETRY, contradictions_named
+from bodycam_ros.results.topics import JOINT_STATES, ODOMETRY, wrong_message_named
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class MotionJoiner:
         Raises:
             RecordingError: it is of another body, or contradicts itself.
         """
-        with contradictions_named(self._path, topic):
+        with wrong_message_named(self._path, topic):
             self._add(topic, message)
 
     def joined(self) -> BodyMotion:

@@ -1,98 +1,169 @@
-"""The body of a solved bag and how it moved, apart from the cameras: all that programs for motion ask for."""
+"""The body of a solved bag and its motion, apart from the cameras: what other programs ask for."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.equipment_report import EquipmentLog
-from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import BodyError, RecordingError
-from bodycam_ros.kinematics.joint_angles import angles_within_a_turn
+from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord
+from bodycam_ros.body.stick_figure import Bone, body_bones
+from bodycam_ros.body.urdf import optical_frame
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_angles import JointAngles, angles_within_a_turn
 from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
-from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner
-from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE, contradictions_named, published_robot
+from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE, published_body, wrong_message_named
 
 
 @dataclass(frozen=True, eq=False)
 class SolvedBody:
-    """A body over T instants.
+    """A body over T states.
 
     Attributes:
         path: of the bag.
         body: as ``/robot_description`` has it.
         motion: of the body; its angles are in the order of ``JointAngles(body).names``.
-        placed: (T,) whether it is known where equipment beside the body is; without any, always.
+        equipment: how the body was coupled to it; None without.
     """
 
     path: Path
     body: BodyModel
     motion: BodyMotion
-    placed: NDArray[np.bool_]
+    equipment: EquipmentRecord | None
+
+    @property
+    def stamps_ns(self) -> NDArray[np.int64]:
+        """(T,) solved states, increasing [ns]."""
+        return self.motion.stamps_ns
+
+    @cached_property
+    def placed(self) -> NDArray[np.bool_]:
+        """(T,) whether the pose of the equipment is known; without any, always."""
+        if self.equipment is None:
+            return np.ones(len(self.stamps_ns), bool)
+        return np.isin(self.stamps_ns, self.equipment.stamps_ns[self.equipment.placed])
+
+    @cached_property
+    def world_T_segment(self) -> Array:
+        """(T, S, 4, 4) poses of all segments [m], in the order of the body's."""
+        return JointAngles(self.body).forward_kinematics(self.motion.world_T_root, self.motion.joint_angles)
+
+    @cached_property
+    def world_T_link(self) -> dict[str, Array]:
+        """Segment, or optical frame of a camera -> poses (T, 4, 4) in the world [m]."""
+        poses = dict(zip(self.body.segments, np.moveaxis(self.world_T_segment, 1, 0), strict=True))
+        mounts = self.body.mounts.items()
+        return poses | {optical_frame(name): poses[mount.segment] @ mount.segment_T_camera for name, mount in mounts}
+
+    @cached_property
+    def body_segments(self) -> tuple[str, ...]:
+        """Segments of the body alone, without equipment."""
+        return tuple(segment for segment in self.body.segments if segment not in self.body.equipment_segments)
+
+    @cached_property
+    def parents(self) -> dict[str, str]:
+        """Segment -> its parent segment; the root has none."""
+        return {joint.child: joint.parent for joint in self.body.tree_joints}
+
+    def bones(self, world_T_segment: Array | None = None) -> list[Bone]:
+        """Lines of body and equipment over the T states, or at other poses (N, S, 4, 4) [m]."""
+        poses = self.world_T_segment if world_T_segment is None else world_T_segment
+        return body_bones(self.body, np.moveaxis(poses, 1, 0))
 
 
-def read_solved_body(path: Path, progress: Progress) -> SolvedBody:
-    """Read what was solved, without what cameras saw.
+class BodyMessages:
+    """Collects the messages of a solved body from a bag.
+
+    Attributes:
+        topics: of these messages.
+
+    Raises:
+        RecordingError: a topic is missing, empty or of another type, or what was published is no body.
+    """
+
+    def __init__(self, bag: BagFile) -> None:
+        for topic, kind in {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}.items():
+            _check_topic(bag, topic, kind)
+        body = published_body(bag)
+        if body is None:
+            raise missing_topic(bag, f"no body on {ROBOT}")
+        self._path, self._body = bag.path, body
+        self._motion, self._coupled = MotionJoiner(bag.path, JointAngles(self._body).names, ROBOT), EquipmentLog()
+        self.topics = [*MOTION_TOPICS, *([EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else [])]
+
+    def add(self, topic: str, message: Message) -> None:
+        """Add a message of one of ``topics``.
+
+        Raises:
+            RecordingError: it is of another body, or contradicts itself.
+        """
+        if topic in MOTION_TOPICS:
+            self._motion.add(topic, message)
+            return
+        with wrong_message_named(self._path, topic):
+            self._coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
+
+    def solved(self) -> SolvedBody:
+        """The body with all its motion.
+
+        Raises:
+            RecordingError: no state is complete.
+        """
+        motion = self._motion.joined()
+        # Files of motion have angles that count turns.
+        angles, turning = motion.joint_angles.copy(), angles_within_a_turn(self._body)
+        angles[:, turning] = np.unwrap(angles[:, turning], axis=0)
+        motion = replace(motion, joint_angles=angles)
+        return SolvedBody(self._path, self._body, motion, self._coupled.record())
+
+
+def read_solved_body(path: Path, progress: Progress | None = None) -> SolvedBody:
+    """Read a solved body, without its cameras.
 
     Args:
         path: ros2 bag folder or file.
-        progress: is told of the messages.
+        progress: of the messages.
 
     Raises:
         RecordingError: not a bag, a topic is missing or empty, or the topics do not fit each other.
     """
     with BagFile(path) as bag:
-        for topic, kind in {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}.items():
-            _check_topic(bag, topic, kind)
-        try:
-            body = body_from_urdf(published_robot(bag))
-        except BodyError as error:
-            raise RecordingError(f"{path}: {ROBOT}: {error}") from error
-        names = tuple(name for joint in body.tree_joints for name in joint.angle_names)
-        moved, coupled = MotionJoiner(path, names, ROBOT), EquipmentLog()
-        equipment = [EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
-        topics = [*MOTION_TOPICS, *equipment]
-        with progress.step(f"motion of {path.name}", sum(map(bag.message_count, topics))) as advance:
-            for topic, _, message in bag.messages(topics):
+        messages = BodyMessages(bag)
+        total = sum(map(bag.message_count, messages.topics))
+        step: Any = nullcontext(int) if progress is None else progress.step(f"motion of {path.name}", total)
+        with step as advance:
+            for topic, _, message in bag.messages(messages.topics):
                 advance()
-                if topic in MOTION_TOPICS:
-                    moved.add(topic, message)
-                    continue
-                with contradictions_named(path, topic):
-                    coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
-    motion, record = _without_dropped_turns(body, moved.joined()), coupled.record()
-    placed = np.ones(len(motion.stamps_ns), bool)
-    if record is not None:
-        placed = np.isin(motion.stamps_ns, record.stamps_ns[record.placed])
-    return SolvedBody(path, body, motion, placed)
-
-
-def _without_dropped_turns(body: BodyModel, motion: BodyMotion) -> BodyMotion:
-    """The motion with angles that count turns, as files of motion have them."""
-    angles, turning = motion.joint_angles.copy(), angles_within_a_turn(body)
-    angles[:, turning] = np.unwrap(angles[:, turning], axis=0)
-    return replace(motion, joint_angles=angles)
+                messages.add(topic, message)
+    return messages.solved()
 
 
 def plain_name(path: Path) -> str:
-    """Name of a bag: of its folder, or of its file without what says that it is one."""
+    """Name of a bag: of its folder, or of its file without suffix."""
     place = path.resolve()
     return place.stem if place.is_file() else place.name
 
 
 def _check_topic(bag: BagFile, topic: str, wanted: str) -> None:
     kind = bag.topics.get(topic)
-    if kind == wanted and bag.message_count(topic):
-        return
-    found = (
-        f"it is {kind}" if kind not in (None, wanted) else "no message is on it" if kind else "there is no such topic"
-    )
-    raise RecordingError(
-        f"{bag.path}: {topic} ({wanted}) is missing: {found}; expected a bag that 'bodycam replay' wrote, or a "
-        f"recording of the live graph; there are: {', '.join(bag.topics) or 'none at all'}"
+    if kind is not None and kind != wanted:
+        raise RecordingError(f"{bag.path}: {topic} is {kind}, expected {wanted}")
+    if kind is None or bag.message_count(topic) == 0:
+        raise missing_topic(bag, f"{'no topic' if kind is None else 'no message on'} {topic}")
+
+
+def missing_topic(bag: BagFile, what: str) -> RecordingError:
+    """The error of a bag that lacks a topic or its messages."""
+    return RecordingError(
+        f"{bag.path}: {what}; expected a bag that 'bodycam replay' wrote, or a recording of all topics of the live "
+        f"graph; there are: {', '.join(bag.topics) or 'none at all'}"
     )

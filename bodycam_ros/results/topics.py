@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, has_clock
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
@@ -31,15 +31,16 @@ def published_robot(bag: BagFile) -> str:
     return text
 
 
-def read_published_body(path: Path) -> BodyModel:
-    """The body of a solved bag, as its URDF has it.
+def published_body(bag: BagFile) -> BodyModel | None:
+    """The body that was published last; None if none was.
 
     Raises:
-        RecordingError: not a bag.
-        BodyError: what was published is no body.
+        RecordingError: what was published is no body.
     """
-    with BagFile(path) as bag:
-        return body_from_urdf(published_robot(bag))
+    try:
+        return body_from_urdf(text) if (text := published_robot(bag)) else None
+    except BodyError as error:
+        raise RecordingError(f"{bag.path}: {ROBOT}: {error}") from error
 
 
 def camera_topics(bag: BagFile, suffix: str, message_type: str) -> dict[str, str]:
@@ -61,7 +62,7 @@ def read_landmarks(path: Path, cameras: Collection[str]) -> Iterator[LandmarkMat
     with BagFile(path) as bag:
         topics = {t: c for t, c in camera_topics(bag, LANDMARKS, LANDMARKS_TYPE).items() if c in cameras}
         for topic, _, message in bag.messages(topics):
-            with contradictions_named(path, topic):
+            with wrong_message_named(path, topic):
                 matches = landmark_matches(message, topics[topic])
             yield matches
 
@@ -82,8 +83,8 @@ def read_clock(path: Path, camera: str) -> ClockHistory | None:
 
 
 @contextmanager
-def contradictions_named(path: Path, topic: str) -> Iterator[None]:
-    """Say of a ValueError in the block, as RecordingError, which bag and topic the message is from."""
+def wrong_message_named(path: Path, topic: str) -> Iterator[None]:
+    """Raise a ValueError of the block as RecordingError that names the bag and the topic."""
     try:
         yield
     except ValueError as error:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.stick_figure import Bone, body_bones, equipment_lines
+from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.errors import BodyError, RecordingError, ViewError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
@@ -19,8 +19,8 @@ from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.messages.poses import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import MotionJoiner, nearest
-from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, ROBOT, camera_topics, published_robot
-from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.results.solved_body import read_solved_body
+from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, camera_topics, published_body
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # of a motion with a single state
@@ -119,8 +119,11 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     unplaced_ns = set()
     with BagFile(path) as bag:
         _check_topics(bag)
-        robot = UrdfTree.parse(text, f"{path}: {ROBOT}") if (text := published_robot(bag)) else None
-        beside = () if robot is None else tuple(name for name in robot.moving_beside if name not in names)
+        published = published_body(bag)
+        every = () if published is None else JointAngles(published).names
+        beside = (
+            tuple(name for name in every if name not in names) if published and published.equipment_segments else ()
+        )
         joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
         cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
         coupled = [EQUIPMENT] if beside and bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
@@ -134,9 +137,11 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     motion = joiner.joined()
     _check_body(joiner, body, path)
     lines: list[Bone] = []
-    if robot is not None and beside:
-        angles = dict(zip(motion.joint_names, motion.joint_angles.T, strict=True))
-        lines = equipment_lines(robot.forward_kinematics(motion.world_T_root, angles), robot.equipment)
+    if published is not None and beside:
+        joint_angles = JointAngles(published)
+        columns = [motion.joint_names.index(name) for name in joint_angles.names]
+        world_T_segment = joint_angles.forward_kinematics(motion.world_T_root, motion.joint_angles[:, columns])
+        lines = [bone for bone in body_bones(published, np.moveaxis(world_T_segment, 1, 0)) if bone.is_equipment]
     return Motion(
         stamps_ns=motion.stamps_ns,
         world_T_root=motion.world_T_root,
@@ -147,6 +152,12 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         equipment=tuple(lines),
         unplaced=frozenset(np.flatnonzero(np.isin(motion.stamps_ns, sorted(unplaced_ns))).tolist()),
     )
+
+
+def _equipment_angles(body: BodyModel) -> list[str]:
+    """Names of the joint angles of equipment."""
+    joints = (joint for joint in body.tree_joints if joint.child in body.equipment_segments)
+    return [name for joint in joints for name in joint.angle_names]
 
 
 def _check_topics(bag: BagFile) -> None:
@@ -204,19 +215,13 @@ def read_other_motion(path: Path, motion: Motion) -> OtherMotion:
         RecordingError: not a bag that 'bodycam replay' wrote.
         ViewError: none of its states is near one of the other, so it is of another recording.
     """
-    with BagFile(path) as bag:
-        _check_topics(bag)
-        urdf = UrdfTree.parse(published_robot(bag), f"{path}: {ROBOT}")
-        joiner = MotionJoiner(path, urdf.moving, ROBOT)
-        for topic, _, message in bag.messages(MOTION_TOPICS):
-            joiner.add(topic, message)
-    moved = joiner.joined()
+    solved = read_solved_body(path)
+    moved = solved.motion
     angles = dict(zip(moved.joint_names, moved.joint_angles.T, strict=True))
-    world_T_link = urdf.forward_kinematics(moved.world_T_root, angles)
     if not any(nearest(moved.stamps_ns, int(stamp), motion.frame_ns) is not None for stamp in motion.stamps_ns):
         raise ViewError(
             f"--compare {path}: solved at other times than OUT, so from another recording; expected another solution "
             "of the same one"
         )
-    places = {segment: world_T_link[segment][:, :3, 3] for segment in urdf.body_segments}
-    return OtherMotion(path, moved.stamps_ns, tuple(urdf.bones(world_T_link)), angles, places)
+    places = {segment: solved.world_T_link[segment][:, :3, 3] for segment in solved.body_segments}
+    return OtherMotion(path, moved.stamps_ns, tuple(solved.bones()), angles, places)

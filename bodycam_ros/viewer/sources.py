@@ -10,8 +10,7 @@ from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.results.topics import ROBOT, published_robot
-from bodycam_ros.results.urdf_tree import UrdfTree
+from bodycam_ros.results.topics import published_body
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
@@ -99,7 +98,5 @@ def _has_hands(solved: Path | None, stations: Path | None) -> bool:
     if solved is None:
         return stations is not None
     with BagFile(solved) as bag:
-        text = published_robot(bag)
-    return bool(text) and any(
-        SegmentName(segment).kind == "hand" for segment in UrdfTree.parse(text, f"{solved}: {ROBOT}").segments
-    )
+        body = published_body(bag)
+    return body is not None and any(SegmentName(segment).kind == "hand" for segment in body.segments)

@@ -16,7 +16,7 @@ from bodycam_ros.picture_style import FAINT, GOOD, INK, QUIET, RELATIVE, ROTATIO
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.camera_record import CameraLog
-from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, contradictions_named
+from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, wrong_message_named
 
 SIGHT_COLOURS = {
     CameraSight.REGISTERED: GOOD,
@@ -55,7 +55,7 @@ def read_bands(solved: Path, first_ns: int, cameras: Sequence[str]) -> Bands:
     with BagFile(solved) as bag:
         topics = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE) | camera_topics(bag, TIMING, TIMING_TYPE)
         for topic, _, message in bag.messages(topics):
-            with contradictions_named(solved, topic):
+            with wrong_message_named(solved, topic):
                 logs[topics[topic]].add(topic, message, topics[topic])
     named = [*(camera for camera in cameras if camera in logs), *sorted(set(logs) - set(cameras))]
     records = [logs[camera].record(camera) for camera in named if logs[camera].landmarks]

@@ -40,7 +40,7 @@ def test_bvh_has_the_joints_where_they_were(sample_exported: Exported, pose: str
     read = pybvh.read_bvh_file(sample_exported.file("bvh", *flags))
     assert read.frame_time == pytest.approx(1.0 / 30.0, abs=1e-7) and str(read.rest_up)[-1].lower() == up
     positions = read.joint_positions()
-    assert len(read.joint_names) == len(sample_exported.solved.urdf.body_segments)
+    assert len(read.joint_names) == len(sample_exported.solved.body_segments)
     for column, segment in enumerate(read.joint_names):
         ours = sample_exported.places(segment) @ UP_AXES[up].T
         np.testing.assert_allclose(positions[:, column] / scale, ours, rtol=0.0, atol=JOINT_M / 50.0)
@@ -243,7 +243,7 @@ def test_pinocchio_moves_the_exported_urdf_to_where_the_exported_angles_have_it(
     for instant in (0, 30, 59):
         place = np.concatenate([root[instant, :3, 3], Rotation.from_matrix(root[instant, :3, :3]).as_quat()])
         pinocchio.framesForwardKinematics(model, data, np.concatenate([place, angles[instant, ours]]))
-        for segment in sample_exported.solved.urdf.body_segments:
+        for segment in sample_exported.solved.body_segments:
             found = data.oMf[model.getFrameId(segment)].translation
             np.testing.assert_allclose(found, sample_exported.places(segment)[instant], rtol=0.0, atol=JOINT_M / 50.0)
 
@@ -263,7 +263,7 @@ def test_ply_has_landmarks_and_ways(walked: Exported) -> None:
     seen = {i for matches in walked.solved.landmarks(["waist", "shin"]) for i in matches.landmark_ids.tolist()}
     assert int(grey.sum()) == len(seen) > 0
     ways = cloud.vertices[~grey].reshape(-1, len(walked.seconds), 3)
-    for way, segment in zip(ways, walked.solved.urdf.body_segments, strict=True):
+    for way, segment in zip(ways, walked.solved.body_segments, strict=True):
         np.testing.assert_allclose(way, walked.places(segment), atol=1e-6)
 
 

@@ -43,7 +43,7 @@ def read(environment: str, script: str, file: Path, *more: str) -> Any:
 def test_in_blender_the_body_is_upright_and_walks_where_it_walked(exported: Exported, to: str, pose: str) -> None:
     said = read("blender", "read_in_blender.py", exported.file(to, "--pose", pose, name=f"{to}{pose}"))
     assert said["fps"] == pytest.approx(30.0, abs=0.01)
-    for segment in exported.solved.urdf.body_segments:
+    for segment in exported.solved.body_segments:
         np.testing.assert_allclose(said["heads"][segment], exported.places(segment), rtol=0.0, atol=JOINT_M)
     rest = said["rest"]
     assert rest["head"][2] - rest["foot_left"][2] > 1.2
@@ -70,7 +70,7 @@ def test_opensim_finds_the_angles_across_a_gap(walk: Walk, tmp_path: Path) -> No
 
 def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: Exported) -> None:
     said = read("readers", "read_in_opensim.py", for_opensim(exported))
-    for segment in exported.solved.urdf.body_segments:
+    for segment in exported.solved.body_segments:
         ours = exported.places(segment) @ OPENSIM_R_OURS.T
         np.testing.assert_allclose(said["moved"]["bodies"][segment], ours, rtol=0.0, atol=JOINT_M)
     assert 50.0 < said["moved"]["mass"] < 110.0
@@ -85,7 +85,7 @@ def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: 
 def test_usd_moves_its_joints_and_its_skin(exported: Exported) -> None:
     said = read("readers", "read_in_usd.py", exported.file("usd"))
     assert (said["up"], said["metres"], said["fps"]) == ("Z", 1.0, pytest.approx(30.0, abs=1e-4))
-    for segment in exported.solved.urdf.body_segments:
+    for segment in exported.solved.body_segments:
         np.testing.assert_allclose(said["heads"][segment], exported.places(segment), rtol=0.0, atol=JOINT_M)
     near = np.linalg.norm(np.array(said["skins"])[:, 0] - exported.places("pelvis"), axis=1)
     assert near.max() < 0.3 and np.ptp(near) < 1e-3  # a vertex of the pelvis stays on it

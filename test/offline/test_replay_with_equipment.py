@@ -72,7 +72,7 @@ def test_a_camera_of_the_equipment_holds_the_limb_that_it_is_strapped_to(
     assert caplog.text.count("attachment held is left out: body subject has no hand_left") == 1
     assert "equipment plate" in printed.out and "strapped" in printed.out
     assert [record.camera for record in plate.cameras] == [record.camera for record in worn.cameras]
-    assert plate.urdf.parent_segments()["plate"] == "pelvis"
+    assert plate.parents["plate"] == "pelvis"
 
     said = plate.equipment
     assert said is not None and (said.name, said.attachments) == ("plate", ("strapped",))
