@@ -169,11 +169,9 @@ def solved(
     count = len(athlete.body.segments)
     lengths = {}
     if coupling:
-        said = (
-            coupling.fit.lengths.names,
-            coupling.fit.lengths.given + coupling.attachments.shifts,
-            coupling.attachments.sigmas,
-        )
+        last = states[-1].equipment
+        assert last is not None
+        said = (last.lengths, last.values, last.sigmas)
         lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}
     reports = [state.equipment for state in states if state.equipment]
     return Solved(athlete, poses[:, :count], poses[:, count:], lengths, reports)

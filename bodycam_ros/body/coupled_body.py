@@ -11,7 +11,7 @@ from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import equipment_path, read_equipment
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
-from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, TIGHT_RAD, Joint
 
 
 def held_equipment(name_or_path: str | Path, body: BodyModel) -> Equipment:
@@ -55,6 +55,34 @@ def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
         )
     except BodyError as error:
         raise BodyError(f"equipment {equipment.name} with body {body.name}: {error}") from error
+
+
+def unknown_lengths(equipment: Equipment) -> dict[str, Array]:
+    """Attachment or joint of unknown place -> (3) sigmas of that place in the axes of its equipment segment [m]."""
+    unknown = {each.name: each.unknown for each in equipment.attachments} | dict(equipment.unknown)
+    return {name: sigmas for name, sigmas in unknown.items() if np.any(sigmas)}
+
+
+def length_joint(name: str) -> str:
+    """Name of the joint that slides by what is unknown of the place of an attachment or joint."""
+    return f"{name} length"
+
+
+def body_with_lengths(body: BodyModel, equipment: Equipment) -> BodyModel:
+    """The coupled body whose unknown lengths are coordinates.
+
+    An attachment or joint of unknown place is on a small segment of its own, which slides on the equipment's segment
+    along the axes that are unknown. These segments come after all others.
+    """
+    unknown, joints, sliders = unknown_lengths(equipment), [], []
+    for joint in body.joints:
+        if joint.name in unknown:
+            sigmas = (*(TIGHT_RAD,) * 3, *np.where(unknown[joint.name] > 0.0, LOOSE_M, TIGHT_M).tolist())
+            place, name = f"{joint.name} place", length_joint(joint.name)
+            sliders.append(Joint(name, joint.parent, place, "weld", np.eye(4), sigmas=sigmas))
+            joint = replace(joint, parent=place)
+        joints.append(joint)
+    return replace(body, segments=(*body.segments, *(each.child for each in sliders)), joints=(*joints, *sliders))
 
 
 _SETTLED_M = 1e-3

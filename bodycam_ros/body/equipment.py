@@ -244,11 +244,6 @@ class UnknownLengths:
             along[axis] = values[number]
         return along
 
-    def attachment(self, attachment: Attachment, shifts: Array) -> Attachment:
-        """An attachment shifted by its lengths (L) [m]."""
-        shift = self.along_axes(attachment.name, shifts)
-        return replace(attachment, on_equipment=attachment.on_equipment + shift) if shift.any() else attachment
-
     def joint(self, joint: Joint, shifts: Array) -> Joint:
         """A joint, or an attachment's (``attachment_joint``), shifted by its lengths (L) [m]."""
         shift = self.along_axes(joint.name, shifts)

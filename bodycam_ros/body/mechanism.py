@@ -1,14 +1,13 @@
 """A body and its equipment as one tree with loops, the constraint rows of the loops, and how they are closed (B 3.2).
 
-An unknown length of the equipment is a sliding joint: a joint of unknown place slides, and an attachment of unknown
-place is on a small segment of its own that slides on the equipment's.
+An unknown length of the equipment is a sliding joint (``body_with_lengths``).
 
 Loops are closed from the N-pose by several starts of the equipment. Attachments that contradict others are released,
 not met half-way: graduated non-convexity (Yang et al. 2020) with a Geman-McClure kernel per loop.
 """
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -16,18 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.coupled_body import coupled_body
-from bodycam_ros.body.equipment import Equipment, fitted_equipment
+from bodycam_ros.body.coupled_body import body_with_lengths, length_joint, unknown_lengths
+from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
-from bodycam_ros.kinematics.joint import LOOSE_M, Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, joint_gap, turn_jacobian
-from bodycam_ros.kinematics.tree import KinematicTree
 from bodycam_ros.least_squares import damped_gauss_newton
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
-_KNOWN_M = 1e-6  # least sigma of a length along an axis
 _CLOSED_SIGMAS = 3.0  # a loop that is strained less is closed
 _GIVEN_M = 1e-3  # a given length is right to a millimetre
 _BEYOND_RAD = np.radians(10.0) / _CLOSED_SIGMAS  # no joint is bent farther than 10 deg beyond its limits
@@ -66,47 +62,35 @@ class Rows:
 class Mechanism:
     """Columns and rows of a body, with equipment or alone.
 
-    Attributes:
+    Args:
         body: both as one (``coupled_body``).
         equipment: as far as it fits the body, or None.
-        tree: the body's, with a segment for each attachment of unknown place.
-        loops: joint or attachment -> the joint that closes a loop.
-        lengths: joint of the tree that slides by an unknown length -> (3) its sigmas, in the parent's axes [m].
-        columns: root segment or joint of the tree -> its columns, those of unknown lengths apart.
-        units: (K) 1 for a rotation, a limb's length [m] for a translation: in these units columns are alike.
 
-    Raises:
-        BodyError: the equipment does not fit the body.
+    Attributes:
+        body, equipment: as given.
+        tree: the body with a sliding joint for what is unknown of each place (``body_with_lengths``).
+        loops: joint or attachment -> the joint that closes a loop.
+        lengths: joint or attachment of unknown place -> (3) sigmas in the axes of the equipment's segment [m].
+        columns: root segment or joint -> its columns, those of unknown lengths apart.
+        units: (K) 1 for a rotation, a limb's length [m] for a translation: in these units columns are alike.
     """
 
     def __init__(self, body: BodyModel, equipment: Equipment | None = None) -> None:
-        self.equipment = equipment = None if equipment is None else fitted_equipment(equipment, body)
-        self.body = coupled_body(body, equipment)
-        attachments = () if equipment is None else equipment.attachments
-        unknown = {a.name: a.unknown for a in attachments} | dict(equipment.unknown if equipment else {})
-        self.lengths = {name: np.asarray(sigma) for name, sigma in unknown.items() if np.any(sigma)}
-        loops = {joint.name for joint in self.body.loop_joints}
-        joints, sliders = [], []
-        for joint in self.body.joints:
-            if joint.name in self.lengths and joint.name in loops:
-                place = f"{joint.name} place"
-                sliders.append(_sliding(Joint(joint.name, joint.parent, place, "weld", np.eye(4))))
-                joints.append(replace(joint, name=f"{joint.name} loop", parent=place))
-            else:
-                joints.append(_sliding(joint) if joint.name in self.lengths else joint)
-        segments = (*self.body.segments, *(joint.child for joint in sliders))
-        self.tree = KinematicTree(self.body.name, self.body.root, segments, (*joints, *sliders))
+        self.body, self.equipment = body, equipment
+        self.tree = body if equipment is None else body_with_lengths(body, equipment)
+        self.lengths = {} if equipment is None else unknown_lengths(equipment)
         self.tangent = TreeTangent(self.tree, GIVES_M)
         self.limits = JointLimits(self.tree)
-        self.loops = {joint.name.removesuffix(" loop"): joint for joint in self.tree.loop_joints}
+        self.loops = {joint.name: joint for joint in self.tree.loop_joints}
         slides: list[NDArray[np.bool_]] = [np.repeat([False, True], 3)]
-        self.columns: dict[str, NDArray[np.intp]] = {self.body.root: np.arange(6)}
+        self.columns: dict[str, NDArray[np.intp]] = {body.root: np.arange(6)}
+        of_lengths = {length_joint(name) for name in self.lengths}
         for joint, xi, own in zip(self.tree.tree_joints, self.tangent.twists, self.tangent.columns, strict=True):
             slides.append(np.asarray(xi[3:].any(axis=0)))
-            columns = np.arange(own.start, own.stop)
-            self.columns[joint.name] = columns[~slides[-1]] if joint.name in self.lengths else columns
+            if joint.name not in of_lengths:
+                self.columns[joint.name] = np.arange(own.start, own.stop)
         self.units = np.where(np.concatenate(slides), _LIMB_M, 1.0)
-        self._fixed = {*self.lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
+        self._fixed = {*of_lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
 
     @property
     def grounded(self) -> tuple[str, ...]:
@@ -143,9 +127,8 @@ class Mechanism:
 
     def length_errors(self, configuration: Configuration) -> dict[str, Array]:
         """Unknown length -> by how much (3) it exceeds the given one, in the axes of the equipment's segment [m]."""
-        rows = {name: self.tree.joint_row[name] for name in self.lengths}
-        joints, motion = self.tree.tree_joints, configuration.joint_motion
-        return {name: joints[row].parent_T_joint[:3, :3] @ motion[row, :3, 3] for name, row in rows.items()}
+        rows = {name: self.tree.joint_row[length_joint(name)] for name in self.lengths}
+        return {name: configuration.joint_motion[row, :3, 3] for name, row in rows.items()}
 
     def constraints(self, configuration: Configuration, without: Collection[str] = (), ground: bool = False) -> Rows:
         """Rows of the loops but some, and of equipment that may not lean.
@@ -203,9 +186,8 @@ class Mechanism:
             row = self.limits.angles.joint_rows[angle]
             add(excess[[angle]], columns[row], rates[[angle]] @ twists[row][:3], _LIMIT_RAD)
         for name, error in self.length_errors(configuration).items():
-            row, sigma = self.tree.joint_row[name], np.maximum(self.lengths[name], _KNOWN_M)
-            parent_R_child = self.tree.tree_joints[row].parent_T_joint[:3, :3] @ motion[row, :3, :3]
-            add(error, columns[row], parent_R_child @ twists[row][3:], sigma)
+            row, unknown = self.tree.joint_row[length_joint(name)], self.lengths[name] > 0.0
+            add(error[unknown], columns[row], twists[row][3:][unknown], self.lengths[name][unknown])
         return np.concatenate(residuals), np.vstack(jacobians)
 
     def strains(self, configuration: Configuration) -> dict[str, float]:
@@ -218,7 +200,9 @@ class Mechanism:
         rows, count = self.constraints(configuration), len(self.tree.tree_joints)
         longer, bent = np.zeros(count), np.zeros(count)
         for name, error in self.length_errors(configuration).items():
-            longer[self.tree.joint_row[name]] = np.abs(error / np.maximum(self.lengths[name], _GIVEN_M)).max()
+            longer[self.tree.joint_row[length_joint(name)]] = np.abs(
+                error / np.maximum(self.lengths[name], _GIVEN_M)
+            ).max()
         excess = self.limits.excess(self.limits.nearest_angles(configuration.joint_motion))
         np.maximum.at(bent, self.limits.angles.joint_rows, np.abs(excess) / _BEYOND_RAD)
         strains = {}
@@ -240,11 +224,6 @@ class Mechanism:
         attachments = () if self.equipment is None else self.equipment.attachments
         points = [each.distances(child, parent).max() for each in attachments if each.name == loop]
         return float(points[0] if points else np.linalg.norm(error[3:])), float(np.linalg.norm(error[:3]))
-
-
-def _sliding(joint: Joint) -> Joint:
-    assert joint.sigmas is not None  # set when it was made
-    return replace(joint, sigmas=(*joint.sigmas[:3], LOOSE_M, LOOSE_M, LOOSE_M))
 
 
 def project(

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.linalg import null_space
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Equipment, fitted_equipment
 from bodycam_ros.body.mechanism import Configuration, Mechanism, close_loops, project, solve
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import GIVES_M, held_rows
@@ -97,7 +98,8 @@ def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
     Raises:
         BodyError: the equipment does not fit the body.
     """
-    mechanism = Mechanism(body, equipment)
+    equipment = None if equipment is None else fitted_equipment(equipment, body)
+    mechanism = Mechanism(coupled_body(body, equipment), equipment)
     configuration, left_open = close_loops(mechanism)
     moving = mechanism.moving
     configuration = project(mechanism, configuration, moving, left_open)

@@ -1,8 +1,9 @@
 """A body's equipment while it is used: its pose, its active attachments, its lengths as they are estimated (B 3.2).
 
-Before a state is solved the equipment's prediction is compared with the body as cameras measured it: that shows which
-attachments are contradicted before they bend a limb. Equipment that is not placed, or contradicted by most attachments,
-is searched. The pose of equipment that stands, and its unknown lengths, are fitted to all measurements now and then.
+The equipment is part of the body's tree, and its unknown lengths are joints that slide (``body_with_lengths``): the
+state has them all, and their covariance. Before a state is fitted, the predicted equipment is compared with the body as
+cameras measured it: that shows which attachments are contradicted before they bend a limb. Equipment that is not
+placed, or contradicted by most attachments, is searched.
 """
 
 from collections.abc import Sequence
@@ -12,20 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.coupled_body import length_joint
+from bodycam_ros.body.equipment import Equipment, UnknownLengths
 from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.body.mechanism import Configuration, Mechanism
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
-from bodycam_ros.estimation.equipment_fit import AttachedHistory, AttachedPoints, EquipmentFit
+from bodycam_ros.estimation.between_factors import RestingPoint
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion
 from bodycam_ros.estimation.equipment_search import EquipmentSearch
-from bodycam_ros.estimation.estimate import Coordinates
-from bodycam_ros.estimation.measurements import ClosedJoint, SegmentPoses, measured_poses
+from bodycam_ros.estimation.estimate import Coordinates, Estimate
+from bodycam_ros.estimation.measurements import SLIDES_M, ClosedJoint, SegmentPoses
 from bodycam_ros.estimation.motion_model import MotionSettings
-from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.kinematics.joint import LOOSE_M, LOOSE_RAD
 from bodycam_ros.kinematics.tangent import TreeTangent
 
-_STANDS = np.repeat([1e-4, 1e-4], 3)  # [rad], [m] least sigmas of a root that stands
+_STANDS_M = 2e-5  # by which points 1 m from the root of equipment that stands may move from frame to frame
+_STILL = 1e-6  # [m/s] of a length
 _SEARCH_NS, _LONGEST_NS = 200_000_000, 2_000_000_000  # between two searches in vain, at first and at most
 
 
@@ -33,14 +38,14 @@ class Coupling:
     """Follows the equipment of a body from state to state.
 
     Args:
-        body: with the equipment.
+        body: with the equipment (``coupled_body``).
         equipment: its segments, joints and attachments.
         settings: when attachments are active.
         motion: how suddenly segments change their motion, where the equipment does not say.
 
     Attributes:
+        body: with the equipment and its lengths; what the body lacks comes last.
         equipment: as given.
-        fit: of the equipment to the body.
         motion: prior of its joints.
         attachments: to the body.
         joint_names: of its tree of joints and its attachments.
@@ -50,26 +55,36 @@ class Coupling:
     def __init__(
         self, body: BodyModel, equipment: Equipment, settings: CouplingSettings, motion: MotionSettings
     ) -> None:
-        self._body, self.equipment = body, equipment
-        names = {joint.name for joint in equipment.joints}
-        self._tree = [joint for joint in body.tree_joints if joint.name in names]
-        self.fit = EquipmentFit(equipment, self._tree)
-        self.motion = EquipmentMotion(body, equipment, motion)
-        self.attachments = Attachments(body, equipment, self.fit.lengths, settings)
-        self.joint_names = frozenset({*(j.name for j in self._tree), *self.attachments.names, equipment.name})
-        self._search, self._history = EquipmentSearch(equipment, self.fit), AttachedHistory()
-        self._rows = np.array([body.segment_index[name] for name in equipment.segments])
-        self._joint_rows = [row for row, joint in enumerate(body.tree_joints) if joint.child in self.fit.chain.row]
-        self._root, self._stands = self.fit.chain.row[equipment.root], equipment.segments[equipment.root].stands
-        self._world_T_root, self._root_sigmas = np.eye(4), _STANDS
+        mechanism = Mechanism(body, equipment)
+        self.body, self.equipment = mechanism.tree, equipment
+        self.motion = EquipmentMotion(self.body, equipment, motion)
+        self.attachments = Attachments(self.body, equipment, settings)
+        self._search, self._tangent = EquipmentSearch(mechanism), TreeTangent(self.body, SLIDES_M)
+        tree = self.body.tree_joints
+        self._joint_rows = [row for row, joint in enumerate(tree) if joint.child in equipment.segments]
+        lengths = {length_joint(name) for name in mechanism.lengths}
+        own = {joint.name for joint in tree if joint.child in equipment.segments}
+        self.joint_names = frozenset({*own, *lengths, *self.attachments.names})
+        self._root, self._stands = self.body.segment_index[equipment.root], equipment.segments[equipment.root].stands
+        self._lengths = UnknownLengths(equipment, equipment.joints)
+        self._length_places = [(self.body.joint_row[length_joint(name)], axis) for name, axis in self._lengths.owners]
+        self._length_columns = np.array(
+            [
+                self._tangent.columns[row].start + int(np.flatnonzero(self._tangent.twists[row][3 + axis])[0])
+                for row, axis in self._length_places
+            ],
+            np.intp,
+        )
+        self._shifts, self._sigmas = np.zeros(len(self._lengths)), self._lengths.priors
         self._start_ns: int | None = None
-        self.placed = self._was_placed = False
         self.reset()
 
     def reset(self) -> None:
-        """After a pause: equipment that stands is where it was, other equipment is searched again."""
+        """After a pause: the equipment is searched again, its lengths are known as well as before."""
         self.motion.reset()
-        self.placed, self._was_placed = self.placed and self._stands, False
+        self.placed = self._was_placed = False
+        self._first_shifts, self._first_sigmas = self._shifts, self._sigmas
+        self.attachments.set_length_sigmas(self._sigmas)
         self._search_due_ns, self._search_wait_ns = -(1 << 62), _SEARCH_NS
         self._searched_with: tuple[bool, ...] = ()
 
@@ -82,105 +97,116 @@ class Coupling:
         """Attachments of the present state; None while the equipment's pose is unknown."""
         return self.attachments.active if self.placed else None
 
-    def update(self, stamp_ns: int, poses: Array, evidence: Sequence[SegmentPose]) -> None:
-        """Fit the equipment to the measured body; its rows of the poses (S, 4, 4) are replaced in place.
+    def initial(self, estimate: Estimate) -> Estimate:
+        """An initial estimate, with the lengths as they were known before the first state."""
+        motion, covariance = estimate.at.motion.copy(), estimate.covariance.copy()
+        for (row, axis), shift in zip(self._length_places, self._first_shifts, strict=True):
+            motion[row, axis, 3] = shift
+        columns, rates = self._length_columns, self._tangent.count + self._length_columns
+        covariance[columns, columns], covariance[rates, rates] = self._first_sigmas**2, _STILL**2
+        return Estimate(replace(estimate.at, motion=motion), covariance)
+
+    def standing_points(self) -> list[RestingPoint]:
+        """What equipment that stands has in common with the state before: three points of its root."""
+        stands = self.placed and self._stands
+        return [RestingPoint(self._root, place, _STANDS_M) for place in np.eye(3)] if stands else []
+
+    def update(self, stamp_ns: int, start: Coordinates, evidence: Sequence[SegmentPose]) -> Coordinates:
+        """Find out which attachments are active; the coordinates, with equipment that was searched where it was found.
 
         Args:
             stamp_ns: of the state [ns].
-            poses: initial estimate of the state.
+            start: initial coordinates of the state, at which the body is as measured.
             evidence: measured poses of segments.
         """
-        observed = {self._body.segment_index[pose.segment] for pose in evidence}
-        seconds = 1e-9 * (stamp_ns - (stamp_ns if self._start_ns is None else self._start_ns))
-        points = self.attachments.observe(seconds, measured_poses(self._body, poses, evidence), observed)
-        if self.attachments.measured != self._searched_with:
-            self._search_due_ns, self._search_wait_ns = stamp_ns, _SEARCH_NS
-            self._searched_with = self.attachments.measured
-        self._was_placed, attachments = self.placed, self.attachments
-        distances = attachments.distances(points, poses[self._rows])
+        observed, attachments = self.body.named(pose.segment for pose in evidence), self.attachments
+        attachments.observe(1e-9 * (stamp_ns - (self._start_ns or stamp_ns)), observed)
+        measured = tuple(attachments.measured.tolist())
+        if measured != self._searched_with:
+            self._search_due_ns, self._search_wait_ns, self._searched_with = stamp_ns, _SEARCH_NS, measured
+        self._was_placed, gaps = self.placed, attachments.gaps(start.poses(self._tangent))
         if self.placed:
-            attachments.update(distances)
-        else:
-            poses[self._rows] = self._search.nominal(poses[self._body.segment_index[self._body.root]])
-        own = [pose for pose in evidence if pose.segment == self.equipment.root]
-        if not self.placed or attachments.are_contradicted(distances):
-            if stamp_ns >= self._search_due_ns or (own and not self.placed):
-                self._search_due_ns = stamp_ns + self._search_wait_ns
-                if not self._find(points, poses, own, distances):
-                    self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
-        if self.placed and self._history.add(stamp_ns, attachments.engaged(points), poses[self._rows]):
-            fitted = self._history.fit(self.fit, attachments.shifts)
-            attachments.update_lengths(fitted.lengths, fitted.length_sigmas)
-            if self._stands:
-                self._set_root(fitted.poses[-1, self._root], fitted.root_sigmas)
-                poses[self._rows[self._root]] = self._world_T_root
+            attachments.update(gaps)
+        if self.placed and not attachments.are_contradicted(gaps):
+            return start
+        has_camera = bool(observed[self._root])
+        if stamp_ns >= self._search_due_ns or (has_camera and not self.placed):
+            self._search_due_ns = stamp_ns + self._search_wait_ns
+            found = self._find(start, has_camera, gaps)
+            if found is not None:
+                return found
+            self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
+        return start
 
-    def _set_root(self, world_T_root: Array, sigmas: Array) -> None:
-        self._world_T_root, self._root_sigmas = world_T_root, np.maximum(sigmas, _STANDS)
-
-    def _find(self, points: AttachedPoints, poses: Array, own: Sequence[SegmentPose], distances: Array) -> bool:
-        """Search equipment that is not placed, or nearer to its attachments than it is, and replace its poses.
-
-        Returns:
-            Whether it was found.
-        """
-        surest = min(own, key=lambda pose: float(np.trace(pose.covariance)), default=None)
-        root = None if surest is None else (surest.world_T_segment, np.sqrt(np.diag(surest.covariance)))
-        found = self._search.find(points, self.attachments.shifts, root)
+    def _find(self, start: Coordinates, has_camera: bool, gaps: Array) -> Coordinates | None:
+        """Search equipment that is not placed, or nearer to its attachments than it is."""
+        attachments = self.attachments
+        measured = [name for name, flag in zip(attachments.names, attachments.measured, strict=True) if flag]
+        found = self._search.find(Configuration(start.root, start.motion), measured, has_camera)
         if found is None:
-            return False
-        after = self.attachments.distances(points, found[0])
-        if self.placed and not np.nansum(after) < np.nansum(distances):
-            return False
-        self.placed, self._was_placed, poses[self._rows] = True, False, found[0]
-        self._set_root(found[0][self._root], found[1])
-        self.attachments.place(after)
-        return True
+            return None
+        start = replace(start, motion=found.joint_motion)
+        after = attachments.gaps(start.poses(self._tangent))
+        if self.placed and not after[attachments.measured].sum() < gaps[attachments.measured].sum():
+            return None
+        self.placed, self._was_placed = True, False
+        attachments.place(after)
+        return start
 
-    def restarted_columns(self, tangent: TreeTangent, before: ActiveAttachments | None) -> NDArray[np.bool_]:
-        """(K,) coordinates without a past: of equipment that was just placed, and of hinges that are driven again."""
-        columns = np.zeros(tangent.count, bool)
-        for row in self._joint_rows:
-            columns[tangent.columns[row]] = not self._was_placed
+    def restarted(
+        self, at: Coordinates, start: Coordinates, before: ActiveAttachments | None
+    ) -> tuple[Coordinates, NDArray[np.bool_]]:
+        """Coordinates and their columns (K,) without a past: of equipment just placed, of hinges driven again."""
+        columns, motion = np.zeros(self._tangent.count, bool), at.motion.copy()
+        if not self._was_placed:
+            motion[self._joint_rows] = start.motion[self._joint_rows]
+            for row in self._joint_rows:
+                columns[self._tangent.columns[row]] = True
         for row in self.motion.coasting_rows:
             if self.motion.is_driven(row, self.active) and not self.motion.is_driven(row, before):
-                columns[tangent.columns[row]] = True
-        return columns
+                columns[self._tangent.columns[row]] = True
+        return replace(at, motion=motion), columns
 
-    def with_equipment(self, at: Coordinates, poses: Array, tangent: TreeTangent) -> Coordinates:
-        """Coordinates with the equipment as in poses (S, 4, 4), its joints shifted by the estimated lengths."""
-        motion, body = at.motion.copy(), self._body
-        combined = body.forward_kinematics(at.root, at.motion)
-        combined[self._rows] = poses[self._rows]
-        wanted = body.joint_poses(combined, tangent.slides)
-        shifted = {j.name: self.fit.lengths.joint(j, self.attachments.shifts) for j in self._tree}
-        for row in self._joint_rows:
-            joint, motion[row] = body.tree_joints[row], wanted[row]
-            if joint.name in shifted:
-                shift = (inverse(joint.parent_T_joint) @ shifted[joint.name].parent_T_joint)[:3, 3]
-                motion[row, :3, 3] += np.where(tangent.slides[row], 0.0, shift)
-        return replace(at, motion=motion)
+    def closed_joints(self) -> tuple[ClosedJoint, ...]:
+        """Joints of the active attachments."""
+        return () if self.active is None else tuple(self.attachments.closed_joints(self.active))
 
-    def closed_joints(self, poses: Array) -> tuple[ClosedJoint, ...]:
-        """Joints of the active attachments, about poses (S, 4, 4)."""
-        return () if self.active is None else tuple(self.attachments.closed_joints(poses, self.active))
+    def upright_measurement(self, start: Coordinates) -> SegmentPoses:
+        """That the root is upright, once: when it is placed."""
+        sigma, poses = self.equipment.upright_sigma, []
+        if self.placed and not self._was_placed and np.isfinite(sigma):
+            level = start.poses(self._tangent)[self._root]
+            up = level[:3, 2]
+            lean = np.cross(up, [0.0, 0.0, 1.0])
+            sine = float(np.linalg.norm(lean))
+            if sine > 0.0:
+                level[:3, :3] = exp_so3(lean * (np.arctan2(sine, up[2]) / sine)) @ level[:3, :3]
+            sigmas = np.array([sigma, sigma, LOOSE_RAD, LOOSE_M, LOOSE_M, LOOSE_M])
+            poses.append(SegmentPose(self.equipment.root, level, np.diag(sigmas**2)))
+        return SegmentPoses.from_evidence(self.body, poses)
 
-    def root_measurement(self) -> SegmentPoses:
-        """The pose of a root that stands."""
-        pose = SegmentPose(self.equipment.root, self._world_T_root, np.diag(self._root_sigmas**2))
-        return SegmentPoses.from_evidence(self._body, [pose] if self.placed and self._stands else [])
+    def remember(self, estimate: Estimate) -> None:
+        """Set what the final estimate of a state has of the lengths."""
+        self._shifts, self._sigmas = self._length_estimates(estimate.at, estimate.covariance)
+        self.attachments.set_length_sigmas(self._sigmas)
 
-    def report(self, poses: Array, active: ActiveAttachments | None) -> EquipmentReport:
-        """Published report of a state with poses (S, 4, 4) and active attachments; None before it was placed."""
-        names, lengths = self.attachments.names, self.fit.lengths
+    def _length_estimates(self, at: Coordinates, covariance: Array) -> tuple[Array, Array]:
+        """Shifts (L) from the file's lengths, and their sigmas [m]."""
+        shifts = np.array([at.motion[row, axis, 3] for row, axis in self._length_places])
+        return shifts, np.sqrt(np.diag(covariance)[self._length_columns])
+
+    def report(self, at: Coordinates, covariance: Array, active: ActiveAttachments | None) -> EquipmentReport:
+        """Published report of a state with its covariance (2K, 2K) and active attachments; None: it was not placed."""
+        names, (shifts, sigmas) = self.attachments.names, self._length_estimates(at, covariance)
+        gaps = self.attachments.gaps(at.poses(self._tangent))
         return EquipmentReport(
             name=self.equipment.name,
             placed=active is not None,
             attachments=names,
             engaged=np.array([active is not None and active.active[name] for name in names], bool),
-            deviations=np.full(len(names), np.nan) if active is None else self.attachments.gaps(poses),
-            lengths=lengths.names,
-            priors=lengths.priors,
-            values=lengths.given + self.attachments.shifts,
-            sigmas=self.attachments.sigmas.copy(),
+            deviations=np.full(len(names), np.nan) if active is None else gaps,
+            lengths=self._lengths.names,
+            priors=self._lengths.priors,
+            values=self._lengths.given + shifts,
+            sigmas=sigmas,
         )

@@ -20,6 +20,7 @@ from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
+_CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
 _COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 _ENDS_S = 0.25  # before and after a gap, that give the motion at its ends: most of a stroke of a pedal
@@ -74,7 +75,9 @@ class EquipmentMotion:
         tangent = model.tangent
         density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
         for row, joint in enumerate(tangent.tree.tree_joints):
-            if joint.child in self._row:
+            if joint.child not in self._row and joint.child in tangent.tree.equipment_segments:
+                density[tangent.columns[row]] = _CONSTANT
+            elif joint.child in self._row:
                 columns, sigmas = tangent.columns[row], self.accelerations[self._row[joint.child]]
                 turns = tangent.twists[row][:3].any(axis=0)
                 density[columns] = np.where(turns, sigmas[0], sigmas[3]) ** 2 * LASTS_S

@@ -1,87 +1,112 @@
 """The equipment's initial pose, from the body's attached points at one time; hinges that turn for ever are searched."""
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Collection
 
-from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.estimation.equipment_fit import BODY_M, AttachedPoints, EquipmentFit, attached
+import numpy as np
+
+from bodycam_ros.body.mechanism import Configuration, Mechanism, solve
 from bodycam_ros.geometry import Array, exp_so3, inverse, nearest_rotation, rigid, transform_points
 
 _STARTS = 12  # initial angles of a hinge that turns for ever
+_KERNEL = 10.0  # sigmas at which an attachment counts half: a prediction may be as far off
 _UNPLACED = np.repeat([0.35, 0.3], 3)  # [rad], [m] a root whose sigmas are larger is not placed yet
 _LEAST_LEVER_M = 0.01  # points nearer to an axis do not determine a rotation about it
+_COARSE, _FINE = 8, 30  # steps from each start, and from the best one
+_STIFFENING = 1e-6  # added to information, so that it has an inverse
 
 
 class EquipmentSearch:
-    """Searches the equipment.
+    """Searches the equipment; the body stays where it is.
 
     Args:
-        equipment: its attachments and how upright it is.
-        fit: of a start.
+        mechanism: the body with its equipment.
     """
 
-    def __init__(self, equipment: Equipment, fit: EquipmentFit) -> None:
-        self._equipment, self._fit, self._chain = equipment, fit, fit.chain
-        endless = [j for j in self._chain.tree.tree_joints if j.type == "hinge" and j.limits is None]
+    def __init__(self, mechanism: Mechanism) -> None:
+        equipment = mechanism.equipment
+        assert equipment is not None  # by the caller
+        self._mechanism, self._equipment, self._tree = mechanism, equipment, mechanism.tree
+        self._root_row = self._tree.joint_row[equipment.name]
+        own = [row for row, joint in enumerate(self._tree.tree_joints) if joint.parent not in self._people]
+        columns = [mechanism.tangent.columns[row] for row in (self._root_row, *own)]
+        self._columns = np.concatenate([np.arange(each.start, each.stop) for each in columns])
+        endless = [j for j in equipment.joints if j.type == "hinge" and j.limits is None]
         # Pedals follow the foot once their crank is found.
         turning = {joint.child for joint in endless}
-        self._searched = next((joint.name for joint in endless if joint.parent not in turning), None)
+        self._searched = next((joint for joint in endless if joint.parent not in turning), None)
 
-    def nominal(self, world_T_root: Array, angle: float = 0.0) -> Array:
-        """Poses (E, 4, 4) with all joints at zero, but the searched hinge at an angle [rad]."""
-        motions = np.tile(np.eye(4), (len(self._chain.twists), 1, 1))
-        if self._searched is not None:
-            row = self._chain.tree.joint_row[self._searched]
-            motions[row, :3, :3] = self._chain.tree.tree_joints[row].hinge_rotation(np.array(angle))
-        return self._chain.tree.forward_kinematics(world_T_root, motions)
+    @property
+    def _people(self) -> set[str]:
+        return set(self._tree.segments) - self._tree.equipment_segments
 
-    def find(
-        self, points: AttachedPoints, lengths: Array, root: tuple[Array, Array] | None = None
-    ) -> tuple[Array, Array] | None:
-        """Poses (E, 4, 4) and the root's sigmas (6) [rad], [m]; None while the points do not determine them.
+    def find(self, start: Configuration, measured: Collection[str], is_root_measured: bool) -> Configuration | None:
+        """The configuration with the equipment where it fits best; None while the attachments do not determine it.
 
         Args:
-            points: measured at one time.
-            lengths: (L) of the equipment [m].
-            root: pose (4, 4) of the root and its sigmas (6), where a camera on it measured it.
+            start: the body where it is measured.
+            measured: attachments whose points are.
+            is_root_measured: whether a camera measured the root, which then stays where it is.
         """
-        if root is None and not attached(points):
+        mechanism = self._mechanism
+        without = [name for name in mechanism.loops if name not in measured]
+        columns = self._columns[6:] if is_root_measured else self._columns
+        if not (measured or is_root_measured):
             return None
+
+        def solved(configuration: Configuration, steps: int) -> tuple[Configuration, float]:
+            return solve(mechanism, configuration, without, columns=columns, kernel=_KERNEL, steps=steps)
+
         angles = [0.0] if self._searched is None else np.linspace(-np.pi, np.pi, _STARTS, endpoint=False).tolist()
-        starts = [self._aligned(points, angle) if root is None else self.nominal(root[0], angle) for angle in angles]
-        fits = [self._fit.solve(start[None], lengths, points, root) for start in starts]
-        best = min(fits, key=lambda fitted: fitted.cost)
-        if root is None and (best.root_sigmas > _UNPLACED)[self._determined(best.poses[0])].any():
-            return None
-        return best.poses[0], best.root_sigmas
+        starts = [self._start(start, measured, angle, is_root_measured) for angle in angles]
+        best = min((solved(each, _COARSE) for each in starts), key=lambda pair: pair[1])[0]
+        best = solved(best, _FINE)[0]
+        return best if is_root_measured or self._is_determined(best, without) else None
 
-    def _determined(self, poses: Array) -> NDArray[np.bool_]:
-        """(6) rotations and translations of the root that move an attachment: not the turn of a bar about itself."""
-        root_T_world = inverse(poses[self._chain.root])
-        points = [
-            transform_points(root_T_world @ poses[self._chain.row[each.equipment_segment]], each.on_equipment)
+    def _is_determined(self, found: Configuration, without: Collection[str]) -> bool:
+        """Whether the root is known, apart from turns that move no attachment, as of a bar about itself."""
+        rows = self._mechanism.constraints(found, without)
+        J = np.vstack([rows.jacobian, self._mechanism.priors(found)[1]])[:, self._columns]
+        covariance = np.linalg.inv(J.T @ J + _STIFFENING * np.eye(J.shape[1]))[:6, :6]
+        points = np.concatenate(list(self._points(found).values()))
+        levers = np.linalg.norm(np.cross(points[:, None], np.eye(3)), axis=2).max(axis=0)
+        matters = np.append(levers > _LEAST_LEVER_M, np.ones(3, bool))
+        return not (np.sqrt(np.diag(covariance)) > _UNPLACED)[matters].any()
+
+    def _points(self, configuration: Configuration) -> dict[str, Array]:
+        """Attachment -> (N, 3) its points on the equipment, in the root's frame [m]."""
+        poses, index = self._mechanism.poses(configuration), self._tree.segment_index
+        root_T_segment = inverse(poses[index[self._equipment.root]]) @ poses
+        parents = {name: index[joint.parent] for name, joint in self._mechanism.loops.items()}
+        return {
+            each.name: transform_points(root_T_segment[parents[each.name]], each.on_equipment)
             for each in self._equipment.attachments
-        ]
-        about_axes = np.linalg.norm(np.cross(np.concatenate(points)[:, None], np.eye(3)), axis=2).max(axis=0)
-        return np.append(about_axes > _LEAST_LEVER_M, np.ones(3, bool))
+        }
 
-    def _aligned(self, points: AttachedPoints, angle: float) -> Array:
-        """``nominal`` poses (E, 4, 4), moved as one to the body's points (Kabsch 1976)."""
-        nominal = self.nominal(np.eye(4), angle)
-        on_equipment, on_body, weights = [], [], []
-        known = attached(points)
-        for attachment in self._equipment.attachments:
-            if attachment.name in known:
-                pose = nominal[self._chain.row[attachment.equipment_segment]]
-                on_equipment.append(transform_points(pose, attachment.on_equipment))
-                on_body.append(points[attachment.name][0])
-                unknown = float(np.max(attachment.unknown))
-                weights.append(1.0 / (np.square(attachment.sigmas) + unknown**2 + BODY_M**2))
-        a, b, w = np.concatenate(on_equipment), np.concatenate(on_body), np.concatenate(weights)
+    def _start(
+        self, start: Configuration, measured: Collection[str], angle: float, is_root_measured: bool
+    ) -> Configuration:
+        """The equipment's own joints at zero, the searched one at an angle [rad], moved to the body (Kabsch 1976)."""
+        motion, tree = start.joint_motion.copy(), self._tree
+        for joint in self._equipment.joints:
+            if joint.name in tree.joint_row:
+                motion[tree.joint_row[joint.name]] = np.eye(4)
+        if self._searched is not None:
+            motion[tree.joint_row[self._searched.name], :3, :3] = self._searched.hinge_rotation(np.array(angle))
+        nominal = start._replace(joint_motion=motion)
+        if is_root_measured:
+            return nominal
+        points, poses = self._points(nominal), self._mechanism.poses(start)
+        known = [each for each in self._equipment.attachments if each.name in measured]
+        a = np.concatenate([points[each.name] for each in known])
+        body = [transform_points(poses[tree.segment_index[each.body_segment]], each.on_body) for each in known]
+        b = np.concatenate(body)
+        w = np.concatenate([1.0 / (np.square(each.sigmas) + float(np.max(each.unknown)) ** 2) for each in known])
         a_mean, b_mean = w @ a / w.sum(), w @ b / w.sum()
         scatter = (b - b_mean).T @ ((a - a_mean) * w[:, None])
         R = nearest_rotation(scatter)
         if np.isfinite(self._equipment.upright_sigma):
             # Upright, it only turns about the vertical.
             R = exp_so3(np.array([0.0, 0.0, np.arctan2(scatter[1, 0] - scatter[0, 1], scatter[0, 0] + scatter[1, 1])]))
-        return np.asarray(rigid(R, b_mean - R @ a_mean) @ nominal)
+        world_T_root = rigid(R, b_mean - R @ a_mean)
+        motion[self._root_row] = inverse(start.world_T_root) @ world_T_root
+        return start._replace(joint_motion=motion)

@@ -86,8 +86,10 @@ class BodyEstimator:
         inertial: InertialSensors | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        self.body, self._offline, self._coupling, self._static_cameras = body, offline, coupling, static_cameras
-        self._inertial = inertial
+        self._offline, self._coupling, self._static_cameras = offline, coupling, static_cameras
+        self._published, self._inertial = body, inertial
+        # Unknown lengths of equipment are joints that slide; their segments come last.
+        self.body = coupling.body if coupling else body
         self.settings = settings or SmootherSettings()
         self._cameras = {name for name in cameras if name in body.mounts}
         if not self._cameras and static_cameras is None:
@@ -95,13 +97,13 @@ class BodyEstimator:
             raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
         self._contacts = contacts or FootContacts(body, ContactSettings())
         self._mounted = MountedCameras(body, evidence or EvidenceSettings())
-        self._tangent = TreeTangent(body, SLIDES_M)
+        self._tangent = TreeTangent(self.body, SLIDES_M)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
         coupled = coupling.joint_names if coupling else frozenset[str]()
-        self._prior = PosePrior(body, coupled)
+        self._prior = PosePrior(self.body, coupled)
         self._fit = StateFit(self._tangent, coupled)
         self._gaps = FrameGaps()
-        self._whole = WholeRecording(body, self._motion, self._fit, self._prior, on_progress)
+        self._whole = WholeRecording(self.body, self._motion, self._fit, self._prior, on_progress)
         self._root = body.segment_index[body.root]
         self.refused: Counter[str] = Counter()
         self.bridged = 0
@@ -110,7 +112,7 @@ class BodyEstimator:
     def _restart(self) -> None:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
         self._chain: list[ChainState] = []
-        self._static = StaticEvidence(self.body, self._static_cameras)
+        self._static = StaticEvidence(self.body, self._static_cameras, len(self._published.segments))
         self._contacts.reset()
         self._whole.reset()
         self.lately: list[BodyNow] = []
@@ -158,6 +160,7 @@ class BodyEstimator:
         """The first state, where cameras measured the body or somebody placed it by hand."""
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
         initial = self._motion.initial(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
+        initial = self._coupling.initial(initial) if self._coupling else initial
         return self._solve(frame, registered, Step(0.0, initial), placed)
 
     def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> ChainState:
@@ -171,7 +174,10 @@ class BodyEstimator:
             between += self._inertial.factors(before.stamp_ns, frame.stamp_ns, needs_turn)
         needs_turn[[factor.row for factor in between]] = False
         between += measured_turns(self.body, frame.matches.values(), before.stamps_ns, needs_turn)
-        prior = coupling.motion.prior(self._motion, coupling.attachments.active) if coupling else None
+        prior = None
+        if coupling:
+            prior = coupling.motion.prior(self._motion, coupling.attachments.active)
+            between += coupling.standing_points()
         return self._solve(frame, registered, predict_step(self._motion, before.estimate, dt_s, prior, between))
 
     def _solve(
@@ -193,11 +199,13 @@ class BodyEstimator:
         measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
             evidence = [*accepted.values(), *static.together]
-            measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start, poses)
+            measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start)
         # The state that fits them best (A eq. 8, B eq. 15).
         estimate = self._fit.fit(step.after, measured, start)
         self._prior.add(self.body.joint_rotations(estimate.at.poses(tangent)), joints_observed, step.dt_s)
         step, estimate = self._add_contacts(frame.stamp_ns, step, estimate, observed, turning)
+        if self._coupling:
+            self._coupling.remember(estimate)
         state = ChainState(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
@@ -212,7 +220,9 @@ class BodyEstimator:
             uncertainty=static.widen(body_uncertainty(estimate, tangent, step.dt_s, bool(observed[self._root]))),
             active=self._coupling.active if self._coupling else None,
         )
-        now = BodyNow(state.stamp_ns, estimate.at.poses(tangent), state.uncertainty.segments, observed)
+        rows = slice(len(self._published.segments))
+        covariances = state.uncertainty.segments[rows]
+        now = BodyNow(state.stamp_ns, estimate.at.poses(tangent)[rows], covariances, observed[rows])
         self.lately = [*self.lately[-1:], now]
         return state
 
@@ -267,19 +277,17 @@ class BodyEstimator:
         measured: Measurements,
         step: Step,
         start: Coordinates,
-        poses: Array,
     ) -> tuple[Measurements, Step, Coordinates]:
         """Measurements and initial estimate with the equipment."""
         coupling = self._coupling
         assert coupling is not None  # by the caller
-        coupling.update(stamp_ns, poses, evidence)
-        columns = coupling.restarted_columns(self._tangent, self._chain[-1].active if self._chain else None)
-        start = coupling.with_equipment(start, poses, self._tangent)
-        step = self._restart_columns(step, coupling.with_equipment(step.after.at, poses, self._tangent), columns)
+        start = coupling.update(stamp_ns, start, evidence)
+        at, columns = coupling.restarted(step.after.at, start, self._chain[-1].active if self._chain else None)
+        step = self._restart_columns(step, at, columns)
         measured = Measurements(
-            cameras=measured.cameras + coupling.root_measurement(),
+            cameras=measured.cameras + coupling.upright_measurement(start),
             expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
-            closed=coupling.closed_joints(poses),
+            closed=coupling.closed_joints(),
         )
         return measured, step, start
 
@@ -346,8 +354,20 @@ class BodyEstimator:
         return [self._body_state(*each) for each in zip(pending, estimates, strict=False)]
 
     def _body_state(self, state: ChainState, estimate: Estimate) -> BodyState:
-        poses = estimate.at.poses(self._tangent)
-        report = self._coupling.report(poses, state.active) if self._coupling else None
+        report, covariance = None, state.estimate.covariance
+        if self._coupling:
+            report = self._coupling.report(estimate.at, covariance, state.active)
+        rows = slice(len(self._published.segments))
+        joints = [self.body.joint_row[joint.name] for joint in self._published.tree_joints]
+        uncertainty = replace(
+            state.uncertainty, joints=state.uncertainty.joints[joints], segments=state.uncertainty.segments[rows]
+        )
         return BodyState(
-            state.stamp_ns, self.body.segments, poses, state.uncertainty, state.observed, state.cameras_used, report
+            stamp_ns=state.stamp_ns,
+            segments=self._published.segments,
+            world_T_segment=estimate.at.poses(self._tangent)[rows],
+            uncertainty=uncertainty,
+            observed=state.observed[rows],
+            cameras_used=state.cameras_used,
+            equipment=report,
         )

@@ -7,6 +7,7 @@ is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inve
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -100,13 +101,16 @@ class ClosedJoint:
 
     Attributes:
         joint: between two segments of the tree.
-        information: (6, 6) of its gap.
         kernel: sigmas from which on it counts less; infinite: never.
     """
 
     joint: Joint
-    information: Array
     kernel: float
+
+    @cached_property
+    def information(self) -> Array:
+        """(6, 6) of its gap."""
+        return np.diag(np.array(self.joint.sigmas) ** -2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +140,7 @@ class StateFit:
         self._tangent = tangent
         joints = tangent.tree.tree_joints
         loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
-        self._loops = tuple(ClosedJoint(joint, joint.information, np.inf) for joint in loops)
+        self._loops = tuple(ClosedJoint(joint, np.inf) for joint in loops)
         self._child_R_joint = np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3)
         # Axes along which joints slide, with a finite sigma.
         self._soft = {}
@@ -275,13 +279,3 @@ class MountedCameras:
             each.camera: SegmentPose(self._mounts[each.camera].segment, pose, covariance)
             for each, pose, covariance in zip(registered, world_T_segment, on_segment, strict=True)
         }
-
-
-def measured_poses(
-    body: BodyModel, predicted: NDArray[np.float64], evidence: Iterable[SegmentPose]
-) -> NDArray[np.float64]:
-    """Poses (S, 4, 4) with segments where the camera of the least covariance measured them."""
-    poses = predicted.copy()
-    for each in sorted(evidence, key=lambda pose: -float(np.trace(pose.covariance))):
-        poses[body.segment_index[each.segment]] = each.world_T_segment
-    return poses

@@ -69,10 +69,11 @@ class StaticEvidence:
     Args:
         body: that is observed.
         cameras: static cameras; None without any.
+        count: of the segments that they know, the first ones.
     """
 
-    def __init__(self, body: BodyModel, cameras: StaticCameras | None) -> None:
-        self._body, self._cameras = body, cameras
+    def __init__(self, body: BodyModel, cameras: StaticCameras | None, count: int) -> None:
+        self._body, self._cameras, self._count = body, cameras, count
         self._ends = body.joint_ends
         self._on_body = self.rows = np.zeros(len(body.segments), bool)
         self._measured = StaticMeasurement({}, [], np.zeros((len(body.segments), 4, 4)), {})
@@ -88,12 +89,22 @@ class StaticEvidence:
     ) -> None:
         """Measure a frame, as ``StaticCameras.measure``; body cameras measured the segments ``on_body`` (S,)."""
         cameras, before = self._cameras if frame.images or frame.said else None, self._measured.world_T_segment
-        measured = cameras.measure(frame, predicted, dt_s, known) if cameras else None
+        measured = cameras.measure(frame, predicted[: self._count], dt_s, known) if cameras else None
+        if measured:
+            measured = self._with_other_segments(measured, predicted)
         if measured and dt_s > 0.0:
             measured = self._at_stamp(measured, frame, log_se3(inverse(before) @ predicted) / dt_s)
         self._measured = measured or StaticMeasurement({}, [], predicted, {})
         self._on_body = on_body
         self.rows = self._body.named(each.segment for each in self._measured.together)
+
+    def _with_other_segments(self, measured: StaticMeasurement, predicted: Array) -> StaticMeasurement:
+        """The measurement of all segments; those that static cameras do not know are as predicted."""
+        variances = measured.surface_variances
+        if len(variances):
+            variances = np.concatenate([variances, np.zeros((len(predicted) - len(variances), 6))])
+        poses = np.concatenate([measured.world_T_segment, predicted[self._count :]])
+        return replace(measured, world_T_segment=poses, surface_variances=variances)
 
     def _at_stamp(self, measured: StaticMeasurement, frame: BodyFrame, velocities: Array) -> StaticMeasurement:
         """Evidence moved from the time of each image to that of the frame, at the segments' velocities (S, 6)."""

@@ -58,7 +58,8 @@ class WholeRecording:
             self._on_progress(number / len(states))
             before, step = again[-1] if again else self._before, state.step
             if before is None:
-                step = Step(0.0, self._motion.initial(estimate.at.root, estimate.at.motion))
+                initial = self._motion.initial(estimate.at.root, estimate.at.motion)
+                step = Step(0.0, coupling.initial(initial) if coupling else initial)
             else:
                 dt_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
                 step = predict_step(self._motion, before.estimate, dt_s, step.prior, step.between)

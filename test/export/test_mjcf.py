@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.body.equipment import Equipment, fitted_equipment
 from bodycam_ros.body.equipment_yaml import read_equipment, supplied_equipment
 from bodycam_ros.body.mechanism import Mechanism, close_loops, project
 from bodycam_ros.body.urdf import optical_frame, urdf_text
@@ -182,8 +183,8 @@ def test_the_loop_stays_closed_while_the_crank_is_turned(ride: Walk) -> None:
 
 def held(name: str) -> tuple[BodyModel, Poses]:
     """A body that holds supplied equipment whose lengths are those of the file: as one, and poses that close all."""
-    equipment = known(read_equipment(name))
-    mechanism = Mechanism(BODY, equipment)
+    equipment = fitted_equipment(known(read_equipment(name)), BODY)
+    mechanism = Mechanism(coupled_body(BODY, equipment), equipment)
     start, _ = close_loops(mechanism)
     return mechanism.body, mechanism.poses(project(mechanism, start, mechanism.moving))
 

@@ -6,6 +6,7 @@ from athletes import barbell, bicycle, snowboard
 from known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Attachment
 from bodycam_ros.body.mechanism import Mechanism, close_loops, project
 from bodycam_ros.body.mobility import Mobility, mobility
@@ -68,7 +69,7 @@ def test_a_crank_moves_the_legs_and_leaves_the_arms(ridden: Mobility) -> None:
 
 
 def test_null_motions_keep_the_loops_closed() -> None:
-    mechanism = Mechanism(BODY, bicycle())
+    mechanism = Mechanism(coupled_body(BODY, bicycle()), bicycle())
     columns = mechanism.moving
     configuration = project(mechanism, close_loops(mechanism)[0], columns)
     rows = mechanism.constraints(configuration, ground=True)
