@@ -102,7 +102,7 @@ $(VENV)/docs.stamp: $(VENV)/python.stamp uv.lock
 	$(SYNC) --only-group docs
 	@touch $@
 
-$(VENV)/ros.stamp: $(VENV)/runtime.stamp $(wildcard msg_defs/msg/*.msg msg_defs/action/*.action msg_defs/*.* msg_defs/tf2_msgs/*.*)
+$(VENV)/ros.stamp: $(VENV)/runtime.stamp $(wildcard msg_defs/msg/*.msg msg_defs/*.* msg_defs/tf2_msgs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
 	$(SYNC) --group test --group ros
 	$(FOR_ROS) $(BIN)/uv pip install --quiet --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs

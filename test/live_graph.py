@@ -18,7 +18,6 @@ from typing import Any
 import rclpy
 from ended_with_us import ended_with_us
 from own_domain import own_domain
-from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -174,7 +173,6 @@ class Graph:
         self._executor.add_node(self._node)
         self._types: dict[str, str] = {}
         self._clients: dict[str, Any] = {}
-        self._actions: dict[str, Any] = {}
         self.started: list[Started] = []
         self.running: list[Running] = []
         self.heard: defaultdict[str, list[bytes]] = defaultdict(list)
@@ -244,19 +242,6 @@ class Graph:
                 return future.result()
         raise AssertionError(f"{service} does not answer\n{self.report()}")
 
-    def send_goal(self, action: str, action_type: Any, on_feedback: Callable[[Any], None], **fields: Any) -> Any:
-        """Ask for an action; the goal, which may have been rejected. Ask again as ``call`` does."""
-        client = self._actions.get(action) or ActionClient(self._node, action_type, action)
-        self._actions[action] = client
-        assert client.wait_for_server(_START_S), self.report()
-        goal = action_type.Goal(**fields)
-        for _ in range(_ASKED):
-            future = client.send_goal_async(goal, lambda message: on_feedback(message.feedback))
-            self._executor.spin_until_future_complete(future, _GRACE_S / _ASKED)
-            if future.done():
-                return future.result()
-        raise AssertionError(f"{action} does not answer\n{self.report()}")
-
     def until(self, condition: Callable[[], object], timeout_s: float, what: str) -> None:
         """Listen until something is the case."""
         deadline_s = time.monotonic() + timeout_s
@@ -317,8 +302,6 @@ class Graph:
             if each.process.poll() is None:
                 each.process.kill()
                 each.process.wait()
-        for client in self._actions.values():
-            client.destroy()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
         try:

@@ -99,17 +99,17 @@ class LiveCalibration:
             self._calibrator.add(matches)
             self._collected += 1
 
-    def restart(self) -> tuple[bool, str]:
-        """Drop the collected registrations; whether that was possible, and what to do."""
+    def restart(self) -> str:
+        """Drop the collected registrations, cancel a calibration; return what to do."""
         if self._run is not None:
-            return False, "a calibration is running; call again when it has ended"
+            self._run.cancel()
         if self._calibrator is not None:
             self._calibrator.forget()
         self._collected, self._failure = 0, ""
-        return True, "collecting anew; begin with the N-pose, standing still, then go through the range of motion"
+        return "collecting anew; start with the N-pose, standing still, then go through the range of motion"
 
-    def make_body(self) -> "CalibrationRun":
-        """Make a body of the registrations collected so far.
+    def make_body(self) -> str:
+        """Start to make a body of the registrations collected so far; return where the result will be.
 
         Raises:
             BodyError: the camera_info of a camera is missing.
@@ -118,7 +118,7 @@ class LiveCalibration:
             raise BodyError(f"there is no camera_info yet of all of the rig's cameras {', '.join(self.cameras)}")
         if self._run is None or self._run.is_cancelled:
             self._run = CalibrationRun(self._calibrator, self.path, self._run)
-        return self._run
+        return f"making {self.path}; /diagnostics has the progress and the result"
 
     def poll(self) -> BodyModel | None:
         """The new body, once; call it regularly."""
@@ -159,7 +159,7 @@ class CalibrationRun(threading.Thread):
         previous: a cancelled run, which has to end first.
 
     Attributes:
-        step, share: as of ``Work``.
+        step, share: current step and how much of it is done, 0 to 1.
         is_cancelled: whether it was cancelled before it wrote anything.
         body: after the thread has ended, the body; None after an error.
         text: after the thread has ended, a summary or the error.
@@ -175,15 +175,8 @@ class CalibrationRun(threading.Thread):
         self.text = ""
         self.start()
 
-    @property
-    def result(self) -> tuple[bool, str] | None:
-        """As of ``Work``."""
-        if self.is_cancelled:
-            return False, "cancelled; nothing was written"
-        return None if self.is_alive() else (self.body is not None, self.text)
-
     def cancel(self) -> bool:
-        """As of ``Work``; too late while the files are being written."""
+        """Stop it without any output; False if it is writing its files already."""
         with self._lock:
             self.is_cancelled = not self._is_writing
             return self.is_cancelled

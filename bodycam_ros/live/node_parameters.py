@@ -218,11 +218,8 @@ class PlayerParameters(CommonParameters):
 
     bagfile: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")
     cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
-    rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded", live=True)
-    loop: bool = setting(
-        False, reason="begin again at the end, with the stamps as recorded: time jumps back", live=True
-    )
-    start_paused: bool = setting(False, reason="play nothing until ~/resume or ~/play_next asks for it")
+    rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded")
+    loop: bool = setting(False, reason="start again at the end, with the stamps as recorded: time jumps back")
     clock: float = setting(
         0.0,
         unit="Hz",

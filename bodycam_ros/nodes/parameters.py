@@ -169,14 +169,6 @@ def message_class(type_name: str) -> Any:
     return getattr(import_module(f"{package}.msg"), name)
 
 
-def action_class(type_name: str) -> Any:
-    """Class of an action such as "bodycam_msgs/action/Calibrate"; None where its package was built without it."""
-    package, _, name = type_name.split("/")
-    if find_spec(f"{package}.action") is None:
-        return None
-    return getattr(import_module(f"{package}.action"), name, None)
-
-
 def node_messages(frame_prefix: str = "") -> MessageFactory:
     """Makes messages that rclpy publishes; transforms come out as None where their package is missing.
 

@@ -12,7 +12,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput, SaidSegments
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
-from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_body import LiveBody
@@ -26,7 +25,6 @@ from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
-from bodycam_ros.nodes.later_action import Work
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, best_effort, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
@@ -50,7 +48,6 @@ class SolverStage(Stage[SolverParameters]):
 
     name, parameters_type, groups = "skeleton_solver", SolverParameters, SOLVER_GROUPS
     settings_types = PipelineSettings, CalibrationSettings
-    action = "bodycam_msgs/action/Calibrate", "~/calibrate"
 
     def __init__(self, node: StageNode[SolverParameters]) -> None:
         super().__init__(node)
@@ -82,8 +79,9 @@ class SolverStage(Stage[SolverParameters]):
         self.trigger("~/flush", lambda: (True, f"{self._flush()} frames published"))
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:
-            self.trigger("~/calibrate", self._calibrate)
-            self.trigger("~/start_calibration", self._calibration.restart)
+            calibration = self._calibration
+            self.trigger("~/calibrate", lambda: (True, calibration.make_body()))
+            self.trigger("~/start_calibration", lambda: (True, calibration.restart()))
             self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
         # Last: a node that is seen to read camera_info reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model)
@@ -101,8 +99,6 @@ class SolverStage(Stage[SolverParameters]):
         """Publish the frames that wait for later ones, and cancel a calibration."""
         if self._calibration is not None:
             self._set_person(self._calibration.stop())
-        if self.node.action is not None:
-            self.node.action.stop()
         self._flush()
         self._forget_waiting()
 
@@ -110,19 +106,6 @@ class SolverStage(Stage[SolverParameters]):
         """The same, and wait until the readers have received them."""
         self.pause()
         self._topics.finish()
-
-    def work_on(self, goal: Message) -> Work:
-        """For the action ~/calibrate."""
-        if self._calibration is None:
-            raise BodyError("the node was configured without a rig, so there is nothing to calibrate")
-        return self._calibration.make_body()
-
-    def _calibrate(self) -> tuple[bool, str]:
-        if self._calibration is None or not self.node.is_active:
-            return False, "the node is inactive; activate it first"
-        self._calibration.make_body()
-        path = self._calibration.path
-        return True, f"making {path}; /diagnostics has the progress and the result, and so has the action ~/calibrate"
 
     def _reset(self) -> tuple[bool, str]:
         """Forget the motion, the clocks and the cameras."""

@@ -23,7 +23,6 @@ from bodycam_ros.live.node_parameters import ManagedParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, diagnostics_message
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.moments import Moments
-from bodycam_ros.nodes.later_action import LaterAction, Work
 from bodycam_ros.nodes.parameters import NodeParameters, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -71,7 +70,6 @@ class Stage(Generic[P]):
         name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, its groups of
             settings.
         settings_types: types of these groups.
-        action: type and name of the action that the node serves, if any; see ``LaterAction``.
         make: makes messages.
         dropped: counts messages that could not be used.
         moments: times at which frames arrived and left, if the parameter ``moments`` names a file.
@@ -84,7 +82,6 @@ class Stage(Generic[P]):
     parameters_type: ClassVar[type[Any]]
     groups: ClassVar[tuple[str, ...]] = ()
     settings_types: ClassVar[tuple[type[SettingsGroups], ...]] = (PipelineSettings,)
-    action: ClassVar[tuple[str, str] | None] = None
 
     def __init__(self, node: "StageNode[P]") -> None:
         self.node, self.make, self.moments = node, node.make, node.moments
@@ -102,10 +99,6 @@ class Stage(Generic[P]):
 
     def settings_changed(self) -> None:
         """Parameters have changed."""
-
-    def work_on(self, goal: Message) -> Work:
-        """Start the work of a goal of the action; raises BodycamError if that is not possible."""
-        raise BodycamError("there is no such work")
 
     def report(self) -> list[Status]:
         """Status of all parts since the last call; called once a second while the node is active."""
@@ -233,7 +226,6 @@ class StageNode(LifecycleNode, Generic[P]):
         own = self.parameters.own
         self.make = node_messages(frame_prefix(self, own.frame_prefix))
         self.moments = Moments(Path(own.moments) if own.moments else None)
-        self.action = None if of.action is None else LaterAction(self, *of.action, self._start_work)
         self._diagnostics = Diagnostics(self, self.make)
         self.create_timer(_REPORT_S, self._report, clock=_STEADY)
         if not own.autostart:
@@ -358,11 +350,6 @@ class StageNode(LifecycleNode, Generic[P]):
             return TransitionCallbackReturn.ERROR
         self._error_text = ""
         return of_rclpy(state)
-
-    def _start_work(self, goal: Message) -> Work:
-        if self.stage is None or not self.is_active:
-            raise BodycamError("the node is not active")
-        return self.stage.work_on(goal)
 
     def _changed(self) -> None:
         if self.stage is not None:

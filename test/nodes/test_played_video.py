@@ -43,7 +43,7 @@ def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
         assert video.played["/left/image_raw"] == "sensor_msgs/msg/Image"
         assert COMPRESSED_VIDEO not in video.played.values()
         for _ in range(2):  # a bag may be played again
-            video.begin()
+            video.restart()
             messages = file.messages(video.sources)
             played = [pair for topic, _, message in messages for pair in video.serialized(topic, message)]
             played += video.rest()
