@@ -34,9 +34,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--recording", type=Path, metavar="BAG", help="bag that OUT was solved from: shows its images")
     add_stations(parser, "where static cameras are: shows them and their images")
     add_surface(parser)
-    parser.add_argument(
-        "--compare", type=Path, metavar="OUT2", help="another bag solved from the same recording, shown beside OUT"
-    )
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help="write a video of the body, and end")
     parser.add_argument(
         "--over", metavar="CAMERA", help="with -o and --recording: over the images of this camera, not from outside"
@@ -86,7 +83,6 @@ def _read_sources(arguments: argparse.Namespace) -> "Sources":
         arguments.recording,
         arguments.stations,
         arguments.surface,
-        arguments.compare,
     )
 
 
@@ -101,8 +97,6 @@ def _write_video(arguments: argparse.Namespace) -> None:
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.viewer.film import write_film
 
-    if arguments.compare is not None:
-        raise ViewError("--compare: is shown in the page alone; leave out -o, or compare without it")
     inputs = ("solved", "map", "body", "recording", "stations", "surface")
     check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
     check_file(arguments.output, arguments.force, b"ftyp", "video")
@@ -114,7 +108,7 @@ def _write_video(arguments: argparse.Namespace) -> None:
 
 def _view_live(arguments: argparse.Namespace) -> None:
     unused = [] if arguments.solved is None else ["OUT"]
-    unused += given_flags(arguments, "body", "recording", "stations", "surface", "compare", "output", "over")
+    unused += given_flags(arguments, "body", "recording", "stations", "surface", "output", "over")
     if unused:
         raise ViewError(f"--live: the running graph publishes the body; leave out {', '.join(unused)}")
     try:

@@ -8,7 +8,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf_reader import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
-from bodycam_ros.live.joint_state_synchronizer import PoseSynchronizer
+from bodycam_ros.kinematics.joint_angles import JointAngles
+from bodycam_ros.live.joint_state_synchronizer import JointStateSynchronizer
 from bodycam_ros.live.node_parameters import RetargetParameters
 from bodycam_ros.live.robot_diagnostics import RobotDiagnostics
 from bodycam_ros.messages.body import joint_state_message, transforms_message
@@ -40,7 +41,7 @@ class RetargetStage(Stage[RetargetParameters]):
         self._robot = Robot(Path(self.required("urdf")), read_mapping(Path(self.required("mapping"))))
         self._following: Retargeting | None = None
         self._body: BodyModel | None = None
-        self._input = PoseSynchronizer(self._follow, partial(self.dropped.add, _DROPPED))
+        self._input = JointStateSynchronizer(self._follow, partial(self.dropped.add, _DROPPED))
         self._followed_ns = -1
         self._diagnostics = RobotDiagnostics(self.dropped)
         description, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
@@ -78,7 +79,7 @@ class RetargetStage(Stage[RetargetParameters]):
         self._body = body
         self._input.set_body(body)
 
-    def _follow(self, stamp_ns: int, world_T_segment: Array) -> None:
+    def _follow(self, stamp_ns: int, angles: Array, world_T_root: Array) -> None:
         """Follow the body in one frame."""
         if self._following is None or self._body is None:
             return
@@ -88,6 +89,7 @@ class RetargetStage(Stage[RetargetParameters]):
         if stamp_ns < self._followed_ns:
             self._following = Retargeting(self._body, self._robot, self._retarget)
         self._followed_ns = stamp_ns
+        world_T_segment = JointAngles(self._body).forward_kinematics(world_T_root, angles)
         self._publish(self._following.follow(stamp_ns, world_T_segment))
 
     def _publish(self, state: RobotState) -> None:

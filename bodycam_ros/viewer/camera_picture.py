@@ -13,13 +13,12 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, WARNING, side_colour
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.overlay import GOOD, GOOD_PX, project_overlay
-from bodycam_ros.static_cameras.contour_painting import CONTOUR
 from bodycam_ros.viewer.scene_nodes import rgb
 
 WIDTH = 640
 """Of the picture [px]; a larger image is scaled down."""
 
-_LANDMARK_PX, _CONTOUR_PX = 3, 1
+_LANDMARK_PX = 3
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 _FAR_PX = 4000.0  # what falls further out is not drawn: OpenCV's coordinates are 32 bits
 
@@ -45,7 +44,6 @@ def draw_picture(
     world_T_camera: Array,
     limbs: list[Bone],
     matches: LandmarkMatches | None,
-    contour: Array | None = None,
 ) -> CameraPicture:
     """Draw one image.
 
@@ -55,7 +53,6 @@ def draw_picture(
         world_T_camera: (4, 4) where the body has it [m].
         limbs: lines of the body and its equipment at this one time [m].
         matches: landmarks that were matched in the image.
-        contour: (N, 2) pixels of the contour of the body's surface, for a static camera.
 
     Raises:
         RecordingError: the image cannot be decoded.
@@ -72,9 +69,8 @@ def draw_picture(
     for ends in np.stack([overlay.pixels, overlay.projected], axis=1)[~is_good]:
         draw_polyline(pixels, ends * scale, WARNING, 1)
     for chosen, colour in ((is_good, GOOD), (~is_good, WARNING)):
-        draw_dots(pixels, overlay.pixels[chosen] * scale, colour, _LANDMARK_PX, 1)
-    if contour is not None:
-        draw_dots(pixels, (contour + 0.5) * scale - 0.5, CONTOUR, _CONTOUR_PX, cv2.FILLED)
+        for centre in _fixed(overlay.pixels[chosen] * scale).tolist():
+            cv2.circle(pixels, centre, _LANDMARK_PX << _SHIFT, rgb(colour), 1, cv2.LINE_AA, _SHIFT)
     errors = overlay.errors[np.isfinite(overlay.errors)]
     landmarks = np.zeros((0, 3)) if matches is None else matches.points_world.astype(np.float64)
     return CameraPicture(
@@ -88,12 +84,6 @@ def draw_polyline(pixels: NDArray[np.generic], points: Array, colour: str, width
     near = pieces[(np.abs(pieces) < _FAR_PX).all(axis=(1, 2))]
     drawn = rgb(colour)[::-1] if is_bgr else rgb(colour)
     cv2.polylines(pixels, list(_fixed(near)), False, drawn, width, cv2.LINE_AA, _SHIFT)
-
-
-def draw_dots(pixels: NDArray[np.generic], centres: Array, colour: str, radius: int, thickness: int) -> None:
-    """Draw circles (N, 2) of a radius and a line's thickness [px]."""
-    for centre in _fixed(centres).tolist():
-        cv2.circle(pixels, centre, radius << _SHIFT, rgb(colour), thickness, cv2.LINE_AA, _SHIFT)
 
 
 def _fixed(points: Array) -> NDArray[np.int32]:

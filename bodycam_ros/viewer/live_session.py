@@ -7,11 +7,8 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -24,54 +21,46 @@ from bodycam_ros.viewer.scene_nodes import FINE, Detail
 from bodycam_ros.viewer.server import LocalServer
 
 _REPORT_S = 0.5
-"""Between two counts of the states that came."""
+"""Between two counts of the states received."""
 
 _SILENT_S = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class LiveInstant:
+class LiveState:
     """One published state.
 
     Attributes:
+        body: as described last.
         stamp_ns: of the state [ns].
-        names: (A) of the joint angles.
-        angles: (A) [rad], [m] of joints that slide.
+        angles: (A,) in the order of the body's ``JointAngles`` [rad], [m] of joints that slide.
         world_T_root: (4, 4) [m].
-        poses: camera -> stamps [ns] and poses world_T_camera (4, 4) [m] of its latest registrations.
+        poses: camera -> stamp [ns] -> world_T_camera (4, 4) [m] of its latest registrations.
     """
 
+    body: BodyModel
     stamp_ns: int
-    names: tuple[str, ...]
     angles: Array
     world_T_root: Array
-    poses: Mapping[str, tuple[tuple[int, NDArray[np.float64]], ...]]
+    poses: Mapping[str, Mapping[int, Array]]
 
-    def motion(self, body: BodyModel) -> Motion | None:
-        """The state as a motion of a body; None if it is of another one, or not finite."""
-        column = {name: column for column, name in enumerate(self.names)}
-        wanted = JointAngles(body).names
-        if any(name not in column for name in wanted):
-            return None
-        angles = self.angles[[column[name] for name in wanted]]
-        if not (np.isfinite(angles).all() and np.isfinite(self.world_T_root).all()):
-            return None
-        registered = {camera: in_order(dict(poses)) for camera, poses in self.poses.items() if camera in body.mounts}
-        return Motion(np.array([self.stamp_ns]), self.world_T_root[None], wanted, angles[None], registered)
+    @property
+    def motion(self) -> Motion:
+        """The state as a motion of its body."""
+        registered = {camera: in_order(poses) for camera, poses in self.poses.items()}
+        names = JointAngles(self.body).names
+        return Motion(np.array([self.stamp_ns]), self.world_T_root[None], names, self.angles[None], registered)
 
 
 class Listener(Protocol):
     """Subscribes to the graph."""
 
-    def watch(self, cameras: tuple[str, ...]) -> None:
-        """Subscribe to the poses of these cameras, too."""
-
     def stop(self) -> None:
         """End all subscriptions."""
 
 
-MakeListener = Callable[[Callable[[str], None], Callable[[LiveInstant], None]], Listener]
-"""Makes a listener that passes URDFs to the first function and states to the second."""
+MakeListener = Callable[[Callable[[BodyModel | str], None], Callable[[LiveState], None]], Listener]
+"""Makes a listener that passes bodies, or a fault, to the first function and states to the second."""
 
 
 def view_live(make_listener: MakeListener, map_path: Path | None, port: int, detail: Detail = FINE) -> None:
@@ -81,7 +70,7 @@ def view_live(make_listener: MakeListener, map_path: Path | None, port: int, det
         make_listener: subscribes to the graph.
         map_path: map folder; None: the body alone.
         port: of this machine; 0 takes any free one.
-        detail: how finely it is drawn.
+        detail: level of detail.
 
     Raises:
         BodycamError: the map is missing or damaged, or the port cannot be used.
@@ -90,7 +79,7 @@ def view_live(make_listener: MakeListener, map_path: Path | None, port: int, det
     server = LocalServer(port, "bodycam view: live")
     try:
         session = LiveSession(server, reference_map, detail)
-        session.listener = listener = make_listener(session.put_body, session.put_instant)
+        listener = make_listener(session.put_body, session.put_state)
         try:
             server.print_address(detail)
             while True:
@@ -102,11 +91,10 @@ def view_live(make_listener: MakeListener, map_path: Path | None, port: int, det
 
 
 class LiveSession:
-    """One view of the graph. ``put_body`` and ``put_instant`` may be called on any thread, all else on one.
+    """One view of the graph. ``put_body`` and ``put_state`` may be called on any thread, all else on one.
 
     Attributes:
-        listener: subscribes to the cameras of a body once there is one.
-        state: of the graph, in words.
+        text: state of the graph, in words.
     """
 
     def __init__(self, server: LocalServer, reference_map: ReferenceMap | None, detail: Detail = FINE) -> None:
@@ -116,22 +104,21 @@ class LiveSession:
         self._scene: Scene | None = None
         self._count, self._since, self._last = 0, time.monotonic(), float("-inf")
         self._is_framed = False
-        self.listener: Listener | None = None
-        self.state = "waiting for /robot_description: is the graph running, on the same ROS_DOMAIN_ID?"
-        self._remark = server.gui.add_markdown(self.state)
+        self.text = "waiting for /robot_description: is the graph running, on the same ROS_DOMAIN_ID?"
+        self._remark = server.gui.add_markdown(self.text)
         self._follow = server.gui.add_checkbox("follow the body", True)
         self._shown = {MAP: True} if reference_map is not None else {}
         self._shown |= {CAMERAS: True, SURFACE: True, NAMES: False}
         add_switches(server.gui, inbox, self._shown, self._switch, has_registrations=True)
 
-    def put_body(self, urdf: str) -> None:
-        """Show the body that the graph describes."""
-        self._inbox.put(lambda: self._take_body(urdf), "body")
+    def put_body(self, body: BodyModel | str) -> None:
+        """Show the body that the graph describes, or the reason why there is none."""
+        self._inbox.put(lambda: self._take_body(body), "body")
 
-    def put_instant(self, instant: LiveInstant) -> None:
+    def put_state(self, state: LiveState) -> None:
         """Show a state of the graph; of several in the queue only the last."""
         self._count += 1
-        self._inbox.put(lambda: self._show(instant), "instant")
+        self._inbox.put(lambda: self._show(state), "state")
 
     def step(self, timeout_s: float) -> None:
         """Do the next action, or wait for it up to a time."""
@@ -145,14 +132,12 @@ class LiveSession:
         self._since = now
         if self._scene is not None:
             is_silent = now - self._last >= _SILENT_S
-            self.state = "no state of the body is published" if is_silent else f"{rate:.0f} states a second"
-        self._remark.content = self.state
+            self.text = "no state of the body is published" if is_silent else f"{rate:.0f} states a second"
+        self._remark.content = self.text
 
-    def _take_body(self, urdf: str) -> None:
-        try:
-            body = body_from_urdf(urdf)
-        except BodyError as error:
-            self.state = f"/robot_description cannot be read: {error}"
+    def _take_body(self, body: BodyModel | str) -> None:
+        if isinstance(body, str):
+            self.text = body
             return
         has_same_parts = self._body is not None and _parts(body) == _parts(self._body)
         self._body = body
@@ -172,16 +157,13 @@ class LiveSession:
         for layer, visible in self._shown.items():
             self._scene.show_layer(layer, visible)
         self._is_framed = False
-        self.state = "waiting for /joint_states and /odometry"
-        if self.listener is not None:
-            self.listener.watch(tuple(body.mounts))
+        self.text = "waiting for /joint_states and /odometry"
 
-    def _show(self, instant: LiveInstant) -> None:
-        motion = None if self._body is None else instant.motion(self._body)
-        if self._scene is None or motion is None:
+    def _show(self, state: LiveState) -> None:
+        if self._scene is None or state.body is not self._body:
             return
         self._last = time.monotonic()
-        self._scene.motion = motion
+        self._scene.motion = state.motion
         self._scene.show(0, follow=bool(self._follow.value))
         if not self._is_framed:
             self._scene.frame_body()

@@ -1,4 +1,4 @@
-"""How a body moves: of a solved bag, of another solution of the same recording, or standing in the N-pose."""
+"""Motion of a body: of a solved bag, or standing in the N-pose."""
 
 from collections import defaultdict
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone, body_bones
-from bodycam_ros.errors import BodyError, RecordingError, ViewError
+from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
@@ -19,7 +19,6 @@ from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.messages.poses import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import MotionJoiner, nearest
-from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, camera_topics, published_body
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -154,12 +153,6 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     )
 
 
-def _equipment_angles(body: BodyModel) -> list[str]:
-    """Names of the joint angles of equipment."""
-    joints = (joint for joint in body.tree_joints if joint.child in body.equipment_segments)
-    return [name for joint in joints for name in joint.angle_names]
-
-
 def _check_topics(bag: BagFile) -> None:
     for topic, wanted in MOTION_TOPICS.items():
         kind = bag.topics.get(topic)
@@ -179,49 +172,3 @@ def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path) -> None:
         )
     if others := sorted(joiner.roots - {body.root}):
         raise BodyError(f"{path}: {ODOMETRY} is of {', '.join(others)}, but the root of the body is {body.root}")
-
-
-@dataclass(frozen=True, eq=False)
-class OtherMotion:
-    """Another solution of a recording: a body of any shape over T states.
-
-    Attributes:
-        path: of the bag.
-        stamps_ns: (T,) increasing [ns].
-        lines: of the body and its equipment, over the T states.
-        angles: joint angle -> (T,) [rad].
-        places: segment -> (T, 3) its origin, which is the joint to its parent [m].
-    """
-
-    path: Path
-    stamps_ns: NDArray[np.int64]
-    lines: tuple[Bone, ...]
-    angles: Mapping[str, Array]
-    places: Mapping[str, Array]
-
-    def row(self, motion: Motion, instant: int) -> int | None:
-        """The state within half a frame of one of another motion."""
-        return nearest(self.stamps_ns, int(motion.stamps_ns[instant]), motion.frame_ns // 2)
-
-
-def read_other_motion(path: Path, motion: Motion) -> OtherMotion:
-    """Read a solved bag that is compared with another one.
-
-    Args:
-        path: ros2 bag folder or .mcap file.
-        motion: what it is compared with.
-
-    Raises:
-        RecordingError: not a bag that 'bodycam replay' wrote.
-        ViewError: none of its states is near one of the other, so it is of another recording.
-    """
-    solved = read_solved_body(path)
-    moved = solved.motion
-    angles = dict(zip(moved.joint_names, moved.joint_angles.T, strict=True))
-    if not any(nearest(moved.stamps_ns, int(stamp), motion.frame_ns) is not None for stamp in motion.stamps_ns):
-        raise ViewError(
-            f"--compare {path}: solved at other times than OUT, so from another recording; expected another solution "
-            "of the same one"
-        )
-    places = {segment: solved.world_T_link[segment][:, :3, 3] for segment in solved.body_segments}
-    return OtherMotion(path, moved.stamps_ns, tuple(solved.bones()), angles, places)

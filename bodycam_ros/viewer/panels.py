@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import GuiApi, GuiSliderHandle
 
-from bodycam_ros.picture_style import LEFT, RIGHT, side_colour
+from bodycam_ros.picture_style import LEFT, RIGHT
 from bodycam_ros.viewer.correction import NO_MOVE, Move, Part
 from bodycam_ros.viewer.inbox import Action, Inbox, set_value
-from bodycam_ros.viewer.motion import Motion, OtherMotion
+from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
-from bodycam_ros.viewer.timeline import Bands, Curve, band_rows, cursor, curve_rows
 
 _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
 _STEP_S, _DECIMALS = 0.001, 3
@@ -29,13 +28,6 @@ _STEP_MM, _STEP_DEG = 0.1, 0.01
 _PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
 _CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))
 _UNKNOWN = ((UNKNOWN, "camera"),)
-
-_CURVES_PX = 330
-_SIDES = ("_left", "_right")
-_MEANS = {"y": "bends", "x": "sideways", "z": "twists"}
-"""What a turn about an axis of the N-pose does; y is to the left, x forward, z up."""
-
-_FIRST_JOINT = "knee"
 
 _HELP = "keys: space plays, ← → step, shift + ← → leap, Home and End; A W S D Q E ↑ ↓ move the view"
 
@@ -231,74 +223,3 @@ def _legend(*rows: tuple[tuple[str, str], ...]) -> str:
     square = '<span style="display:inline-block;width:0.8em;height:0.8em;border-radius:0.2em;background:{}"></span> {}'
     lines = ("&ensp; ".join(square.format(colour, text) for colour, text in row) for row in rows)
     return f'<div style="font-size:0.75em;padding:0.1em 0.9em 0.5em;line-height:1.6">{"<br>".join(lines)}</div>'
-
-
-class CurvePanel:
-    """Shows the curves of one joint, of both sides if it has two, and the bands of all cameras."""
-
-    def __init__(self, gui: GuiApi, inbox: Inbox, motion: Motion, other: OtherMotion | None) -> None:
-        self._motion, self._other = motion, other
-        self._duration_s = float(motion.seconds[-1])
-        self._bands: Bands = {}
-        self._groups = joint_groups(motion.angle_names)
-        panel = gui.add_panel()
-        with panel.add_tab("Over time"):
-            self._joint = gui.add_dropdown("joint", tuple(self._groups) or ("none",))
-            if _FIRST_JOINT in self._groups:
-                set_value(self._joint, _FIRST_JOINT)
-            self._drawn = gui.add_html("")
-            self._cursor = gui.add_html("")
-            self._remark = gui.add_markdown("")
-        panel.dock_left()
-        panel.set_width(_CURVES_PX)
-        inbox.on_input(self._joint, lambda _: self._draw(), "joint")
-        self._draw()
-
-    def show_bands(self, bands: Bands) -> None:
-        """Show the registrations of the cameras."""
-        self._bands = bands
-        self._draw()
-
-    def show(self, seconds: float, remark: str) -> None:
-        """Show a time, and a remark on it."""
-        curves = len(self._groups.get(self._joint.value, ()))
-        self._cursor.content = cursor(min(seconds / self._duration_s, 1.0), curves, len(self._bands))
-        self._remark.content = remark
-
-    def _draw(self) -> None:
-        rows = {
-            label: [curve for name in names for curve in self._curves(name)]
-            for label, names in self._groups.get(self._joint.value, {}).items()
-        }
-        bands = band_rows(self._bands, self._duration_s) if self._bands else ""
-        self._drawn.content = curve_rows(rows, self._duration_s) + bands
-
-    def _curves(self, name: str) -> list[Curve]:
-        """The curve of an angle, beneath it that of the other recording."""
-        colour = side_colour(_joint_of(name))
-        column = self._motion.angle_names.index(name)
-        curves = [Curve(self._motion.seconds, np.degrees(self._motion.angles[:, column]), colour)]
-        if self._other is not None and name in self._other.angles:
-            seconds = (self._other.stamps_ns - self._motion.stamps_ns[0]) * 1e-9
-            curves.insert(0, Curve(seconds, np.degrees(self._other.angles[name]), colour, is_other=True))
-        return curves
-
-
-def joint_groups(angle_names: tuple[str, ...]) -> dict[str, dict[str, list[str]]]:
-    """Joint without its side -> kind of turn -> its angles, the left one first; sliding joints are left out."""
-    groups: dict[str, dict[str, list[str]]] = {}
-    for name in angle_names:
-        joint = _joint_of(name)
-        if joint.endswith("_at"):
-            continue
-        axis = name.removeprefix(joint).removeprefix("_")
-        both = joint.removesuffix(_SIDES[0]).removesuffix(_SIDES[1])
-        label = f"{_MEANS[axis]} ({axis})" if axis else "bends"
-        groups.setdefault(both.replace("_", " "), {}).setdefault(label, []).append(name)
-    return groups
-
-
-def _joint_of(angle_name: str) -> str:
-    """The joint of an angle: the angles of a ball joint end in an axis."""
-    joint, _, axis = angle_name.rpartition("_")
-    return joint if axis in _MEANS else angle_name

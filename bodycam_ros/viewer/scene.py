@@ -12,23 +12,19 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.overlay import GOOD
-from bodycam_ros.static_cameras.body_shape import BodySurface
-from bodycam_ros.static_cameras.region_settings import RegionSettings
-from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.viewer.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.footage import Footage
-from bodycam_ros.viewer.motion import Motion, OtherMotion, mounted_camera
+from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene_nodes import COMPARED, FINE, GRID, GRID_FINE, WORLD, Detail, rgb
+from bodycam_ros.viewer.scene_nodes import FINE, GRID, GRID_FINE, WORLD, Detail, rgb
 from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene, limbs_of
 from bodycam_ros.viewer.surface_scene import SurfaceReader, SurfaceScene
 
 MAP, CAMERAS, SURFACE, NAMES = "map", "cameras", "surface", "names"
-"""Layers that a person can hide; another solution's layer is named after its bag."""
+"""Layers that a person can hide."""
 
 _LANDMARK_M, _MATCHED_M = 0.012, 0.03
 _AMBIENT = 1.0
@@ -52,15 +48,13 @@ class Scene:
         on_click: Callable[[Part], None],
         stations: Mapping[str, Station] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
-        other: OtherMotion | None = None,
         detail: Detail = FINE,
     ) -> None:
         scene, self._server = server.scene, server
         self.motion = motion
-        self._body, self._stations, self._other = body, stations, other
+        self._body, self._stations = body, stations
         self._instant, self._world_T_segment = 0, motion.segments_at(body, 0)
         self._is_selected = False
-        self._tracker: tuple[Mapping[str, Surface], RegionTracker] | None = None
         # Following the body moves the world past it: a browser's own camera stays under its user's hands.
         self._world = scene.add_frame(WORLD, show_axes=False)
         _add_light(scene)
@@ -70,7 +64,6 @@ class Scene:
         self._cameras = CameraScene(scene, body, on_click, stations)
         self._surface = SurfaceScene(scene, read_surfaces, detail)
         self._equipment = LineScene(scene, "equipment", len(motion.equipment), EQUIPMENT)
-        self._other_lines = LineScene(scene, "other", len(other.lines) if other else 0, COMPARED)
         self._matched = _add_points(scene, "matched", np.zeros((1, 3)), rgb(GOOD), _MATCHED_M)
         self._matched.visible = False
         self._nodes: dict[str, Sequence[SceneNodeHandle]] = {}
@@ -81,8 +74,6 @@ class Scene:
         self._nodes[CAMERAS] = self._cameras.nodes
         self._nodes[SURFACE] = []
         self._nodes[NAMES] = [*self._skeleton.names, *self._cameras.names]
-        if other is not None:
-            self._nodes[other.path.name] = [self._other_lines.frame]
         self.layers = {layer: layer != NAMES for layer in self._nodes}
         self._surface.reshape(body)
         self.show_layer(SURFACE, self.layers[SURFACE])
@@ -97,9 +88,6 @@ class Scene:
                 self._world.position = (-x, -y, 0.0)
             self._skeleton.pose(body, self._world_T_segment)
             self._equipment.show(motion.equipment_at(instant))
-            if self._other is not None:
-                row = self._other.row(motion, instant)
-                self._other_lines.show([] if row is None else [line.at(row) for line in self._other.lines])
             for camera in motion.registered:
                 self._cameras.show_registered(camera, motion.registered_at(camera, instant) is not None)
 
@@ -150,15 +138,6 @@ class Scene:
             return self._stations[camera].world_T_camera
         return mounted_camera(self._body, self._world_T_segment, camera)
 
-    def joints_apart_m(self) -> Array:
-        """Distances (J,) of joints from where the other solution has them [m]; none where it has no state."""
-        row = None if self._other is None else self._other.row(self.motion, self._instant)
-        if self._other is None or row is None:
-            return np.zeros(0)
-        here = zip(self._body.segments, self._world_T_segment[:, :3, 3], strict=True)
-        places = self._other.places
-        return np.array([np.linalg.norm(places[name][row] - at) for name, at in here if name in places])
-
     def show_picture(self, camera: str | None, footage: Footage | None) -> CameraPicture | None:
         """Show a camera's image in its pyramid, with the body drawn over it; return it, None if there is none.
 
@@ -177,18 +156,8 @@ class Scene:
         if image is None:
             return None
         limbs = limbs_of(self._body, self._world_T_segment) + self.motion.equipment_at(self._instant)
-        contour = self._contour(footage.camera) if footage.camera in self._stations else None
         matches = footage.matches.get(image.stamp_ns)
-        return draw_picture(image, footage.model, self.world_T_camera(footage.camera), limbs, matches, contour)
-
-    def _contour(self, station: str) -> Array:
-        """Pixels (N, 2) of the visible contour of the body's surface in a static camera's image."""
-        surfaces = self._surface.surfaces
-        if self._tracker is None or self._tracker[0] is not surfaces:
-            shape = BodySurface.of(self._body, surfaces)
-            self._tracker = surfaces, RegionTracker(self._body, shape, self._stations, RegionSettings())
-        pixels: Array = self._tracker[1].views[station].find_contour(self._world_T_segment).points[:, :2]
-        return pixels
+        return draw_picture(image, footage.model, self.world_T_camera(footage.camera), limbs, matches)
 
 
 def _add_light(scene: SceneApi) -> None:

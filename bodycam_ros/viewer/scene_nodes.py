@@ -20,9 +20,6 @@ REGISTERED, LOST, UNKNOWN = "#2c7f78", WARNING, QUIET
 SELECTED = "#f2c200"
 """The part that is being moved; no side of the body, no state of a camera and no axis is yellow."""
 
-COMPARED = "#d6409f"
-"""Another solution of the same recording."""
-
 GRID_FINE, GRID = "#e3e7ea", "#b9c1c8"
 
 _LABEL_SCALE = 0.7

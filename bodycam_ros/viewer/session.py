@@ -11,13 +11,13 @@ from bodycam_ros.viewer.camera_picture import CameraPicture
 from bodycam_ros.viewer.correction import Correction, Gizmo, Move, Part, can_turn, place_of
 from bodycam_ros.viewer.footage import FootageLoader
 from bodycam_ros.viewer.inbox import Inbox
-from bodycam_ros.viewer.panels import CorrectionPanel, CurvePanel, PicturePanel, TimePanel, add_switches
+from bodycam_ros.viewer.joint_curves import CurvePanel
+from bodycam_ros.viewer.panels import CorrectionPanel, PicturePanel, TimePanel, add_switches
 from bodycam_ros.viewer.scene import Scene
 from bodycam_ros.viewer.scene_nodes import FINE, Detail
 from bodycam_ros.viewer.server import LocalServer
 from bodycam_ros.viewer.sources import Sources
 from bodycam_ros.viewer.surface_scene import surface_reader
-from bodycam_ros.viewer.timeline import read_bands
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
@@ -70,8 +70,7 @@ class Session:
             lambda part: inbox.put(lambda: self._select(part)),
             sources.stations,
             surface_reader(sources.body, body_path, sources.surface),
-            sources.other,
-            detail,
+            detail=detail,
         )
         self._gizmo = Gizmo(server.scene, lambda: inbox.put(self._end_drag), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, motion, self._show_instant)
@@ -89,10 +88,7 @@ class Session:
         self._loader: FootageLoader | None = None
         if sources.recording is not None:
             self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture)
-        self._curves = CurvePanel(gui, inbox, motion, sources.other) if len(motion.stamps_ns) > 1 else None
-        solved, first_ns, cameras = sources.solved, int(motion.stamps_ns[0]), tuple(sources.body.mounts)
-        if self._curves is not None and solved is not None:
-            inbox.compute(lambda: read_bands(solved, first_ns, cameras), self._curves.show_bands)
+        self._curves = CurvePanel(gui, inbox, motion) if len(motion.stamps_ns) > 1 else None
         self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
         add_switches(gui, inbox, self._scene.layers, self._scene.show_layer, has_registrations=bool(motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
@@ -124,21 +120,8 @@ class Session:
         """Show the body at the time of the slider."""
         self._scene.show(self._instant, follow=self._time.follows)
         if self._curves is not None:
-            self._curves.show(self._time.seconds, self._difference())
+            self._curves.show(self._time.seconds)
         self._show_picture()
-
-    def _difference(self) -> str:
-        """How far the joints are from those of the recording that is compared with."""
-        other = self._sources.other
-        if other is None:
-            return ""
-        apart_mm = 1e3 * self._scene.joints_apart_m()
-        if not len(apart_mm):
-            return f"{other.path.name} has no state at this time"
-        return (
-            f"dashed: {other.path.name}; joints {np.median(apart_mm):.1f} mm apart (median), "
-            f"{apart_mm.max():.1f} mm at most"
-        )
 
     def _show_picture(self) -> None:
         """Show the image of the chosen camera at the time of the slider."""

@@ -86,14 +86,10 @@ class SkeletonScene:
 
 
 class LineScene:
-    """Draws lines that are not of the body: its equipment, or another solution.
-
-    Attributes:
-        frame: node that has all lines.
-    """
+    """Draws lines that are not of the body: its equipment."""
 
     def __init__(self, scene: SceneApi, name: str, count: int, colour: str) -> None:
-        self.frame = scene.add_frame(f"{WORLD}/{name}", show_axes=False)
+        scene.add_frame(f"{WORLD}/{name}", show_axes=False)
         self._rods = [
             scene.add_cylinder(f"{WORLD}/{name}/line_{number}", _EQUIPMENT_RADIUS_M, color=rgb(colour))
             for number in range(count)

@@ -15,7 +15,7 @@ from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.viewer.correction import BodyFile
-from bodycam_ros.viewer.motion import Motion, OtherMotion, read_motion, read_other_motion
+from bodycam_ros.viewer.motion import Motion, read_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,6 @@ class Sources:
         cameras: of the body, and static ones, that have images.
         stations: static cameras.
         surface: folder of the body's meshes, instead of the body's own.
-        other: another solution of the recording, to be compared with.
     """
 
     body_file: BodyFile
@@ -44,7 +43,6 @@ class Sources:
     cameras: tuple[str, ...]
     stations: Mapping[str, Station] = field(default_factory=dict)
     surface: Path | None = None
-    other: OtherMotion | None = None
 
     @classmethod
     def read(
@@ -55,7 +53,6 @@ class Sources:
         recording: Path | None,
         stations_path: Path | None = None,
         surface: Path | None = None,
-        compare: Path | None = None,
     ) -> "Sources":
         """Read them all.
 
@@ -68,8 +65,6 @@ class Sources:
                 f"{recording}: without OUT the body's motion in these images is unknown; solve them first with "
                 f"'bodycam replay {recording} {place} --body {body_path} -o OUT', then name OUT here too"
             )
-        if compare is not None and solved is None:
-            raise ViewError(f"--compare {compare}: name OUT too, the bag that it is compared with")
         if map_path is None and stations_path is None:
             raise ViewError("no place: give its reference map with --map, or its static cameras with --stations")
         body_file = BodyFile(body_path)
@@ -89,8 +84,7 @@ class Sources:
                         f"{', '.join(body.mounts) or 'none'}"
                         + (f", {stations_path} {', '.join(stations)}" if stations else "")
                     )
-        other = None if compare is None else read_other_motion(compare, motion)
-        return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface, other)
+        return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
 
 
 def _has_hands(solved: Path | None, stations: Path | None) -> bool:

@@ -42,10 +42,9 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
     joints = graph.publisher("/anna/joint_states", "sensor_msgs/msg/JointState")
     odometry = graph.publisher("/anna/odometry", "nav_msgs/msg/Odometry")
     camera = graph.publisher("/anna/head/pose", "geometry_msgs/msg/PoseWithCovarianceStamped")
-    listener = BodyListener(session.put_body, session.put_instant, namespace="anna")
-    session.listener = listener
+    listener = BodyListener(session.put_body, session.put_state, namespace="anna")
     try:
-        assert "waiting for /robot_description" in session.state
+        assert "waiting for /robot_description" in session.text
 
         def stepped(condition: Any) -> Any:
             def step() -> bool:
@@ -103,7 +102,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
         assert_allclose(world.position, [-2.0, -1.0, 0.0], atol=1e-6)  # followed
         other = server.scene.get_handle_by_name(f"{shin}/camera_shin_left/pyramid")
         assert other is not None and other.color == rgb(LOST)  # type: ignore[attr-defined]
-        graph.until(stepped(lambda: "states a second" in session.state), 60.0, "how many instants come")
+        graph.until(stepped(lambda: "states a second" in session.text), 60.0, "how many instants come")
     finally:
         listener.stop()
 

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import av
+import numpy as np
 import pytest
 from ended_with_us import ended_with_us
 
@@ -75,3 +77,17 @@ def test_a_port_in_use_is_one_line(sample: Path, body_file: Path) -> None:
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith(f"bodycam: error: port {port} of this machine is in use")
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("over", [(), ("--over", "head")])
+def test_a_video_has_the_frames_of_the_recording(
+    sample: Path, sample_out: Path, body_file: Path, tmp_path: Path, over: tuple[str, ...]
+) -> None:
+    given = ["--map", sample / "map", "--body", body_file, "--recording", sample / "sample/bag", *over]
+    result = bodycam_view(sample_out, *given, "-o", tmp_path / "walk.mp4")
+    assert result.returncode == 0, result.stderr
+    with av.open(tmp_path / "walk.mp4") as video:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+    assert 55 < len(pictures) <= 60
+    assert pictures[0].std() > 5.0 and np.abs(pictures[0].astype(float) - pictures[-1]).mean() > 1.0
