@@ -8,7 +8,7 @@ from bodycam_ros.estimation.inertial_factors import InertialSettings
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
-from bodycam_ros.mapping.growth_settings import ExtensionSettings, GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings, GrowthSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.registrar import RegistrarSettings

@@ -151,7 +151,7 @@ def test_bad_value_says_where_it_stands(config: Path) -> None:
 
 
 def test_a_file_may_hold_groups_of_other_commands_but_none_that_is_misspelt(config: Path) -> None:
-    others = config.read_text() + "    registrar: {min_inliers: 20}\n    kept: {}\n"
+    others = config.read_text() + "    registrar: {min_inliers: 20}\n    features: {}\n"
     config.write_text(others)
     assert settings_of(config=config).heat == 100.0
     config.write_text(others.replace("registrar", "registrer"))

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     output: Path = arguments.output
     settings = settings_from_flags(arguments, MapSettings, arguments.config)
     sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
-    check_output(output, (*sources, arguments.board, arguments.colmap, arguments.config))
+    check_output(output, (*sources, arguments.board, arguments.config))
     check_replaceable(output, arguments.force)
     check_source(arguments)
     with shown_progress() as progress, opened_photographs(arguments, settings, progress) as photographs:
@@ -63,7 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
         built = build_map(
             photographs,
             board_path,
-            arguments.colmap,
             settings,
             arguments.jobs,
             progress,
@@ -87,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         ", ".join(f"{step} {took:.0f} s" for step, took in built.seconds.items()),
         _scale_line(built),
         _vertical_line(built),
-        *coverage_lines(coverage, reference_map),
+        *coverage_lines(coverage),
         f"written to {output}; coverage is drawn in {output / COVERAGE_FILE}",
     )
     terminal.print("\n".join(lines), soft_wrap=True)

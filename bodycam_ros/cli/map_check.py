@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     reference_map = ReferenceMap.load(arguments.map)
     with shown_progress() as progress:
         coverage = measure_coverage(reference_map, progress)
-    lines = coverage_lines(coverage, reference_map)
+    lines = coverage_lines(coverage)
     if arguments.output is not None:
         with whole_file(arguments.output) as unfinished:
             draw_coverage(coverage, reference_map, unfinished, arguments.map.resolve().name)

@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         also=lambda folder: draw_coverage(coverage, extended, folder / COVERAGE_FILE, output.name),
     )
     print_rounds(extension.rounds)
-    Terminal().print("\n".join(coverage_lines(coverage, extended)), soft_wrap=True)
+    Terminal().print("\n".join(coverage_lines(coverage)), soft_wrap=True)
     Terminal().print(
         f"{extended.grown} landmarks added by body cameras to {known}, {len(extended.image_names)} pictures; "
         f"written to {output}, drawn in {output / COVERAGE_FILE}",

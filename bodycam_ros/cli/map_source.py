@@ -47,12 +47,6 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         "--topic", help="images of the camera in BAG that was carried, as /hand/image_raw/compressed (the only one)"
     )
     parser.add_argument("--keep-frames", type=Path, metavar="DIR", help="keep the frames, as a REFERENCE_DIR")
-    parser.add_argument(
-        "--colmap",
-        type=Path,
-        metavar="COLMAP_DIR",
-        help="use this COLMAP model of the same photographs, and its camera where they have no camera.yaml",
-    )
     body = parser.add_argument_group("a map from body cameras")
     body.add_argument(
         "--from-bag", type=Path, metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion"
@@ -83,7 +77,7 @@ def check_source(arguments: argparse.Namespace) -> None:
     if arguments.from_bag is not None:
         if source is not None:
             raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
-        for flag in given_flags(arguments, "topic", "camera", "keep_frames", "colmap"):
+        for flag in given_flags(arguments, "topic", "camera", "keep_frames"):
             raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
         known_distances(arguments)
         return
@@ -103,11 +97,6 @@ def check_source(arguments: argparse.Namespace) -> None:
         check_output(arguments.keep_frames, (source, arguments.camera, arguments.board, arguments.config))
         check_output(arguments.output, (arguments.keep_frames,))
         check_frames_replaceable(arguments.keep_frames, arguments.force)
-    if arguments.colmap is not None:
-        if _is_recording(source):
-            raise MapError("--colmap is a model of photographs; give their folder, not a video or bag")
-        if not arguments.colmap.is_dir():
-            raise MapError(f"{arguments.colmap}: is no folder; give that of a COLMAP model (cameras, images, points3D)")
 
 
 def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
@@ -175,7 +164,7 @@ def opened_photographs(
 
     source: Path = arguments.from_bag or arguments.source
     if not _is_recording(source):
-        yield find_photographs(source, arguments.camera, arguments.colmap)
+        yield find_photographs(source, arguments.camera)
         return
     board = source.resolve().parent / BOARD_FILE
     pairs: list[tuple[str, str]] = []

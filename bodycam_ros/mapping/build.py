@@ -23,7 +23,7 @@ from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measur
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.mapping.progress import Progress, TimedProgress
-from bodycam_ros.mapping.reconstruction import adopt_model, reconstruct
+from bodycam_ros.mapping.reconstruction import reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure, choose_descriptors
 from bodycam_ros.registration.map_photographs import MapPhotographs
@@ -102,7 +102,6 @@ class BuiltMap:
 def build_map(
     photographs: Photographs,
     board_path: Path | None,
-    model_folder: Path | None,
     settings: MapSettings,
     workers: int,
     progress: Progress,
@@ -114,7 +113,6 @@ def build_map(
     Args:
         photographs: the reference folder.
         board_path: description of the board that some photographs show; None: a map up to scale.
-        model_folder: existing COLMAP model to take over; None: structure from motion.
         settings: of all steps.
         workers: threads.
         progress: shows the steps.
@@ -142,10 +140,7 @@ def build_map(
         _LOG.warning("%s. The known distance or inertial sensors scale the map", problem)
         board = None
     # Poses and points, kept by the criteria of A 4.1.
-    if model_folder is None:
-        structure = reconstruct(features, camera_of_name, workers, timed)
-    else:
-        structure = adopt_model(model_folder, features, camera_of_name)
+    structure = reconstruct(features, camera_of_name, workers, timed)
 
     # Scale, origin and upward direction.
     alignment, known_scale, floor, inertial = None, None, None, None
@@ -171,7 +166,7 @@ def build_map(
             # The origin stays on the floor.
             structure = structure.transformed(scale, upright_axes(inertial.up), np.zeros(3))
 
-    kept = small_photographs(photographs.folder, structure, workers, timed) if settings.kept.keep else None
+    kept = small_photographs(photographs.folder, structure, workers, timed)
     with timed.step("describing landmarks", 1) as advance:
         registrations = _registrations([image.name for image in features], structure, tags)
         reference_map = _make_map(

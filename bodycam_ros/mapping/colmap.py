@@ -3,8 +3,6 @@
 All pixels are shifted by half a pixel between COLMAP's convention and ours, see ``camera/colmap_model.py``.
 """
 
-import subprocess
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -19,10 +17,6 @@ from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import Structure, distinct
 
 _RANDOM_SEED = 1
-_MAX_TRIAL_S = 30.0  # a model of a hundred photographs takes 0.1 s
-_TRIAL = """import resource, sys, pycolmap
-resource.setrlimit(resource.RLIMIT_AS, (4 << 30,) * 2)
-pycolmap.Reconstruction(sys.argv[1])"""
 _MAX_TRIALS = 1000  # of two-view geometry; pairs that need more have few inliers, and others tie their photographs
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
@@ -186,24 +180,6 @@ def poses_of(reconstruction: pycolmap.Reconstruction) -> dict[str, NDArray[np.fl
 
 def _registered_images(reconstruction: pycolmap.Reconstruction) -> list[pycolmap.Image]:
     return sorted((i for i in reconstruction.images.values() if i.has_pose), key=lambda i: i.name)
-
-
-def read_model(folder: Path) -> pycolmap.Reconstruction:
-    """Read a COLMAP model, binary or text.
-
-    It is read in another process first: COLMAP trusts the counts in its files, and with a damaged one loops, aborts or
-    fills the memory.
-
-    Raises:
-        MapError: there is no whole model in the folder.
-    """
-    try:
-        subprocess.run(
-            [sys.executable, "-c", _TRIAL, str(folder)], capture_output=True, check=True, timeout=_MAX_TRIAL_S
-        )
-        return pycolmap.Reconstruction(folder)
-    except (subprocess.SubprocessError, ValueError, RuntimeError, IndexError, MemoryError) as error:
-        raise MapError(f"{folder}: not a readable COLMAP model (cameras, images, points3D)") from error
 
 
 def write_model(folder: Path, ply: Path, structure: Structure) -> None:

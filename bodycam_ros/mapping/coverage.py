@@ -4,7 +4,6 @@ A landmark counts as visible by the criteria of registration: large enough in th
 direction of a photograph. Occlusion is not known.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -38,10 +37,9 @@ _MAX_ELEVATION_DEG = 60.0  # up and down, to which body cameras point most of th
 _MAX_PLACES = 80  # on the floor; a large place gets a wider spacing
 _MAX_COUNTED = 700  # landmarks around a place; of more, every n-th counts for n
 
-_MISSING = 0.5  # share of the places that must see enough in a direction, and of the directions at a place
+_MISSING = 0.5  # share of the places that must see enough in a direction
 _MAX_LINES = 4
 _MIN_GAP = 0.01  # of all directions
-_APART_M = 2.0  # between two places that are both named
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +188,7 @@ class Gap:
     Attributes:
         cells: (E, A) which directions.
         azimuth_deg, elevation_deg: of their middle.
-        azimuths_deg: first and last at the height of the middle, counter-clockwise; -180 and 180 if all are missing.
+        all_around: whether it has no azimuth of its own.
         elevations_deg: lowest and highest.
         share: of the places, which have enough landmarks in these directions.
         size: solid angle of the missing directions, as a share of all.
@@ -199,15 +197,10 @@ class Gap:
     cells: NDArray[np.bool_]
     azimuth_deg: float
     elevation_deg: float
-    azimuths_deg: tuple[float, float]
+    all_around: bool
     elevations_deg: tuple[float, float]
     share: float
     size: float
-
-    @property
-    def all_around(self) -> bool:
-        """Whether it has no azimuth of its own."""
-        return self.azimuths_deg == (-180.0, 180.0)
 
 
 def find_gaps(coverage: Coverage) -> list[Gap]:
@@ -232,7 +225,7 @@ def _gap(coverage: Coverage, cells: NDArray[np.bool_]) -> Gap:
         cells=cells,
         azimuth_deg=float(np.degrees(np.arctan2(mean[1], mean[0]))),
         elevation_deg=elevation,
-        azimuths_deg=(-180.0, 180.0) if covered.all() else _arc(coverage.azimuths_deg, covered),
+        all_around=bool(covered.all()),
         elevations_deg=(
             float(coverage.elevations_deg[elevations].min()),
             float(coverage.elevations_deg[elevations].max()),
@@ -242,39 +235,22 @@ def _gap(coverage: Coverage, cells: NDArray[np.bool_]) -> Gap:
     )
 
 
-def _arc(azimuths_deg: Array, covered: NDArray[np.bool_]) -> tuple[float, float]:
-    """First and last azimuth (-180 to 180, counter-clockwise) of those covered: the complement of the longest gap."""
-    rows = np.flatnonzero(covered)
-    steps = np.diff(np.append(rows, rows[0] + len(covered)))
-    after = int(np.argmax(steps))
-    return float(azimuths_deg[rows[(after + 1) % len(rows)]]), float(azimuths_deg[rows[after]])
-
-
-def coverage_lines(coverage: Coverage, reference_map: ReferenceMap) -> list[str]:
+def coverage_lines(coverage: Coverage) -> list[str]:
     """Sentences on what the map covers, and what should be photographed too."""
-    unit = " m" if reference_map.metric else ""
     lines = [
         f"coverage: a body camera would register in {100 * coverage.share:.0f} % of all directions from "
         f"{len(coverage.places_world)} places where a person would be ({_ENOUGH} landmarks in view are enough)"
     ]
     gaps = find_gaps(coverage)
     lines += [_gap_line(gap) for gap in gaps[:_MAX_LINES]]
-    poor = _poor_places(coverage)
-    if len(poor) == len(coverage.places_world) and len(poor) > 1:
-        lines.append("from no place does it do so in half of them: take more photographs everywhere")
-    elif not gaps:
-        for x, y, _ in _spread(poor):
-            lines.append(f"photograph from here too: around x = {x:.1f}{unit}, y = {y:.1f}{unit}, all around")
     return lines
 
 
 def _gap_line(gap: Gap) -> str:
     low, high = gap.elevations_deg
     what, where = "this wall", f"towards azimuth {gap.azimuth_deg:.0f} deg from the map's x axis, counter-clockwise"
-    where += f", from {gap.azimuths_deg[0]:.0f} to {gap.azimuths_deg[1]:.0f} deg"
     if gap.all_around:
-        what = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more"
-        where = "all around"
+        what, where = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more", "all around"
     return (
         f"photograph {what} too: {where}, elevation {low:.0f} to {high:.0f} deg; a camera registers there from "
         f"{100 * gap.share:.0f} % of the places"
@@ -291,28 +267,9 @@ def with_coverage(reference_map: ReferenceMap, coverage: Coverage) -> ReferenceM
             {
                 "azimuth_deg": round(gap.azimuth_deg),
                 "elevation_deg": round(gap.elevation_deg),
-                "azimuths_deg": [round(edge) for edge in gap.azimuths_deg],
-                "elevations_deg": [round(edge) for edge in gap.elevations_deg],
                 "share": round(gap.share, 2),
             }
             for gap in find_gaps(coverage)
         ],
-        "poor_places": [[round(float(value), 2) for value in place] for place in _spread(_poor_places(coverage))],
     }
     return replace(reference_map, summary={**reference_map.summary, "coverage": document})
-
-
-def _poor_places(coverage: Coverage) -> Array:
-    """(N, 3) places from which a camera registers in few directions, in the map's frame, the worst first."""
-    share = coverage.share_by_place
-    poor = np.flatnonzero(share < _MISSING)
-    return np.asarray(coverage.places_world[poor[np.argsort(share[poor], kind="stable")]])
-
-
-def _spread(places: Array) -> Iterator[Array]:
-    """Some of the places, none near another."""
-    named: list[Array] = []
-    for place in places:
-        if len(named) < _MAX_LINES and all(np.linalg.norm(place[:2] - other[:2]) > _APART_M for other in named):
-            named.append(place)
-            yield place

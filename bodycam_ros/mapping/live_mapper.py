@@ -5,8 +5,8 @@ from collections.abc import Callable
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
 from bodycam_ros.mapping.extendable_map import AddedLandmarks, make_extendable
-from bodycam_ros.mapping.growth_settings import GrowthSettings
 from bodycam_ros.mapping.local_mapper import LocalMapper
+from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame

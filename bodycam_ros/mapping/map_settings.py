@@ -1,4 +1,4 @@
-"""Public settings of ``bodycam map``."""
+"""Public settings of ``bodycam map``, and of map extension by body cameras."""
 
 from dataclasses import dataclass
 
@@ -36,18 +36,33 @@ class FeatureSettings:
 
 
 @dataclass(frozen=True)
-class KeptPhotographSettings:
-    """What the map keeps of the photographs."""
-
-    keep: bool = setting(
-        True, reason="keep small photographs in the map; without them landmarks are known by their descriptors alone"
-    )
-
-
-@dataclass(frozen=True)
 class MapSettings(SettingsGroups):
     """Settings of every step from photographs to a map."""
 
     frames: FrameSettings = FrameSettings()
     features: FeatureSettings = FeatureSettings()
-    kept: KeptPhotographSettings = KeptPhotographSettings()
+
+
+@dataclass(frozen=True)
+class GrowthSettings:
+    """Map extension while cameras are registered (A 4.1, second half)."""
+
+    enabled: bool = setting(True, reason="body cameras add landmarks where the photographs show none")
+    capacity: int = setting(
+        12000,
+        unit="landmarks",
+        limits=(100, 1_000_000),
+        reason="most added landmarks at a time; those unobserved for longest are removed first. More costs memory",
+    )
+
+
+@dataclass(frozen=True)
+class ExtensionSettings:
+    """Rounds of registration and triangulation over a recording (A 4.1)."""
+
+    rounds: int = setting(
+        5, limits=(1, 20), reason="most rounds, as in A section 4.1; extension stops where a round registers no more"
+    )
+    capacity: int = setting(
+        40000, unit="landmarks", limits=(100, 1_000_000), reason="most landmarks that are added to the map"
+    )

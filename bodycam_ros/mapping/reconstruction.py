@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera import CameraModel
@@ -19,7 +18,7 @@ from bodycam_ros.mapping.epipolar_matching import match_known_poses
 from bodycam_ros.mapping.features import ImageFeatures, choose_pairs, count_common_features, mutual_matches
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.progress import Progress, in_parallel
-from bodycam_ros.mapping.structure import NO_FEATURE, Structure, distinct
+from bodycam_ros.mapping.structure import Structure, distinct
 from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
@@ -32,8 +31,6 @@ _MIN_FITTING = 0.22  # share of the matches that must fit, or there is no map; 0
 # 0.19 to 0.30 with a focal length 20 % off
 _DOUBTFUL_FITTING = 0.45  # share below which a warning is given; 0.13 to 0.32 with another lens model, with fx, fy 5 %
 # off 0.38 in a hundred photographs, 0.7 in thirty
-_MAX_MODEL_ERROR_PX = 2.0  # median of a COLMAP model that is taken over; far more if made with other intrinsics
-_SAME_FEATURE_PX = 1.5  # another detector's keypoint this near shows the same detail
 _PAIRS_AT_ONCE = 40  # between two steps of the progress bar
 
 
@@ -153,47 +150,6 @@ def _names(features: Sequence[ImageFeatures], pairs: Sequence[tuple[int, int]]) 
     return [(features[first].name, features[second].name) for first, second in pairs]
 
 
-def adopt_model(
-    folder: Path, features: Sequence[ImageFeatures], camera_of_name: Mapping[str, CameraModel]
-) -> Structure:
-    """Take over an existing COLMAP model, with our descriptors at its observations.
-
-    Args:
-        folder: of the model's cameras, images and points3D.
-        features: of all photographs; those that the model lacks are left out.
-        camera_of_name: the camera of each photograph; must be those of the model.
-
-    Raises:
-        MapError: the model cannot be read, shows other photographs or was made with other intrinsics.
-    """
-    model = colmap.read_model(folder)
-    colmap.keep_good_points(model, np.inf, _MIN_ANGLE_DEG)
-    known = {image.name: image for image in features}
-    names = list(colmap.poses_of(model))
-    missing = [name for name in names if name not in known]
-    if missing or len(names) < 2:
-        raise MapError(
-            f"{folder}: the model registers {len(names)} photographs, of which {len(missing)} are not "
-            f"readable in the reference folder ({', '.join(missing[:3])}...); give the folder of the model"
-        )
-    structure = colmap.structure_from(model, camera_of_name)
-    errors = structure.reprojection_errors()
-    median = float(np.median(errors)) if len(errors) else float("nan")
-    if not median <= _MAX_MODEL_ERROR_PX:
-        raise MapError(
-            f"{folder}: with the intrinsics of camera.yaml the model's points project {median:.1f} px (median) from "
-            f"where they were observed, expected {_MAX_MODEL_ERROR_PX:g} at most; give the calibration of the model"
-        )
-    structure = structure.with_observations(errors <= _MAX_ERROR_PX)
-    rows = np.full(len(structure.observation_views), NO_FEATURE, dtype=np.int64)
-    for view, name in enumerate(structure.names):
-        here = np.flatnonzero(structure.observation_views == view)
-        if len(known[name].pixels) and len(here):
-            distances, nearest = cKDTree(known[name].pixels).query(structure.observation_pixels[here])
-            rows[here] = np.where(distances <= _SAME_FEATURE_PX, nearest, NO_FEATURE)
-    return _coloured(_keep_observed(replace(structure, observation_features=rows)), features)
-
-
 def _check_fits(model: pycolmap.Reconstruction, cameras: Sequence[CameraModel], workers: int) -> None:
     """Adjust a model, and refuse it if few of the matches fit: with wrong intrinsics only scraps do.
 
@@ -216,10 +172,8 @@ def _check_fits(model: pycolmap.Reconstruction, cameras: Sequence[CameraModel], 
 
 
 def _keep_observed(structure: Structure) -> Structure:
-    """Drop points that too few photographs observe, or without any descriptor."""
-    described: NDArray[np.bool_] = np.zeros(len(structure.points_world), dtype=bool)
-    described[structure.observation_points[structure.observation_features != NO_FEATURE]] = True
-    kept = structure.with_points(described & (structure.views_per_point() >= _MIN_VIEWS))
+    """Drop points that too few photographs observe."""
+    kept = structure.with_points(structure.views_per_point() >= _MIN_VIEWS)
     if not len(kept.points_world):
         raise MapError(
             f"none of {len(structure.points_world)} points is observed well enough to be a landmark (error <= "
@@ -234,6 +188,6 @@ def _coloured(structure: Structure, features: Sequence[ImageFeatures]) -> Struct
     known = {image.name: image for image in features}
     colours = np.zeros((len(structure.points_world), 3), dtype=np.uint8)
     for view, name in enumerate(structure.names):
-        here = (structure.observation_views == view) & (structure.observation_features != NO_FEATURE)
+        here = structure.observation_views == view
         colours[structure.observation_points[here]] = known[name].colours[structure.observation_features[here]]
     return replace(structure, colours=colours)

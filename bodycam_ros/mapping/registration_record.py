@@ -8,12 +8,26 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping.body_keyframe import KeyframeSelection, has_moved
-from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _MAX_COVERED = 0.8  # share of the view with landmarks of the photographs, from which on an image adds none
 _MAX_SIGMA_M = 0.02  # of a keyframe's position
 _MAX_KEYFRAMES = 300  # of all cameras: each costs 30 kB in the map and a tenth of a second in a round
+
+
+@dataclass(frozen=True)
+class ExtensionRound:
+    """One round.
+
+    Attributes:
+        shares: camera -> share of its images that are registered, in this round or before, 0 to 1.
+        share: the same of all images.
+        absolute: share of all images with enough landmarks of the photographs to be registered by these alone.
+    """
+
+    shares: Mapping[str, float]
+    share: float
+    absolute: float
 
 
 @dataclass(frozen=True)
@@ -72,7 +86,7 @@ class RegistrationRecord:
             )
 
     def summary(self) -> ExtensionRound:
-        """Shares and places of the images that are registered by now."""
+        """Shares of the images that are registered by now."""
         images = max(1, sum(map(len, self._images.values())))
         poses = {camera: self._in_order(camera) for camera in self._registered}
         everywhere = [pose for of_camera in poses.values() for pose in of_camera]
@@ -80,10 +94,6 @@ class RegistrationRecord:
             shares={camera: len(found) / max(1, len(self._images[camera])) for camera, found in poses.items()},
             share=len(everywhere) / images,
             absolute=sum(pose.is_absolute for pose in everywhere) / images,
-            places={
-                camera: np.array([pose.world_T_camera[:3, 3] for pose in found]).reshape(-1, 3)
-                for camera, found in poses.items()
-            },
         )
 
     def choose_keyframes(self) -> dict[str, list[RegisteredImagePose]]:

@@ -10,8 +10,6 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.mapping.features import ImageFeatures
 
-NO_FEATURE = -1
-
 _DESCRIPTORS_PER_POINT = 4  # from directions far from each other: SIFT holds for some 30 degrees around each
 
 
@@ -29,7 +27,7 @@ class Structure:
         observation_views: (O,) int64 row of the photograph.
         observation_points: (O,) int64 row of the point.
         observation_pixels: (O, 2) float64, pixel centres at integers.
-        observation_features: (O,) int64 row in the photograph's ``ImageFeatures``; ``NO_FEATURE`` if there is none.
+        observation_features: (O,) int64 row in the photograph's ``ImageFeatures``.
     """
 
     names: Sequence[str]
@@ -59,19 +57,16 @@ class Structure:
 
     def with_points(self, kept: NDArray[np.bool_]) -> "Structure":
         """The same structure with only the points that ``kept`` (L,) marks, and the observations of them."""
-        new_rows = np.cumsum(kept) - 1
-        remaining = self.with_observations(kept[self.observation_points])
+        observed = kept[self.observation_points]
         return replace(
-            remaining,
+            self,
             points_world=self.points_world[kept],
             colours=self.colours[kept],
-            observation_points=new_rows[remaining.observation_points],
+            observation_views=self.observation_views[observed],
+            observation_points=(np.cumsum(kept) - 1)[self.observation_points[observed]],
+            observation_pixels=self.observation_pixels[observed],
+            observation_features=self.observation_features[observed],
         )
-
-    def with_observations(self, kept: NDArray[np.bool_]) -> "Structure":
-        """The same structure with only the observations that ``kept`` (O,) marks; points may be left with none."""
-        names = ("observation_views", "observation_points", "observation_pixels", "observation_features")
-        return replace(self, **{name: getattr(self, name)[kept] for name in names})
 
     def views_per_point(self) -> NDArray[np.int64]:
         """Number (L,) of observations of each point."""
@@ -126,7 +121,6 @@ def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) 
         structure: in the frame of the map.
         features: of the photographs of ``structure``, in its order.
     """
-    known = structure.observation_features != NO_FEATURE
     points_camera = structure.observed_points_camera()
     distances = np.linalg.norm(points_camera, axis=1)
     to_camera = structure.world_T_camera[structure.observation_views, :3, 3]
@@ -134,7 +128,6 @@ def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) 
 
     # By landmark, and within it the nearest view first: it has the sharpest and largest image.
     order = np.lexsort((distances, structure.observation_points))
-    order = order[known[order]]
     landmarks = structure.observation_points[order]
     starts = np.flatnonzero(np.diff(landmarks, prepend=-1))
     kept = [group[_spread(to_camera[group])] for group in np.split(order, starts[1:]) if len(group)]

@@ -19,10 +19,9 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, make_keyframe
 from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.extended_map import KeptImage, make_extended_map
-from bodycam_ros.mapping.growth_settings import ExtensionRound
 from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.mapping.progress import in_parallel
-from bodycam_ros.mapping.registration_record import RegisteredImagePose, RegistrationRecord
+from bodycam_ros.mapping.registration_record import ExtensionRound, RegisteredImagePose, RegistrationRecord
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline_settings import PipelineSettings

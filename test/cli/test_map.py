@@ -122,41 +122,6 @@ def test_a_map_is_not_replaced_by_accident(built, sample, capsys):
     assert "--force" in capsys.readouterr().err
 
 
-@pytest.mark.long
-def test_an_existing_model_is_taken_over(built, sample, tmp_path):
-    """From a model in another frame and scale the same map comes out, with our descriptors and the model's camera."""
-    turned = pycolmap.Reconstruction(built[0] / "sparse")
-    turned.transform(
-        pycolmap.Sim3d(3.0, pycolmap.Rotation3d(np.array([0.5, 0.5, 0.5, 0.5])), np.array([1.0, 2.0, 3.0]))
-    )
-    (tmp_path / "colmap").mkdir()
-    turned.write(tmp_path / "colmap")
-    reference = tmp_path / "reference"
-    shutil.copytree(sample / "reference", reference)
-    (reference / "camera.yaml").unlink()
-    arguments = ["map", str(reference), "--colmap", str(tmp_path / "colmap"), "-o", str(tmp_path / "map")]
-    assert main([*arguments, *QUICK]) == 0
-    ours, taken = ReferenceMap.load(built[0]), ReferenceMap.load(tmp_path / "map")
-    assert taken.image_names == ours.image_names
-    assert np.allclose(taken.world_T_camera, ours.world_T_camera, atol=1e-4)
-    assert len(taken.landmark_ids) > 0.95 * len(ours.landmark_ids)
-    assert len(taken.descriptors) > 0.9 * len(ours.descriptors)
-
-
-@pytest.mark.long
-def test_a_model_of_other_photographs_or_intrinsics_is_refused(built, sample, few, tmp_path, capsys):
-    arguments = ["--colmap", built[0] / "sparse", "--no-board", "-o", tmp_path / "map", *QUICK]
-    expect_error([few, *arguments], capsys, "8 are not readable in the reference folder")
-
-    shutil.copytree(sample / "reference", tmp_path / "all")
-    camera = yaml.safe_load((few / "camera.yaml").read_text())
-    camera["camera_matrix"]["data"][0] *= 1.05
-    camera["camera_matrix"]["data"][4] *= 1.05
-    (tmp_path / "all" / "camera.yaml").write_text(yaml.safe_dump(camera))
-    expect_error([tmp_path / "all", *arguments], capsys, "intrinsics of camera.yaml")
-    assert not (tmp_path / "map").exists()
-
-
 def test_without_a_board_the_map_says_that_it_has_no_scale(few, tmp_path, capsys):
     (few / "board.yaml").unlink()
     assert main(["map", str(few), "-o", str(tmp_path / "map"), *QUICK]) == 0

@@ -108,7 +108,6 @@ def test_flags_that_a_source_has_no_use_for_are_refused(
     out = ["-o", tmp_path / "map"]
     expect_error([tmp_path / "nowhere.mp4", *out], capsys, "no such folder or file")
     expect_error([video, "--topic", "/hand", *out], capsys, "is no bag", "--topic")
-    expect_error([video, "--colmap", sample / "map", *out], capsys, "--colmap is a model of photographs")
     expect_error([sample / "reference", "--keep-frames", tmp_path / "kept", *out], capsys, "is no video or bag")
     expect_error([tiny_bag, *out], capsys, "has 2 cameras", "--topic")
     assert list(tmp_path.iterdir()) == [tiny_bag]

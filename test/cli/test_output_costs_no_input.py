@@ -54,7 +54,6 @@ EXPORT = "export body.yaml --to urdf --force -o"
         (BODY, "legs.urdf", "a body is a YAML file"),
         (BODY, ".", "a body is a YAML file"),
         (BODY, "legs.yaml --name \x1b[2J", r"--name must be a name of at most 100 printable characters, not '\x1b[2J'"),
-        (MAP, "map2 --colmap none", "none: is no folder; give that of a COLMAP model"),
         (BODY, "none/legs.yaml", "its folder is not there"),
         (MAP, "photographs", "is what this command reads (photographs)"),
         (MAP, "photographs/map", "lies within what this command reads"),

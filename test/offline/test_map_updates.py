@@ -15,7 +15,7 @@ from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import ExtendableMap
-from bodycam_ros.mapping.growth_settings import GrowthSettings
+from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.offline.map_updates import EPOCH_NS, MapReplica, MapUpdate, MapUpdateSource
