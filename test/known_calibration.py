@@ -9,12 +9,7 @@ import numpy as np
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import BoneLength, SegmentName, expected_stature, judge_bones
-from bodycam_ros.calibration.diagnosis import (
-    CalibrationDiagnosis,
-    CameraDiagnosis,
-    JointDiagnosis,
-    RefinementGain,
-)
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.kinematics.joint import Joint
 
 SAMPLE_BODY = Path(__file__).parent.parent / "bags" / "body.yaml"
@@ -36,7 +31,7 @@ def good_diagnosis(body: BodyModel) -> CalibrationDiagnosis:
     random = np.random.default_rng(11)
     lengths = _bone_lengths(body)
     return CalibrationDiagnosis(
-        joints=tuple(_joint(body, joint, random) for joint in body.joints),
+        joints=tuple(_joint(joint, random) for joint in body.joints),
         bones=tuple(judge_bones(lengths)),
         cameras=tuple(
             CameraDiagnosis(
@@ -53,7 +48,6 @@ def good_diagnosis(body: BodyModel) -> CalibrationDiagnosis:
             )
             for camera, mount in body.mounts.items()
         ),
-        refinement=RefinementGain(240, 151234, 11, 1.37, 0.62, 4.4e-3, 8.1e-3),
         rest_s=(0.4, 2.9),
         heading_rad=0.31,
         duration_s=62.0,
@@ -68,9 +62,7 @@ def worrying_diagnosis(body: BodyModel) -> CalibrationDiagnosis:
         replace(
             joint,
             exercised_rad=np.radians([19.0, 3.0, 1.0]),
-            singular_values=np.array([0.16, 0.05, 0.01]),
-            residual_m=0.021,
-            refined_residual_m=0.0043,
+            gap_m=0.0043,
             sigma_m=np.array([0.009, 0.004, 0.012]),
             advice="elbow_right: turned by 19 deg only; bend and stretch the elbow, swing the right forearm",
         )
@@ -109,7 +101,7 @@ def _limited(joint: Joint) -> Joint:
     return replace(joint, limits=((-0.61, 1.42), (-0.44, 0.52), (-0.38, 0.83)))
 
 
-def _joint(body: BodyModel, joint: Joint, random: np.random.Generator) -> JointDiagnosis:
+def _joint(joint: Joint, random: np.random.Generator) -> JointDiagnosis:
     hinge = joint.type == "hinge"
     exercised = np.radians(_HINGE_DEG if hinge else _BALL_DEG) * random.uniform(0.8, 1.2, size=3)
     return JointDiagnosis(
@@ -117,16 +109,9 @@ def _joint(body: BodyModel, joint: Joint, random: np.random.Generator) -> JointD
         parent=joint.parent,
         child=joint.child,
         freedom="hinge" if hinge else "ball",
-        axis=joint.axis if hinge else None,
         exercised_rad=np.sort(exercised)[::-1],
-        singular_values=np.array([0.98, 0.95, 0.03 if hinge else 0.41]) * random.uniform(0.9, 1.0, size=3),
-        residual_m=float(random.uniform(2e-3, 8e-3)),
-        refined_residual_m=float(random.uniform(3e-4, 1.4e-3)),
+        gap_m=float(random.uniform(3e-4, 1.4e-3)),
         sigma_m=random.uniform(2e-4, 1.2e-3, size=3),
-        limits=joint.limits or (),
-        frames=1790,
-        cameras=(*body.cameras_on(joint.parent), *body.cameras_on(joint.child)),
-        placed_by="collinearity" if hinge else "motion",
     )
 
 

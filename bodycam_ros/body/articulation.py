@@ -24,7 +24,6 @@ from bodycam_ros.geometry import (
     nearest_rotation,
     rigid,
     robust_average_pose,
-    transform_points,
 )
 from bodycam_ros.kinematics.joint import Joint
 
@@ -254,17 +253,6 @@ def articulated(
     mounts[:, :3, 3] -= origins[[body.segment_index[body.mounts[camera].segment] for camera in cameras]]
     delays = np.zeros(len(cameras))
     return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations, delays, twists, triggered)
-
-
-def joints_in_cameras(body: BodyModel) -> Array:
-    """(N, 3) places of all joints in the cameras on their two segments [m], whatever frames the segments have."""
-    places = []
-    for joint in body.tree_joints:
-        for segment, place in ((joint.parent, joint.parent_T_joint[:3, 3]), (joint.child, joint.child_T_joint[:3, 3])):
-            for camera in body.cameras_on(segment):
-                camera_T_segment = inverse(body.mounts[camera].segment_T_camera)
-                places.append(transform_points(camera_T_segment, place[None])[0])
-    return np.stack(places)
 
 
 def _turn(row: int) -> slice:

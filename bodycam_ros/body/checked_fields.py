@@ -63,21 +63,6 @@ def rounded(values: Array) -> Any:
     return tuple(round(float(value), _DECIMALS) + 0.0 for value in values)
 
 
-def check_keys(entry: Any, where: str, needed: set[str], optional: set[str]) -> None:
-    """Refuse what is no table, lacks a needed key or has an unknown key.
-
-    Raises:
-        BodyError: so it is.
-    """
-    if not isinstance(entry, dict):
-        raise BodyError(f"{where}: expected a table with {', '.join(sorted(needed))}, not {shown(entry)}")
-    if missing := needed - set(entry):
-        raise BodyError(f"{where}: lacks {', '.join(sorted(missing))}")
-    if unknown := [key for key in entry if key not in needed | optional]:
-        known = ", ".join(sorted(needed | optional))
-        raise BodyError(f"{where}: has unknown {', '.join(map(shown, unknown[:5]))}; known are {known}")
-
-
 def name_of(value: Any, where: str) -> str:
     """Return a name.
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion, joints_in_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import (
     LEFT,
@@ -18,8 +17,7 @@ from bodycam_ros.calibration.anthropometry import (
     odd_scale,
 )
 from bodycam_ros.calibration.camera_motion import CameraMotion
-from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis, RefinementGain
-from bodycam_ros.calibration.image_evidence import ImageEvidence
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.calibration.joint_search import FoundJoints
 from bodycam_ros.calibration.refinement import STRAIGHT_SIGMA_M, Refined
 from bodycam_ros.calibration.rest_pose import ZeroedMotion
@@ -57,9 +55,7 @@ class Findings:
         found: joints by A eq. 14, virtual cameras and slips.
         motion: of the cameras.
         rows: (N) rows of it that the refinement used.
-        images: their landmarks.
-        first: the motion of the body before refinement, at those rows.
-        refined: after it, in the same frames.
+        refined: motion of the body at those rows.
         zeroed: the refined motion with the N-pose as zero, its heading and the hinges' axes.
         rest_s: (from, to) [s] of the N-pose.
         image_counts: camera -> images, registered ones.
@@ -72,8 +68,6 @@ class Findings:
     found: FoundJoints
     motion: CameraMotion
     rows: NDArray[np.intp]
-    images: ImageEvidence
-    first: ArticulatedMotion
     refined: Refined
     zeroed: ZeroedMotion
     rest_s: tuple[float, float]
@@ -112,19 +106,18 @@ class Findings:
         return np.asarray(in_motion + covariance_along)
 
 
-def assess(findings: Findings, body: BodyModel, settings: AssessmentSettings) -> CalibrationDiagnosis:
+def assess(findings: Findings, settings: AssessmentSettings) -> CalibrationDiagnosis:
     """Assess a calibration.
 
     Args:
         findings: of its steps.
-        body: with its joint limits.
         settings: when to refuse it.
 
     Raises:
         RangeOfMotionError: a joint is not known well enough, however much it was moved.
     """
     covariance = findings.offset_covariance()
-    joints = tuple(_joint(findings, joint, covariance) for joint in body.tree_joints)
+    joints = tuple(_joint(findings, joint, covariance) for joint in findings.body.tree_joints)
     if unknown := [joint for joint in joints if not joint.sigma_m.max() <= settings.max_sigma]:
         lines = [
             f"joint {joint.name} is known to {1e3 * joint.sigma_m.max():.0f} mm only (at most "
@@ -140,7 +133,6 @@ def assess(findings: Findings, body: BodyModel, settings: AssessmentSettings) ->
         joints=joints,
         bones=tuple(judge_bones(bones)),
         cameras=_cameras(findings),
-        refinement=_gain(findings),
         rest_s=findings.rest_s,
         heading_rad=findings.zeroed.heading_rad,
         duration_s=float(findings.motion.seconds[-1]),
@@ -176,14 +168,9 @@ def _is_pair(left: Joint, right: Joint) -> bool:
 
 
 def _joint(findings: Findings, joint: Joint, covariance: Array) -> JointDiagnosis:
-    body, motion = findings.body, findings.zeroed.motion
-    centre, axis = findings.found.centres[joint.child], findings.zeroed.hinges.get(joint.child)
-    parent, child = (body.segment_index[segment] for segment in (joint.parent, joint.child))
-    own = motion.offset_columns(child)
+    motion, axis = findings.zeroed.motion, findings.zeroed.hinges.get(joint.child)
+    own = motion.offset_columns(findings.body.segment_index[joint.child])
     sigma_m = np.sqrt(np.maximum(np.diag(covariance[own, own]), 0.0))
-    is_straight = any(other.parent == joint.child for other in body.tree_joints)
-    known, carriers = findings.refined.weights > 0, np.array(motion.carriers)
-    both = known[:, carriers == parent].any(axis=1) & known[:, carriers == child].any(axis=1)
     # A hinge's place along its axis does not depend on the exercise.
     along = np.zeros(3) if axis is None else STRAIGHT_SIGMA_M * axis
     by_motion = np.sqrt(np.maximum(sigma_m**2 - along**2, 0.0))
@@ -193,16 +180,9 @@ def _joint(findings: Findings, joint: Joint, covariance: Array) -> JointDiagnosi
         parent=joint.parent,
         child=joint.child,
         freedom="ball" if axis is None else "hinge",
-        axis=axis,
         exercised_rad=motion.exercised(joint.child),
-        singular_values=centre.singular_values,
-        residual_m=float(np.median(centre.residuals_m)),
-        refined_residual_m=_gap(findings, joint),
+        gap_m=_gap(findings, joint),
         sigma_m=sigma_m,
-        limits=joint.limits or (),
-        frames=int(both.sum()),
-        cameras=(*findings.rig.cameras_on(joint.parent), *findings.rig.cameras_on(joint.child)),
-        placed_by="motion" if axis is None else "collinearity" if is_straight else "vertical",
         advice=advice if by_motion.max() > _WARN_SIGMA_M else "",
     )
 
@@ -264,19 +244,3 @@ def _cameras(findings: Findings) -> tuple[CameraDiagnosis, ...]:
             )
         )
     return tuple(cameras)
-
-
-def _gain(findings: Findings) -> RefinementGain:
-    steps = ((findings.images, findings.first), (findings.refined.images, findings.refined.motion))
-    before, after = (float(np.median(images.errors_px(motion.world_T_camera()))) for images, motion in steps)
-    moved = joints_in_cameras(findings.first.body_with_geometry()) - joints_in_cameras(findings.body)
-    moved_m = np.linalg.norm(moved, axis=1)
-    return RefinementGain(
-        instants=len(findings.rows),
-        landmarks=findings.images.measurements,
-        iterations=findings.refined.iterations,
-        before_px=before,
-        after_px=after,
-        moved_m=float(np.median(moved_m)),
-        moved_most_m=float(moved_m.max()),
-    )

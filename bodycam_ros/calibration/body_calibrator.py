@@ -128,8 +128,8 @@ class BodyCalibrator:
             delays_s = findings.delays_s
             if np.abs(findings.refined.motion.delays).max() < _SETTLED_S:
                 break
-        body = self._with_readouts(limited_body(findings.zeroed, self._settings.joint_limits), findings.readouts)
-        return CalibratedBody(body, assess(findings, body, self._settings.assessment))
+        body = self._with_readouts(limited_body(findings.zeroed.motion, self._settings.joint_limits), findings.readouts)
+        return CalibratedBody(body, assess(findings, self._settings.assessment))
 
     def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
         """Body and motion, given by how much each camera's clock is ahead [s]."""
@@ -150,11 +150,10 @@ class BodyCalibrator:
         first = first_motion(body, motion, found.virtual, rest_T_virtual, rows)
         on_progress("joint centres", 1.0)
 
-        images = image_evidence(motion, rows, self._models, self._pose_fit, self._evidence)
         refined = refine(
             first,
             pose_evidence(motion, rows, self._evidence),
-            images,
+            image_evidence(motion, rows, self._models, self._pose_fit, self._evidence),
             found.trust[rows],
             straight_limbs(first, hinges),
             self._clock,
@@ -168,8 +167,6 @@ class BodyCalibrator:
             found=found,
             motion=motion,
             rows=rows,
-            images=images,
-            first=first,
             refined=refined,
             zeroed=zeroed,
             rest_s=(0.0, float(motion.seconds[rest.instants[-1]])),

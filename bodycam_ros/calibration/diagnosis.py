@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout
 
-Freedom = Literal["ball", "hinge", "rigid"]
-"""What the singular values say a joint did in the recording."""
-
 
 @dataclass(frozen=True, eq=False)
 class JointDiagnosis:
@@ -18,35 +15,20 @@ class JointDiagnosis:
 
     Attributes:
         name, parent, child: of the joint.
-        freedom: what the joint did in the recording, from the singular values.
-        axis: (3,) unit vector of a hinge in the N-pose's axes (x forward, y left, z up); None for others.
+        freedom: what the joint did in the recording, from the singular values of A eq. 14.
         exercised_rad: (3,) extent of its rotation about its own principal axes, largest first [rad].
-        singular_values: (3,) of A eq. 14 per root of the frames, largest first: about 1 where a direction is moved
-            freely, 0 where the joint never turned across it.
-        residual_m: median distance between the joint on the parent and on the child, over time, before refinement [m].
-        refined_residual_m: the same after it [m].
-        sigma_m: (3,) standard deviation of its place in the parent, in the N-pose's axes, after refinement [m].
-        limits: (low, high) [rad] of each joint angle over the recording, in the order of ``Joint.angle_names``.
-        frames: instants in which both segments were seen.
-        cameras: that say where its two segments were.
-        placed_by: "motion", or for a hinge, along its axis, "collinearity" (A eq. 17) or "vertical".
+        gap_m: median distance between the joint on the parent and on the child, over time [m].
+        sigma_m: (3,) standard deviation of its place in the parent, in the N-pose's axes [m].
         advice: what the user should repeat or look at; empty when nothing.
     """
 
     name: str
     parent: str
     child: str
-    freedom: Freedom
-    axis: NDArray[np.float64] | None
+    freedom: Literal["ball", "hinge"]
     exercised_rad: NDArray[np.float64]
-    singular_values: NDArray[np.float64]
-    residual_m: float
-    refined_residual_m: float
+    gap_m: float
     sigma_m: NDArray[np.float64]
-    limits: tuple[tuple[float, float], ...]
-    frames: int
-    cameras: tuple[str, ...]
-    placed_by: Literal["motion", "collinearity", "vertical"]
     advice: str = ""
 
 
@@ -110,33 +92,11 @@ class CameraDiagnosis:
 
 
 @dataclass(frozen=True)
-class RefinementGain:
-    """What the bundle adjustment brought.
-
-    Attributes:
-        instants: of the recording that it used.
-        landmarks: image measurements that it used.
-        iterations: that it took.
-        before_px, after_px: median reprojection error under the articulation [px].
-        moved_m, moved_most_m: median and largest distance by which it moved the joints in their cameras' frames [m].
-    """
-
-    instants: int
-    landmarks: int
-    iterations: int
-    before_px: float
-    after_px: float
-    moved_m: float
-    moved_most_m: float
-
-
-@dataclass(frozen=True)
 class CalibrationDiagnosis:
     """Diagnosis of a whole calibration.
 
     Attributes:
         joints, bones, cameras: in the order of the body.
-        refinement: None when it was switched off.
         rest_s: (from, to) seconds after the start in which the N-pose was held.
         heading_rad: direction that the person faced in the N-pose, about the map's z from its x [rad].
         duration_s: of the recording.
@@ -147,7 +107,6 @@ class CalibrationDiagnosis:
     joints: tuple[JointDiagnosis, ...]
     bones: tuple[BoneDiagnosis, ...]
     cameras: tuple[CameraDiagnosis, ...]
-    refinement: RefinementGain | None
     rest_s: tuple[float, float]
     heading_rad: float
     duration_s: float

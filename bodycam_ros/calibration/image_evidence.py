@@ -81,11 +81,6 @@ class ImageEvidence:
     pose_fit: PoseFitSettings
     evidence: EvidenceSettings
 
-    @property
-    def measurements(self) -> int:
-        """Image measurements in all."""
-        return sum(len(view.pixels) for view in self.views)
-
     def linearised(self, world_T_camera: Array) -> tuple[Array, Array]:
         """Hessians (T, C, 6, 6) and gradients (T, C, 6) of half the robust squared reprojection errors (A eq. 8).
 
@@ -133,14 +128,6 @@ class ImageEvidence:
             np.add.at(gradients, view.landmarks, (WJ @ residuals[..., None])[..., 0])
         steps = np.linalg.solve(hessians, gradients[..., None])[..., 0]
         return replace(self, points_world=self.points_world - steps)
-
-    def errors_px(self, world_T_camera: Array) -> Array:
-        """Reprojection errors (N,) [px] of all landmarks that their cameras can see."""
-        errors = []
-        for c, view in enumerate(self.views):
-            _, residuals, _, weights = self._seen(view, world_T_camera[:, c], c)
-            errors.append(np.linalg.norm(residuals[weights > 0], axis=1))
-        return np.concatenate(errors)
 
     def _world_T_image(self, view: CameraViews, world_T_camera: Array, c: int) -> Array:
         poses: Array = (world_T_camera @ self.instant_T_image[:, c])[view.instants]

@@ -67,17 +67,13 @@ class Refined:
 
     Attributes:
         motion: the body and its motion.
-        images: with the landmarks where they are now.
         covariance: (K, K) of the lasting unknowns, see ``ArticulatedMotion.moved``.
         weights: (T, C) of the cameras at the instants, 0 where one is not known.
-        iterations: that it took.
     """
 
     motion: ArticulatedMotion
-    images: ImageEvidence
     covariance: Array
     weights: Array
-    iterations: int
 
 
 def refine(
@@ -118,7 +114,7 @@ def refine(
         lasting = equations.step()
         motion = motion.moved(eliminated.moving(lasting), lasting)
         on_progress((iteration + 1) / total)
-    return Refined(motion, images, jackknife_covariance(equations, _SIGMA_BLOCKS), weights, total)
+    return Refined(motion, jackknife_covariance(equations, _SIGMA_BLOCKS), weights)
 
 
 def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:

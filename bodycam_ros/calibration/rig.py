@@ -9,14 +9,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-from bodycam_ros.body.checked_fields import check_keys, name_of
+import msgspec
+
+from bodycam_ros.body.checked_fields import Entry, Name, read_entry
 from bodycam_ros.errors import BodyError
-from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
 _MOST_PARTS = 1000  # cameras, segments
+
+
+class _RigEntry(Entry):
+    cameras: Annotated[dict[Name, Name], msgspec.Meta(max_length=_MOST_PARTS)]
+    segments: Annotated[dict[Name, Name | None], msgspec.Meta(max_length=_MOST_PARTS)]
 
 
 @dataclass(frozen=True)
@@ -63,15 +69,8 @@ class Rig:
         """
         document = read_yaml(path, "rig file", BodyError)
         try:
-            check_keys(document, "a rig file", {"cameras", "segments"}, set())
-            cameras, parents = _table(document, "cameras"), _table(document, "segments")
-            return cls(
-                cameras={name_of(camera, "cameras"): name_of(on, f"camera {camera}") for camera, on in cameras.items()},
-                parents={
-                    name_of(segment, "segments"): None if parent is None else name_of(parent, f"segment {segment}")
-                    for segment, parent in parents.items()
-                },
-            )
+            entry: _RigEntry = read_entry(_RigEntry, document, "a rig file")
+            return cls(entry.cameras, entry.segments)
         except BodyError as error:
             raise BodyError(f"{path}: {error}") from error
 
@@ -100,12 +99,3 @@ class Rig:
                 raise BodyError(f"segments {', '.join(path)} hang on each other in a circle")
             path.append(parent)
         return path
-
-
-def _table(document: dict[str, Any], key: str) -> dict[Any, Any]:
-    table = document[key]
-    if not isinstance(table, dict):
-        raise BodyError(f"{key} must be a table of names, not {shown(table)}")
-    if len(table) > _MOST_PARTS:
-        raise BodyError(f"{key}: {len(table)} are more than a body has; at most {_MOST_PARTS}")
-    return table

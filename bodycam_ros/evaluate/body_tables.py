@@ -8,13 +8,7 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.calibration.anthropometry import SegmentName
-from bodycam_ros.calibration.diagnosis import (
-    BoneDiagnosis,
-    CalibrationDiagnosis,
-    CameraDiagnosis,
-    JointDiagnosis,
-    RefinementGain,
-)
+from bodycam_ros.calibration.diagnosis import BoneDiagnosis, CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.evaluate.page import Section, Table, number
 
 _MM_PER_M, _MS_PER_S = 1000.0, 1000.0
@@ -23,13 +17,7 @@ _DIGITS = 4
 
 def report_sections(diagnosis: CalibrationDiagnosis) -> list[Section]:
     """A section with a table each, in the order in which a person should read them."""
-    sections = [
-        _joint_motions(diagnosis.joints),
-        _joint_places(diagnosis.joints),
-        _bones(diagnosis.bones),
-        _cameras(diagnosis.cameras),
-    ]
-    return sections if diagnosis.refinement is None else [*sections, _refinement(diagnosis.refinement)]
+    return [_joints(diagnosis.joints), _bones(diagnosis.bones), _cameras(diagnosis.cameras)]
 
 
 def summary_line(diagnosis: CalibrationDiagnosis) -> str:
@@ -56,45 +44,23 @@ def _section(
     return Section(heading, (note,), table=Table(columns, rows, frozenset(text), flagged))
 
 
-def _joint_motions(joints: tuple[JointDiagnosis, ...]) -> Section:
+def _joints(joints: tuple[JointDiagnosis, ...]) -> Section:
     rows = [
         (
             joint.name,
             joint.freedom,
             _triple(np.degrees(joint.exercised_rad), 0),
-            " ".join(f"{math.degrees(low):.0f}..{math.degrees(high):.0f}" for low, high in joint.limits),
-            str(joint.frames),
-            " ".join(joint.cameras),
-        )
-        for joint in joints
-    ]
-    note = (
-        "moves: a ball turns about all axes, a hinge about one; exercised: range about its own three axes; limits: "
-        "extremes of each joint angle; frames: with registered cameras on both sides"
-    )
-    columns = ("joint", "moves", "exercised [deg]", "limits [deg]", "frames", "cameras")
-    return _section("joints: motion", note, columns, {0, 1, 3, 5}, rows, (joint.advice for joint in joints))
-
-
-def _joint_places(joints: tuple[JointDiagnosis, ...]) -> Section:
-    rows = [
-        (
-            joint.name,
-            _triple(joint.singular_values, 2),
-            joint.placed_by,
-            number(_MM_PER_M * joint.residual_m, 1),
-            number(_MM_PER_M * joint.refined_residual_m, 1),
+            number(_MM_PER_M * joint.gap_m, 1),
             _triple(_MM_PER_M * joint.sigma_m, 1),
         )
         for joint in joints
     ]
     note = (
-        "place known: how well the motion determines it along three axes, 0 not at all (singular values, A eq. 14); "
-        "gap: between the joint on the segment above and on the one below, median, before and after the refinement; "
-        "sigma: standard deviation forward, left, up"
+        "moves: a ball turns about all axes, a hinge about one; exercised: range about its own three axes; gap: "
+        "between the joint on the segment above and the one below, median; sigma: standard deviation forward, left, up"
     )
-    columns = ("joint", "place known", "placed by", "gap before [mm]", "gap after [mm]", "sigma [mm]")
-    return _section("joints: place", note, columns, {0, 2}, rows, (joint.advice for joint in joints))
+    columns = ("joint", "moves", "exercised [deg]", "gap [mm]", "sigma [mm]")
+    return _section("joints", note, columns, {0, 1}, rows, (joint.advice for joint in joints))
 
 
 def _bones(bones: tuple[BoneDiagnosis, ...]) -> Section:
@@ -140,16 +106,6 @@ def _cameras(cameras: tuple[CameraDiagnosis, ...]) -> Section:
         "read-out [ms]", "clock [ms]",
     )  # fmt: skip
     return _section("cameras", note, columns, {0}, rows, (camera.warning for camera in cameras))
-
-
-def _refinement(gain: RefinementGain) -> Section:
-    note = (
-        f"landmarks observed {gain.landmarks} times in {gain.instants} frames, {gain.iterations} iterations; joints "
-        f"moved by {number(_MM_PER_M * gain.moved_m, 1)} mm, median, "
-        f"{number(_MM_PER_M * gain.moved_most_m, 1)} mm at most"
-    )
-    rows = [("reprojection error [px]", number(gain.before_px, 2), number(gain.after_px, 2))]
-    return _section("refinement", note, ("median of", "before", "after"), {0}, rows, ())
 
 
 def _triple(values: Iterable[float], decimals: int) -> str:

@@ -213,8 +213,6 @@ class CalibrationRun(threading.Thread):
 def _summary(path: Path, calibrated: CalibratedBody) -> str:
     diagnosis = calibrated.diagnosis
     text = f"{path} written: {len(diagnosis.joints)} joints and {len(diagnosis.cameras)} cameras"
-    if diagnosis.refinement is not None:
-        text += f", reprojection error {diagnosis.refinement.after_px:.2f} px"
     if diagnosis.warnings:
         text += f"; check: {'; '.join(diagnosis.warnings)}"
     return text

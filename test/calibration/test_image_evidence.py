@@ -31,9 +31,12 @@ def evidence_of(motion: CameraMotion, floor: EvidenceSettings) -> ImageEvidence:
 
 def cost(images: ImageEvidence, world_T_camera: np.ndarray) -> float:
     """Half the Geman-McClure cost whose derivative the weights are."""
-    squared = images.errors_px(world_T_camera) ** 2
-    scale = images.pose_fit.inlier_px**2
-    return float(0.5 * (squared / (1.0 + squared / scale)).sum() / images.pose_fit.pixel_sigma**2)
+    total, scale = 0.0, images.pose_fit.inlier_px**2
+    for c, view in enumerate(images.views):
+        _, residuals, _, weights = images._seen(view, world_T_camera[:, c], c)
+        squared = np.sum(residuals[weights > 0] ** 2, axis=1)
+        total += float((squared / (1.0 + squared / scale)).sum())
+    return 0.5 * total / images.pose_fit.pixel_sigma**2
 
 
 def test_gradients_are_numeric_ones(motion: CameraMotion) -> None:

@@ -55,14 +55,12 @@ def test_the_file_carries_the_figures(made: tuple[Path, str]) -> None:
     assert report["source"] == "range of motion"
     assert report["joints"]["knee_left"]["freedom"] == "hinge"
     assert report["joints"]["hip_left"]["freedom"] == "ball"
-    assert abs(report["joints"]["knee_left"]["axis"][1]) > 0.99
-    assert report["refinement"]["after_px"] < report["refinement"]["before_px"]
     assert set(report["cameras"]) == {"waist_front", "thigh_left", "shin_left", "thigh_right"}
 
 
 def test_a_person_reads_it_on_the_terminal_and_as_a_page(made: tuple[Path, str]) -> None:
     out, printed = made
-    for word in ("hip_left", "knee_left", "hinge", "thigh_right", "reprojection error"):
+    for word in ("hip_left", "knee_left", "hinge", "thigh_right"):
         assert word in printed
     page = out.with_suffix(".html").read_text()
     assert "knee_left" in page

@@ -79,6 +79,6 @@ def test_names_are_taken_as_text(body: BodyModel, diagnosis: CalibrationDiagnosi
 def test_unknown_figures_and_a_body_without_cameras_are_drawn(body: BodyModel) -> None:
     unknown = np.full(3, np.nan)
     joint = good_diagnosis(body).joints[0]
-    joint = replace(joint, refined_residual_m=np.nan, sigma_m=unknown, singular_values=unknown)
-    strange = CalibrationDiagnosis((joint,), (), (), None, (0.0, 1.0), 0.0, 10.0, None)
+    joint = replace(joint, gap_m=np.nan, sigma_m=unknown)
+    strange = CalibrationDiagnosis((joint,), (), (), (0.0, 1.0), 0.0, 10.0, None)
     assert joint.name in [row[0] for row in Page(html_report(replace(body, mounts={}), strange)).rows]
