@@ -135,8 +135,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     from bodycam_ros.body.body_file import write_body
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.evaluate.body_report import write_html_report
-    from bodycam_ros.evaluate.body_tables import body_report
+    from bodycam_ros.evaluate.body_report import body_report, write_html_report
     from bodycam_ros.offline.measure_body import calibrate
 
     pipeline = pipeline_settings(arguments)
@@ -164,7 +163,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
 
 def print_report(diagnosis: "CalibrationDiagnosis", console: Terminal | None = None) -> None:
     """Print the tables of a diagnosis, then its warnings; rows with a warning are red."""
-    from bodycam_ros.evaluate.body_tables import report_sections, summary_line
+    from bodycam_ros.evaluate.body_report import report_sections, summary_line
 
     console = console or widened(Terminal())
     console.print(summary_line(diagnosis))

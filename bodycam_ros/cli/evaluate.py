@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_map, add_output, add_stations, add_surface, check_no_static_flags, given_flags
+from bodycam_ros.cli.options import (
+    add_imu,
+    add_map,
+    add_output,
+    add_stations,
+    add_surface,
+    check_no_static_flags,
+    given_flags,
+)
 from bodycam_ros.cli.progress import shown_progress, waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
 from bodycam_ros.errors import RecordingError, StationError
@@ -44,6 +52,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="OUT2",
         help="the same recording solved without the equipment: distances from constrained points",
     )
+    add_imu(parser)
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
         "--truth",
@@ -90,18 +99,19 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
-    from bodycam_ros.evaluate.summary import summary
     from bodycam_ros.output_place import check_output
 
     folder, recording = arguments.output, arguments.recording
     outside, options = _outside_files(arguments), _agreement_options(arguments)
     check_report_folder(folder)
-    inputs = (arguments.solved, arguments.truth, recording, arguments.compare)
+    inputs = (arguments.solved, arguments.truth, recording, arguments.compare, *arguments.imu)
     check_output(folder, (*inputs, arguments.stations, arguments.surface, arguments.map, arguments.points))
     if not arguments.force:
         _check_earlier(folder)
     with waiting("reading and measuring"):
-        evaluation = evaluate(arguments.solved, arguments.truth, recording, options, arguments.compare)
+        evaluation = evaluate(
+            arguments.solved, arguments.truth, recording, options, arguments.compare, tuple(arguments.imu)
+        )
     with waiting("overlaying images"):
         overlay = overlay_views(evaluation.solved, recording) if recording is not None else ()
     if outside is None:
@@ -112,7 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
             more = _outside_pictures(evaluation, recording, outside, arguments.overlay_video, progress)
             write_report(evaluation, folder, overlay, more)
     console = widened(Terminal())
-    for section in report_sections(summary(evaluation)):
+    for section in report_sections(evaluation.figures):
         print_section(console, section)
     for line in (*report_lines(evaluation), f"written to {folder}"):
         console.print(line, soft_wrap=True)

@@ -150,7 +150,7 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
         print_rounds(summary.rounds)
     terminal.print(_table(summary))
     if summary.equipment is not None:
-        from bodycam_ros.evaluate.equipment_figures import equipment_figures
+        from bodycam_ros.evaluate.equipment import equipment_figures
         from bodycam_ros.evaluate.report_sections import equipment_sections
 
         for section in equipment_sections(equipment_figures(summary.equipment, summary.start_ns)):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,14 @@ from bodycam_ros.evaluate.alignment import (
     find_motion_clock,
     rate_shared_clock,
 )
-from bodycam_ros.evaluate.angle_agreement import AngleAgreement, compare_centre_angles, compare_rotations
+from bodycam_ros.evaluate.anatomical_angles import (
+    AngleAgreement,
+    compare_centre_angles,
+    compare_rotations,
+    joint_name,
+)
 from bodycam_ros.evaluate.clock_search import Clock
+from bodycam_ros.evaluate.comparison import spread
 from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_camera
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
@@ -29,6 +36,9 @@ from bodycam_ros.results.solved_recording import SolvedRecording
 
 _UNITS = (1.0, 0.01, 0.001, 0.0254, 0.0254 / 0.45)
 """Metres, centimetres, millimetres, inches, and the unit of the motions of Carnegie Mellon University."""
+
+_UNIT_NAMES = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inches"}
+_MAX_NAMES = 12  # of points that are listed
 
 _MIN_LEAD = 2.5
 """Of a clock offset; by nine rates and some 20 offsets, one search in fifty reaches it by chance."""
@@ -82,6 +92,15 @@ class PointAgreement:
         """(T,) [m] distance; NaN where unknown."""
         distance: Array = np.linalg.norm(self.ours - self.theirs, axis=1)
         return distance
+
+    def figures(self) -> dict[str, Any]:
+        """Figures by name."""
+        return {
+            "on": self.link,
+            "place_fitted": self.is_fitted,
+            "seen": float(np.isfinite(self.theirs[:, 0]).mean()),
+            "position_cm": spread(self.errors, 100.0),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +169,57 @@ class Agreement:
     def angle_errors(self) -> Mapping[str, Array]:
         """Segment -> (T,) [rad] the paper's measure: of the turn of a joint since the first frame."""
         return {angle.segment: np.abs(angle.ours_turned - angle.theirs_turned) for angle in self.angles}
+
+    def figures(self) -> dict[str, Any]:
+        """Figures by name, the unit at the end of the name."""
+        clock, angles = self.clock, list(self.angle_errors.values())
+        return {
+            "with": self.name,
+            "format": self.kind,
+            "instants": len(self.stamps_ns),
+            "align": self.align,
+            "scale": self.scale,
+            "unit_m": self.unit_m,
+            "starts_at_s": clock.start_s,
+            "starts_at_sigma_s": clock.start_sigma_s,
+            "clock_rate": clock.rate,
+            "clock_rate_sigma": clock.rate_sigma,
+            "doubts": list(self.doubts),
+            "names_left_out": list(self.left_out),
+            "position_cm": spread(self.position_errors, 100.0),
+            "position_rigid_mean_cm": 100.0 * self.rigid_error,
+            "angle_deg": spread(np.degrees(np.array(angles))) if angles else None,
+            "points": {point.name: point.figures() for point in self.points},
+            "joints": {joint_name(angle.segment): angle.figures() for angle in self.angles},
+        }
+
+    def lines(self) -> list[str]:
+        """How the two were compared, in sentences."""
+        clock = self.clock
+        when = f"Their first frame is at {clock.start_s:.3f} s of this recording"
+        if clock.start_sigma_s == 0.0:
+            when += ", by its stamps."
+        else:
+            rate = "counts as ours"
+            if clock.rate != 1.0:
+                rate = f"counts seconds of {clock.rate:.5f} s (+-{clock.rate_sigma:.5f})"
+            when += f" (+-{1e3 * clock.start_sigma_s:.1f} ms), and their clock {rate}."
+        scale = f"{self.scale:.4f} ({100.0 * (self.scale - 1.0):+.2f} %)"
+        if self.align == NONE:
+            where = f"Worlds are taken to be the same; a similarity would have a scale of {scale}."
+        elif self.align == SIMILARITY:
+            rigid = f"{100.0 * self.rigid_error:.2f} cm"
+            where = f"Worlds are aligned by a similarity of scale {scale}; without it the mean error is {rigid}."
+        else:
+            where = f"Worlds are aligned rigidly; a similarity would have a scale of {scale}."
+        lines = [f"{when} {where} {len(self.stamps_ns)} frames are compared."]
+        if self.unit_m is not None:
+            unit = _UNIT_NAMES.get(self.unit_m, f"{self.unit_m:.4f} m")
+            lines.append(f"The file does not declare its unit; by the size of the body it is {unit}.")
+        if self.left_out:
+            names = ", ".join(self.left_out[:_MAX_NAMES]) + (" ..." if len(self.left_out) > _MAX_NAMES else "")
+            lines.append(f"Not compared, because their names are unknown (--points maps them): {names}.")
+        return lines
 
 
 def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, options: AgreementOptions) -> Agreement:

@@ -7,14 +7,20 @@ knows no gimbal lock before a limb points the opposite way, and the swing needs 
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from bodycam_ros.calibration.anthropometry import JOINT_ABOVE, SegmentName
-from bodycam_ros.geometry import Array, exp_so3, log_so3
+from bodycam_ros.evaluate.comparison import angle_between, fit_constant_frames, spread, turned
+from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 
 PLANES = ("sagittal", "frontal", "transverse")
 """Positive are flexion, abduction and inward rotation; of the trunk a bend forward, to the left, a turn to the left."""
+
+_WITHIN = 1.96  # standard deviations on either side that 95 % lie within
+_ORDER = ("torso", "head", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
 
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
@@ -128,3 +134,94 @@ def angles_of_points(points: Mapping[str, Array]) -> dict[str, Array]:
 def _between(a: Array, b: Array) -> Array:
     angle: Array = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
     return angle
+
+
+@dataclass(frozen=True, eq=False)
+class AngleAgreement:
+    """A joint over T frames.
+
+    Attributes:
+        segment: below it.
+        ours, theirs: (T, 3) angles [rad] in the anatomical planes; NaN where unknown.
+        ours_turned, theirs_turned: (T,) [rad] turn since the first frame (A figure 7a).
+        from_points: by joint centres alone, not by rotations of bones.
+    """
+
+    segment: str
+    ours: Array
+    theirs: Array
+    ours_turned: Array
+    theirs_turned: Array
+    from_points: bool
+
+    def figures(self) -> dict[str, Any]:
+        """Figures by name, the unit at the end of the name."""
+        columns = zip(PLANES, np.degrees(self.ours).T, np.degrees(self.theirs).T, strict=True)
+        return {
+            "from": "centres of joints" if self.from_points else "rotations of bones",
+            "angle_deg": spread(np.degrees(np.abs(self.ours_turned - self.theirs_turned))),
+            "planes": {
+                plane: {"error_deg": spread(np.abs(ours - theirs))} | limits_of_agreement(ours, theirs)
+                for plane, ours, theirs in columns
+                if np.isfinite(theirs).any()
+            },
+        }
+
+
+def limits_of_agreement(ours: Array, theirs: Array) -> dict[str, float]:
+    """Bias, 95 % limits and root mean square of the differences (Bland and Altman 1986); NaN of none."""
+    differences = (ours - theirs)[np.isfinite(ours - theirs)]
+    if not differences.size:
+        return dict.fromkeys(("bias", "low", "high", "rmse"), np.nan)
+    bias, sd = float(differences.mean()), float(differences.std())
+    rmse = float(np.sqrt((differences**2).mean()))
+    return {"bias": bias, "low": bias - _WITHIN * sd, "high": bias + _WITHIN * sd, "rmse": rmse}
+
+
+def compare_rotations(segment: str, ours: Array, theirs: Array) -> AngleAgreement:
+    """Compare rotations (T, 3, 3) of a segment in its parent; the axes that systems give to bones are fitted."""
+    known = np.isfinite(theirs).all(axis=(1, 2))
+    planes, turns = np.full((2, len(ours), 3), np.nan), np.full((2, len(ours)), np.nan)
+    for row, rotations in enumerate((ours[known], _in_our_axes(ours[known], theirs[known]))):
+        planes[row, known], turns[row, known] = planes_of(segment, rotations), turned(rotations)
+    planes[1] -= 2.0 * np.pi * np.round((planes[1] - planes[0]) / (2.0 * np.pi))
+    return AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1], from_points=False)
+
+
+def _in_our_axes(ours: Array, theirs: Array) -> Array:
+    """Their rotations (T, 3, 3) with constant frames that bring them closest to ours.
+
+    Axes of bones may differ by right angles, from where the alternating fit may not converge. Rotation vectors since
+    the first frame differ by the child's frame alone, so the fit starts from there, too.
+    """
+    ours_since, theirs_since = (log_so3(np.swapaxes(R[:1], 1, 2) @ R) for R in (ours, theirs))
+    tried = []
+    for child in (np.eye(3), nearest_rotation(theirs_since.T @ ours_since)):
+        parent = nearest_rotation(np.mean(ours @ np.swapaxes(theirs @ child, 1, 2), axis=0))
+        start = parent @ theirs @ child
+        A, B = fit_constant_frames(ours, start)
+        tried.append((float(angle_between(A @ start @ B, ours).mean()), A @ start @ B))
+    return min(tried, key=lambda pair: pair[0])[1]
+
+
+def compare_centre_angles(ours: Mapping[str, Array], theirs: Mapping[str, Array]) -> tuple[AngleAgreement, ...]:
+    """Compare angles between joint centres, segment -> (T, 3) [m]; theirs NaN where unknown."""
+    if not ours:
+        return ()
+    known = np.all([np.isfinite(points).all(axis=1) for points in theirs.values()], axis=0)
+    if not known.any():
+        return ()
+    both = [angles_of_points({name: points[known] for name, points in each.items()}) for each in (ours, theirs)]
+    found = []
+    for segment in sorted(both[0], key=_order):
+        planes = np.full((2, len(known), 3), np.nan)
+        planes[:, known] = both[0][segment], both[1][segment]
+        turns = np.sqrt(np.nansum((planes - planes[:, known][:, :1]) ** 2, axis=2))
+        turns[:, ~known] = np.nan
+        found.append(AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1], from_points=True))
+    return tuple(found)
+
+
+def _order(segment: str) -> tuple[int, str]:
+    kind = kind_and_side(segment)[0]
+    return _ORDER.index(kind) if kind in _ORDER else len(_ORDER), segment

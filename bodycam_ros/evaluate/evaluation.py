@@ -1,13 +1,15 @@
 """A solved recording with all measures of it."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.evaluate import health
+from bodycam_ros.evaluate import camera_figures
 from bodycam_ros.evaluate.agreement import (
     Agreement,
     AgreementOptions,
@@ -15,63 +17,44 @@ from bodycam_ros.evaluate.agreement import (
     compare_with_truth,
     rate_same_motion,
 )
-from bodycam_ros.evaluate.clock_search import Clock
-from bodycam_ros.evaluate.comparison import Comparison, compare
-from bodycam_ros.evaluate.constraints import WithAndWithout, with_and_without
-from bodycam_ros.evaluate.gait import Gait, solved_gait, true_gait
-from bodycam_ros.evaluate.health import CameraHealth
-from bodycam_ros.evaluate.sliding import Sliding, SlidingAgainstTruth, sliding, sliding_against_truth
-from bodycam_ros.evaluate.solved_verdict import solved_verdict
+from bodycam_ros.evaluate.comparison import Comparison, compare, spread
+from bodycam_ros.evaluate.equipment import WithAndWithout, equipment_figures, with_and_without
+from bodycam_ros.evaluate.gait import solved_gait
+from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
+from bodycam_ros.quality.solved_verdict import solved_verdict
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.verdict import Verdict
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """What an evaluation found, T instants, S segments.
+    """Figures of a solved recording, and the curves that its pictures show, over T states.
 
     Attributes:
-        solved: what was evaluated.
-        image_coverage: share of the images with a solved instant within half a frame.
-        gaps: (start, end) [s] of stretches without a solved instant.
-        blind: (T,) instants without any registered camera.
-        cameras: health of each.
+        solved: the recording.
+        verdict: whether the result may be used: the stored one, or that of its bag.
+        figures: content of ``summary.json``: by name, with the unit at the end of the name; unknown ones are None.
+        blind: (T,) states without any registered camera.
         position_sigma: (T,) of the root [m].
-        rotation_sigma: (T,) of the root [rad].
-        angle_ranges: joint -> least and greatest angle [rad].
         jitter: (T, S) [m].
-        sliding: foot -> how it slides while it stands.
-        verdict: whether the result may be used: the one that was stored, or judged again.
         comparison: with the truth, if that was given.
-        true_sliding: foot -> how it slides while the true foot stands; empty without truth.
         agreement: with what another system captured, if that was given.
-        same_motion: clock of the truth or the other system, with how sure it is that the two show one motion.
-        gait: how the body walks; None where it does not.
-        true_gait: the same of the truth.
         constraints: beside the same recording solved without equipment, if that was given.
     """
 
     solved: SolvedRecording
-    image_coverage: float
-    gaps: tuple[tuple[float, float], ...]
-    blind: NDArray[np.bool_]
-    cameras: tuple[CameraHealth, ...]
-    position_sigma: Array
-    rotation_sigma: Array
-    angle_ranges: Mapping[str, tuple[float, float]]
-    jitter: Array
-    sliding: Mapping[str, Sliding]
     verdict: Verdict
+    figures: dict[str, Any]
+    blind: NDArray[np.bool_]
+    position_sigma: Array
+    jitter: Array
     comparison: Comparison | None
-    true_sliding: Mapping[str, SlidingAgainstTruth]
-    agreement: Agreement | None = None
-    same_motion: Clock | None = None
-    gait: Gait | None = None
-    true_gait: Gait | None = None
-    constraints: WithAndWithout | None = None
+    agreement: Agreement | None
+    constraints: WithAndWithout | None
 
     @property
     def truth_name(self) -> str:
@@ -87,6 +70,7 @@ def evaluate(
     recording_path: Path | None = None,
     options: AgreementOptions | None = None,
     without_path: Path | None = None,
+    imu_paths: Sequence[Path] = (),
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -97,6 +81,7 @@ def evaluate(
         options: how that is compared as another system's motion; by default a recording's truth is not, and its clock
             is ours.
         without_path: bag of the same recording solved without the equipment.
+        imu_paths: bags with the inertial sensors, beside the recording.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -106,12 +91,8 @@ def evaluate(
     captured = read_captured(truth_path) if truth_path is not None and is_other else None
     truth = None if truth_path is None or is_other else read_true_motion(truth_path)
     solved = read_solved(solved_path)
-    cameras = health.camera_healths(solved)
-    models = {} if recording_path is None else health.camera_models(solved, recording_path)
-    if models:
-        reprojection = health.reprojection_errors(solved, models)
-        cameras = tuple(replace(camera, reprojection=reprojection.get(camera.camera)) for camera in cameras)
-    agreement = comparison = same_motion = None
+    models = {} if recording_path is None else camera_figures.camera_models(solved, recording_path)
+    agreement = comparison = same_motion = constraints = None
     if captured is not None:
         agreement = compare_with_captured(solved, captured, options or AgreementOptions())
         same_motion = agreement.clock
@@ -120,27 +101,46 @@ def evaluate(
             agreement, truth = compare_with_truth(solved, truth, options)
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
-    constraints = None
     if without_path is not None:
         constraints = with_and_without(solved, read_solved(without_path), truth, comparison)
-    position_sigma, rotation_sigma = health.root_sigmas(solved.motion.root_covariance)
-    return Evaluation(
-        solved=solved,
-        image_coverage=health.image_coverage(solved),
-        gaps=health.gaps(solved),
-        blind=health.blind(solved),
-        cameras=cameras,
-        position_sigma=position_sigma,
-        rotation_sigma=rotation_sigma,
-        angle_ranges=health.angle_ranges(solved),
-        jitter=health.jitter(solved),
-        sliding=sliding(solved),
-        verdict=solved_verdict(solved, models),
-        comparison=comparison,
-        true_sliding={} if comparison is None else sliding_against_truth(solved, comparison),
-        agreement=agreement,
-        same_motion=same_motion,
-        gait=solved_gait(solved),
-        constraints=constraints,
-        true_gait=None if comparison is None else true_gait(solved, comparison),
-    )
+    verdict, blind, jitter = solved_verdict(solved, models), camera_figures.blind(solved), camera_figures.jitter(solved)
+    variances = np.diagonal(solved.motion.root_covariance, axis1=1, axis2=2)
+    rotation_sigma, position_sigma = (np.sqrt(variances[:, rows].sum(axis=1)) for rows in (slice(0, 3), slice(3, 6)))
+    findings = [asdict(finding) | {"level": finding.level.word} for finding in verdict.findings]
+    figures: dict[str, Any] = {
+        "duration_s": solved.duration_s,
+        "frame_s": 1e-9 * solved.frame_ns,
+        "instants": len(solved.stamps_ns),
+        "instants_without_camera": int(blind.sum()),
+        "image_coverage": camera_figures.image_coverage(solved),
+        "verdict": {"level": verdict.level.word, "text": verdict.text, "findings": findings},
+        "gaps_s": camera_figures.gaps(solved),
+        "root_position_sigma_mm": spread(position_sigma, 1e3),
+        "root_rotation_sigma_deg": spread(rotation_sigma, np.degrees(1.0)),
+        "jitter_mm": spread(jitter, 1e3),
+        "sliding": sliding_figures(solved, comparison),
+        "joint_ranges_deg": camera_figures.angle_ranges_deg(solved),
+        "cameras": camera_figures.camera_figures(solved, models),
+    }
+    bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
+    more = {
+        "sensors": camera_figures.sensor_figures(solved, read_imus(bags, figures["cameras"])),
+        "stations": {record.station: camera_figures.station_figures(record) for record in solved.stations},
+        "equipment": solved.equipment and equipment_figures(solved.equipment, solved.start_ns),
+        "truth": comparison and comparison.figures(),
+        "same_motion": same_motion and {"correlation": same_motion.likeness, "by_chance": same_motion.chance},
+        "agreement": agreement and agreement.figures(),
+        "constraints": constraints and constraints.figures(),
+        "gait": solved_gait(solved, comparison),
+    }
+    figures = _without_nan(figures | {name: value for name, value in more.items() if value})
+    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, constraints)
+
+
+def _without_nan(value: Any) -> Any:
+    """JSON has no NaN."""
+    if isinstance(value, dict):
+        return {name: _without_nan(inner) for name, inner in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

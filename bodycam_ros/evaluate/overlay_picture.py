@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.evaluate.comparison import Distribution
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import Recording, open_recording
@@ -127,7 +126,7 @@ def _draw_view(axes: Axes, view: OverlayView) -> None:
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
     state = "" if view.registered else ", LOST"
-    error = f", {Distribution.of(errors).median:.2f} px median" if len(overlay.pixels) else ""
+    error = f", {np.nanmedian(errors):.2f} px median" if len(overlay.pixels) else ""
     note = f"{view.seconds:.2f} s, {len(overlay.pixels)} landmarks{error}{state}"
     panel_title(axes, view.camera.replace("_", " "), note)
 

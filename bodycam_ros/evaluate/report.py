@@ -6,23 +6,21 @@ from pathlib import Path
 from types import MappingProxyType
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.agreement_figures import agreement_lines
-from bodycam_ros.evaluate.clock_search import Clock
-from bodycam_ros.evaluate.constraints import draw_constraints
+from bodycam_ros.evaluate.agreement import Agreement
+from bodycam_ros.evaluate.equipment import draw_constraints
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.joint_picture import draw_joint_errors
 from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
 from bodycam_ros.evaluate.report_sections import report_sections
-from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import draw_summary
+from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
 
 FIGURES, PAGE, OUTSIDE, VIDEO = "summary.json", "report.html", "outside.png", "outside.mp4"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
-    "constraints.png": "Distances from where the equipment holds points, with it and without.",
+    "constraints.png": "Distances from the equipment's points, with it and without.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
@@ -45,30 +43,28 @@ def check_report_folder(folder: Path) -> None:
 
 def report_lines(evaluation: Evaluation) -> list[str]:
     """What is not in tables, in sentences."""
-    solved = evaluation.solved
-    duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
+    figures = evaluation.figures
     lines = [
-        f"{len(solved.stamps_ns)} frames in {duration_s:.2f} s, {evaluation.image_coverage:.1%} of the images covered; "
-        f"{int(evaluation.blind.sum())} frames without any camera"
+        f"{figures['instants']} frames in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the images "
+        f"covered; {figures['instants_without_camera']} frames without any camera"
     ]
-    lines += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in evaluation.gaps]
-    if (clock := evaluation.same_motion) is not None and evaluation.truth_name:
-        lines.append(f"same motion as {evaluation.truth_name}: {describe_match(clock)}")
-    if evaluation.agreement is not None:
-        lines += agreement_lines(evaluation.agreement)
-    return lines
+    lines += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"]]
+    if (match := figures.get("same_motion")) is not None:
+        lines.append(f"same motion as {evaluation.truth_name}: {_describe_match(match, evaluation.agreement)}")
+    return lines if evaluation.agreement is None else [*lines, *evaluation.agreement.lines()]
 
 
-def describe_match(clock: Clock) -> str:
+def _describe_match(match: Mapping[str, float | None], agreement: Agreement | None) -> str:
     """How sure it is that two motions are the same."""
-    if clock.likeness != clock.likeness:
+    likeness, chance = match["correlation"], match["by_chance"]
+    if likeness is None:
         return "too short to tell"
-    likeness = f"they correlate by {clock.likeness:.3f}"
-    if clock.chance != clock.chance:
-        return f"{likeness}; too short to tell how probable that is by chance"
-    if clock.start_sigma_s == 0.0:
-        return f"{likeness}, and at {clock.chance:.0%} of other offsets in time as well"
-    return f"{likeness}; unrelated motions do so with a probability of {max(clock.chance, 1e-9):.2g}"
+    text = f"they correlate by {likeness:.3f}"
+    if chance is None:
+        return f"{text}; too short to tell how probable that is by chance"
+    if agreement is None or agreement.clock.start_sigma_s == 0.0:
+        return f"{text}, and at {chance:.0%} of other offsets in time as well"
+    return f"{text}; unrelated motions do so with a probability of {max(chance, 1e-9):.2g}"
 
 
 def write_report(
@@ -90,7 +86,7 @@ def write_report(
         OutputError: it cannot be written.
     """
     check_report_folder(folder)
-    figures = summary(evaluation)
+    figures = evaluation.figures
     with whole_files(folder) as unfinished:
         (unfinished / FIGURES).write_text(json.dumps(figures, indent=1, allow_nan=False) + "\n")
         draw_summary(evaluation, unfinished / "summary.png")

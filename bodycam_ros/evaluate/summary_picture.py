@@ -1,33 +1,36 @@
 """One picture that shows at a glance whether a solved recording is any good."""
 
-import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.image import AxesImage
+from matplotlib.patches import Patch
 
-from bodycam_ros.body.equipment_report import EquipmentRecord
-from bodycam_ros.evaluate.comparison import Distribution
+from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
-from bodycam_ros.evaluate.registration_panel import draw_registrations
-from bodycam_ros.evaluate.summary import CM_PER_M, MM_PER_M
 from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
     CAUTION,
     GOOD,
     INK,
+    LANDMARKS,
     QUIET,
+    RELATIVE,
+    ROTATION_ONLY,
     WARNING,
-    light_grid,
     open_picture,
     panel_title,
     side_colour,
 )
+from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.verdict import Level, Verdict
 
@@ -37,9 +40,14 @@ _MAX_LETTERS = 150
 
 _WIDTH, _HEIGHT, _EQUIPMENT_HEIGHT = 16.0, 11.6, 2.6  # [in]
 _LEFT_COLUMN, _RIGHT_COLUMN = (0.095, 0.405), (0.6, 0.365)
-_MIN_GAP_MM = 0.1  # lower end of the logarithmic scale of equipment; cameras measure no less
-_DASHES: tuple[tuple[int, tuple[int, ...]], ...] = ((0, ()), (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)))
-"""Of attachments, by name without the side."""
+
+_MAX_COLUMNS = 900
+"""Columns of the strip; of the images that share one, the worst shows."""
+
+_NO_IMAGE = "#f7f8f9"
+_COLOURS = MappingProxyType(
+    {CameraSight.RELATIVE: RELATIVE, CameraSight.ROTATION_ONLY: ROTATION_ONLY, CameraSight.BLIND: WARNING}
+)
 
 
 def draw_summary(evaluation: Evaluation, path: Path) -> None:
@@ -60,7 +68,7 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         _draw_headline(figure, evaluation, height)
         draw_figures(add_panel((0.03, 0.94), 0.545, 0.88), evaluation)
         registrations = add_panel(_LEFT_COLUMN, 0.232, 0.49)
-        draw_registrations(registrations, evaluation)
+        (_draw_body_cameras if evaluation.solved.cameras else _draw_static_cameras)(registrations, evaluation.solved)
         for draw, column, (bottom, top), count in (
             (draw_errors, _LEFT_COLUMN, (0.055, 0.182), ERROR_PANELS),
             (draw_angles, _RIGHT_COLUMN, (0.055, 0.49), ANGLE_PANELS),
@@ -82,9 +90,8 @@ def _draw_headline(figure: Figure, evaluation: Evaluation, height: float) -> Non
     """Name, duration, verdict and key figures."""
     solved = evaluation.solved
     name, below, verdict = (1.0 - inches / height for inches in (0.29, 0.66, 0.93))
-    duration_s = 1e-9 * (solved.end_ns - solved.start_ns + solved.frame_ns)
     figure.text(0.03, name, solved.path.resolve().name, fontsize=17.0, weight="bold", va="top")
-    what = f"{duration_s:.1f} s, frames: {len(solved.stamps_ns)}, cameras: {len(evaluation.cameras)}"
+    what = f"{solved.duration_s:.1f} s, frames: {len(solved.stamps_ns)}, cameras: {len(solved.cameras)}"
     if solved.stations:
         what += f", static cameras: {len(solved.stations)}"
     if evaluation.comparison is not None:
@@ -94,7 +101,7 @@ def _draw_headline(figure: Figure, evaluation: Evaluation, height: float) -> Non
     figure.text(0.03, below, what, fontsize=10.0, color=QUIET, va="top")
     colour = _VERDICT_COLOURS[evaluation.verdict.level]
     figure.text(0.03, verdict, verdict_line(evaluation.verdict), fontsize=11.0, weight="bold", color=colour, va="top")
-    figures = key_figures(evaluation)
+    figures = key_figures(evaluation.figures)
     for index, (value, caption) in enumerate(figures):
         across = 0.97 - 0.112 * (len(figures) - 1 - index)
         figure.text(across, name, value, fontsize=17.0, color=INK, va="top", ha="right")
@@ -109,75 +116,120 @@ def verdict_line(verdict: Verdict) -> str:
     return line if len(line) <= _MAX_LETTERS else f"{line[: _MAX_LETTERS - 3]}..."
 
 
-def key_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
+def key_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(value, caption) of the figures to judge by."""
-    solved = (f"{100.0 * evaluation.image_coverage:.1f} %", "body solved")
-    cameras = _camera_figures(evaluation)
-    if (comparison := evaluation.comparison) is not None:
-        rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()])
+    shown = [(f"{figures['image_coverage']:.1%}", "body solved"), *_camera_figures(figures)]
+    if (truth := figures.get("truth")) is not None:
         return [
-            solved,
-            cameras[0],
-            (f"{CM_PER_M * float(comparison.position_errors.mean()):.2f} cm", "position error, mean"),
-            (f"{float(rotations.mean()):.2f}°", "rotation error, mean"),
-            (f"{100.0 * (comparison.scale - 1.0):+.2f} %", "scale error"),
-            (f"{np.degrees(comparison.tilt):.2f}°", "tilt"),
+            *shown[:2],
+            (f"{truth['position_cm']['mean']:.2f} cm", "position error, mean"),
+            (f"{truth['rotation_deg']['mean']:.2f}°", "rotation error, mean"),
+            (f"{100.0 * (truth['scale'] - 1.0):+.2f} %", "scale error"),
+            (f"{truth['tilt_deg']:.2f}°", "tilt"),
         ]
-    if (agreement := evaluation.agreement) is not None:
-        off = CM_PER_M * float(np.nanmean(agreement.position_errors))
-        return [solved, *cameras, (f"{off:.2f} cm", "position difference, mean")]
-    sigma, jitter = (_millimetres(values) for values in (evaluation.position_sigma, evaluation.jitter))
-    return [solved, *cameras, (sigma, "root sigma, median"), (jitter, "jitter, median")]
+    if (agreement := figures.get("agreement")) is not None:
+        return [*shown, (f"{agreement['position_cm']['mean']:.2f} cm", "position difference, mean")]
+    sigma, jitter = (figures[name]["median"] for name in ("root_position_sigma_mm", "jitter_mm"))
+    known = ((sigma, "root sigma, median"), (jitter, "jitter, median"))
+    return [*shown, *((f"{value:.1f} mm" if value is not None else "unknown", caption) for value, caption in known)]
 
 
-def _camera_figures(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """How often body cameras were registered; without any, how often static ones measured the body."""
-    if not evaluation.cameras:
-        segments = np.concatenate([record.segments for record in evaluation.solved.stations])
-        observed = (f"{100.0 * np.mean(segments > 0):.1f} %", "body observed")
-        return [observed, (f"{segments.mean():.1f}", "segments per image")]
-    registered = np.average(
-        [each.registered for each in evaluation.cameras], weights=[c.images for c in evaluation.cameras]
+def _camera_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Shares of images: registered by body cameras; without any, observed by static ones."""
+    cameras = [*figures["cameras"].values(), *figures.get("stations", {}).values()]
+    images = [camera["images"] for camera in cameras]
+    if not figures["cameras"]:
+        observed, segments = (np.average([c[k] for c in cameras], weights=images) for k in ("seen", "segments"))
+        return [(f"{observed:.1%}", "body observed"), (f"{segments:.1f}", "segments per image")]
+    worn = list(figures["cameras"].values())
+    registered = np.average([camera["registered"] for camera in worn], weights=images[: len(worn)])
+    counts = [camera["landmarks"] for camera in worn if camera["landmarks"] is not None]  # unknown in a slim bag
+    landmarks = [(f"{np.mean(counts):.0f}", "landmarks per image")] if counts else []
+    return [(f"{registered:.1%}", "cameras registered"), *landmarks]
+
+
+def _draw_static_cameras(axes: Axes, solved: SolvedRecording) -> None:
+    """A row per static camera, darker with more segments, red without any."""
+    records = solved.stations
+    segments = _strip(solved, records, lambda record: record.segments, np.fmin, _MAX_COLUMNS)
+    most = float(np.nanmax(segments, initial=1.0))
+    layers = [(segments, segments > 0.0, LANDMARKS, most), (segments, segments == 0.0, ListedColormap([WARNING]), 1.0)]
+    names, shares = [record.station for record in records], [float(record.observes.mean()) for record in records]
+    _draw_strips(axes, solved, layers, names, shares)
+    panel_title(axes, "Static cameras", f"segments that each observes, dark: {most:.0f}; red: none")
+
+
+def _draw_body_cameras(axes: Axes, solved: SolvedRecording) -> None:
+    """A row per camera, darker with more landmarks; other colours where it is not registered in the map."""
+    landmarks, sights = sight_table(solved, _MAX_COLUMNS)
+    known = landmarks[np.isfinite(landmarks)]
+    top = float(np.percentile(known, 98)) if known.size else 1.0
+    top = max(10.0, 10.0 * np.ceil(top / 10.0))
+    layers: list[tuple[Array, Any, Colormap, float]] = [(landmarks, sights == CameraSight.REGISTERED, LANDMARKS, top)]
+    layers += [(sights, sights == sight, ListedColormap([colour]), 1.0) for sight, colour in _COLOURS.items()]
+    names, shares = zip(*((each.camera, float(each.registered.mean())) for each in solved.cameras), strict=True)
+    image = _draw_strips(axes, solved, layers, names, shares)
+    for label, name in zip(axes.get_yticklabels(), names, strict=True):
+        label.set_color(side_colour(name))
+    panel_title(axes, "Camera registration", "landmarks per image")
+    bar = axes.inset_axes((0.46, 1.025, 0.14, 0.022))
+    colours = axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=[0.0, top])
+    colours.outline.set_visible(False)
+    bar.tick_params(length=0, labelsize=7.5, pad=1.0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.legend(
+        handles=[Patch(color=colour, label=sight.label) for sight, colour in _COLOURS.items()],
+        loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=len(_COLOURS),
+        handlelength=0.9, handleheight=0.9, borderaxespad=0.0, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip
+
+
+def _draw_strips(
+    axes: Axes,
+    solved: SolvedRecording,
+    layers: Sequence[tuple[Array, Any, Colormap, float]],
+    names: Sequence[str],
+    shares: Sequence[float],
+) -> AxesImage:
+    """Draw layers of cells (C, N), each where a mask is true; with names, and shares of images. The first image."""
+    duration_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
+    extent = (0.0, duration_s, len(names) - 0.5, -0.5)
+    axes.set_facecolor(_NO_IMAGE)
+    first, *_ = [
+        axes.imshow(
+            np.ma.masked_where(~shown, cells), cmap=colours, vmin=0.0, vmax=top, extent=extent, aspect="auto",
+            interpolation="nearest",
+        )
+        for cells, shown, colours, top in layers
+    ]  # fmt: skip
+    axes.hlines(np.arange(len(names) - 1) + 0.5, 0.0, duration_s, color="white", linewidth=1.5)
+    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    for row, share in enumerate(shares):
+        axes.annotate(
+            "100 %" if share == 1.0 else f"{100.0 * share:.1f} %", (1.0, row), (5, 0),
+            xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
+            color=QUIET if share == 1.0 else WARNING,
+        )  # fmt: skip
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    return first
+
+
+def sight_table(solved: SolvedRecording, max_columns: int) -> tuple[Array, Array]:
+    """Fewest landmarks (C, N) and the worst ``CameraSight`` (C, N), by camera and time; NaN without an image."""
+    return (
+        _strip(solved, solved.cameras, lambda record: record.landmarks, np.fmin, max_columns),
+        _strip(solved, solved.cameras, lambda record: record.sights, np.fmax, max_columns),
     )
-    landmarks = np.mean([each.landmarks for each in evaluation.cameras])
-    counted = [(f"{landmarks:.0f}", "landmarks per image")] if np.isfinite(landmarks) else []  # not in a slim bag
-    return [(f"{100.0 * registered:.1f} %", "cameras registered"), *counted]
 
 
-def _millimetres(metres: Array) -> str:
-    median = MM_PER_M * Distribution.of(metres).median
-    return f"{median:.1f} mm" if math.isfinite(median) else "unknown"
-
-
-def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord) -> None:
-    """Draw the distance of each attachment's points over time (B figure 12), thin and faint while it was released."""
-    panel_title(axes, f"Distance from {record.name}", "between points that should coincide; faint: released")
-    kinds = list(dict.fromkeys(map(_kind, record.attachments)))
-    low, high = np.inf, 10.0 * _MIN_GAP_MM
-    handles = []
-    for column, name in enumerate(record.attachments):
-        distance = np.maximum(MM_PER_M * record.deviations[:, column], _MIN_GAP_MM)
-        known = distance[np.isfinite(distance)]
-        if known.size:
-            low, high = min(low, float(known.min())), max(high, float(known.max()))
-        style: Any = {"color": side_colour(name), "linestyle": _DASHES[kinds.index(_kind(name)) % len(_DASHES)]}
-        held = record.held[:, column]
-        for mask, width, alpha in ((held, 1.5, 1.0), (~held, 0.8, 0.45)):
-            # A step longer at the beginning of each stretch, so that lines meet.
-            shown = mask | np.append(mask[1:], False)
-            curve = solved.curve(record.stamps_ns, np.where(shown, distance, np.nan))
-            axes.plot(*curve, linewidth=width, alpha=alpha, **style)
-        handles.append(Line2D([], [], label=name, linewidth=1.5, **style))
-    axes.set_yscale("log")
-    axes.set_ylim(min(low, high / 10.0) / 1.5, high * 1.5)
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.set_ylabel("distance [mm]")
-    axes.set_xlabel("time [s]")
-    if not record.placed.any():
-        axes.text(0.5, 0.5, "its pose was never known", transform=axes.transAxes, ha="center", color=QUIET)
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(handles), borderaxespad=0)
-    light_grid(axes)
-
-
-def _kind(name: str) -> str:
-    return name.removesuffix("_left").removesuffix("_right")
+def _strip(
+    solved: SolvedRecording, records: Sequence[Any], values: Callable[[Any], Any], worst: np.ufunc, max_columns: int
+) -> Array:
+    """The worst value (C, N) of the images that share a column, by camera and time; NaN without an image."""
+    frames = round((solved.end_ns - solved.start_ns) / solved.frame_ns) + 1
+    columns = min(frames, max_columns)
+    table = np.full((len(records), columns), np.nan)
+    for row, record in enumerate(records):
+        frame = np.round((record.stamps_ns - solved.start_ns) / solved.frame_ns).astype(int)
+        worst.at(table[row], frame * columns // frames, np.asarray(values(record), np.float64))
+    return table

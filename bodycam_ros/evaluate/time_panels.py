@@ -1,17 +1,20 @@
-"""Panels over time: the flexion of each limb; errors or, without truth, the estimated uncertainty."""
+"""Curves over time: the flexion of each limb; errors or, without truth, the uncertainty; errors of each joint."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 
+from bodycam_ros.calibration.anthropometry import JOINT_ABOVE
+from bodycam_ros.evaluate.anatomical_angles import kind_and_side, planes_of
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.summary import MM_PER_M
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
+    CENTRE,
     INK,
     LEFT,
     QUIET,
@@ -19,10 +22,10 @@ from bodycam_ros.picture_style import (
     TRUTH,
     WARNING,
     light_grid,
+    open_picture,
     panel_title,
     side_colour,
 )
-from bodycam_ros.results.solved_recording import SolvedRecording
 
 LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_arm", "elbow": "forearm"}
 """Joint -> the kind of segment that it moves."""
@@ -34,19 +37,18 @@ _LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobod
 _DASHED = (0, (3, 2))
 _LONG_S = 15.0  # recordings whose curves would cover each other as thick lines
 _THINNEST = 0.35
+_ROWS = (("spine", "neck", "shoulder", "elbow"), ("hip", "knee", "ankle", "pelvis"))
+_WIDTH, _ROW_HEIGHT = 16.0, 2.4  # [in]
 
 
-def flexion(segment: str, parent_R_child: Array) -> Array:
-    """Angle (T,) [rad] of a limb's long axis to its parent's, zero in the N-pose, continuous over time.
+def flexion_deg(segment: str, parent_R_child: Array) -> Array:
+    """Flexion (T,) [deg] of a limb by rotations (T, 3, 3) in its parent, zero in the N-pose.
 
-    Segments point along -z in the N-pose, x forward: the limb's direction d in the parent is minus the third column of
-    the rotation (T, 3, 3). Hip, knee and elbow: atan2(d_x, -d_z), in the direction in which they bend. Shoulder: the
-    angle between d and -z, because an arm that is raised sideways leaves the sagittal plane.
+    Hip, knee and elbow: in the sagittal plane. Shoulder: the whole swing, because an arm that is raised sideways leaves
+    that plane.
     """
-    forward, _, up = -np.moveaxis(parent_R_child[:, :, 2], -1, 0)
-    if segment.startswith(LIMBS["shoulder"]):
-        return np.asarray(np.arccos(np.clip(-up, -1.0, 1.0)))
-    return np.asarray(np.unwrap(np.arctan2(-forward if segment.startswith(LIMBS["knee"]) else forward, -up)))
+    planes = np.degrees(planes_of(segment, parent_R_child))
+    return np.asarray(np.linalg.norm(planes[:, :2], axis=1) if segment.startswith(LIMBS["shoulder"]) else planes[:, 0])
 
 
 def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
@@ -78,22 +80,16 @@ def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     )
 
 
-def _thinner(solved: SolvedRecording) -> float:
-    """By how much lines are to be thinner: a minute has as many strides on the same paper as a few seconds have."""
-    duration_s = 1e-9 * (solved.end_ns - solved.start_ns)
-    return float(np.clip(_LONG_S / max(duration_s, 1e-9), _THINNEST, 1.0))
-
-
 def _draw_joint(axes: Axes, evaluation: Evaluation, segment: str) -> None:
     solved = evaluation.solved
-    thinner = _thinner(solved)
+    thinner = float(np.clip(_LONG_S / solved.duration_s, _THINNEST, 1.0))
     parent = solved.parents[segment]
     world_R_parent, world_R_child = (solved.world_T_link[link][:, :3, :3] for link in (parent, segment))
-    angle = np.degrees(flexion(segment, np.swapaxes(world_R_parent, 1, 2) @ world_R_child))
+    angle = flexion_deg(segment, np.swapaxes(world_R_parent, 1, 2) @ world_R_child)
     curve = solved.curve(solved.stamps_ns, angle)
     axes.plot(*curve, color=side_colour(segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
     if evaluation.comparison is not None and segment in evaluation.comparison.joints:
-        true = np.degrees(flexion(segment, evaluation.comparison.joints[segment].true))
+        true = flexion_deg(segment, evaluation.comparison.joints[segment].true)
         axes.plot(
             *solved.curve(evaluation.comparison.stamps_ns, true),
             color=INK,
@@ -117,7 +113,7 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
 def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison: Comparison) -> None:
     rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()]).T
     for axes, errors, label in (
-        (panels[0], MM_PER_M * comparison.position_errors, "position\n[mm]"),
+        (panels[0], 1e3 * comparison.position_errors, "position\n[mm]"),
         (panels[1], rotations, "rotation\n[°]"),
     ):
         _draw_spread(axes, evaluation.solved.curve(comparison.stamps_ns, errors))
@@ -128,10 +124,10 @@ def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison
 
 def _draw_uncertainty(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     solved = evaluation.solved
-    sigma = solved.curve(solved.stamps_ns, MM_PER_M * evaluation.position_sigma)
+    sigma = solved.curve(solved.stamps_ns, 1e3 * evaluation.position_sigma)
     panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=_lone_marker(sigma))
     panels[0].set_ylabel("root sigma\n[mm]")
-    _draw_spread(panels[1], solved.curve(solved.stamps_ns, MM_PER_M * evaluation.jitter))
+    _draw_spread(panels[1], solved.curve(solved.stamps_ns, 1e3 * evaluation.jitter))
     panels[1].set_ylabel("jitter\n[mm]")
     for axes in panels:
         axes.set_ylim(bottom=0.0)
@@ -173,10 +169,70 @@ def _mark_blind(axes: Axes, evaluation: Evaluation) -> None:
     half_s = 0.5e-9 * solved.frame_ns
     for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
         axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
-    for start, end in evaluation.gaps:
+    for start, end in evaluation.figures["gaps_s"]:
         axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
 
 
 def _lone_marker(curve: tuple[Array, Array]) -> str:
     """A dot if the curve is one point, which no line would show."""
     return "o" if len(curve[0]) == 1 else ""
+
+
+def _joint_errors(evaluation: Evaluation) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
+    """Position [cm] and rotation [deg] errors (T,) by segment, against the truth or another system.
+
+    Rotations are geodesic against a truth, angles since the first frame (A figure 7a) against another system.
+    """
+    if (comparison := evaluation.comparison) is not None:
+        columns = zip(comparison.segments, 100.0 * comparison.position_errors.T, strict=True)
+        turns = {segment: np.degrees(joint.rotation_errors) for segment, joint in comparison.joints.items()}
+        return dict(columns), turns
+    assert (agreement := evaluation.agreement) is not None
+    positions = {point.link: 100.0 * point.errors for point in reversed(agreement.joints)}
+    return positions, {segment: np.degrees(errors) for segment, errors in agreement.angle_errors.items()}
+
+
+def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
+    """Write the picture as PNG: a panel for each kind of joint, left and right in their colours.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    of = evaluation.comparison or evaluation.agreement
+    assert of is not None
+    positions, turns = _joint_errors(evaluation)
+    rows = [(errors, unit, kinds) for errors, unit in ((positions, "cm"), (turns, "°")) if errors for kinds in _ROWS]
+    height = _ROW_HEIGHT * len(rows) + 0.4
+    with open_picture(path, _WIDTH, height) as figure:
+        panels = figure.subplots(len(rows), 4, sharex=True, squeeze=False)
+        for row, (errors, unit, kinds) in zip(panels, rows, strict=True):
+            for axes, kind in zip(row, kinds, strict=True):
+                here = {segment: e for segment, e in errors.items() if _joint_kind(segment) == kind}
+                _draw_panel(axes, kind, unit, {s: evaluation.solved.curve(of.stamps_ns, e) for s, e in here.items()})
+            row[0].set_ylabel("position [cm]" if unit == "cm" else "rotation [°]")
+        for axes in panels[-1]:
+            axes.set_xlabel("time [s]")
+        sides = (("left", LEFT), ("right", RIGHT), ("trunk", CENTRE))
+        figure.legend(handles=[Line2D([], [], color=c, label=name) for name, c in sides], loc="lower center", ncols=3)
+        figure.align_ylabels()
+        figure.subplots_adjust(
+            left=0.05, right=0.985, bottom=0.75 / height, top=1.0 - 0.4 / height, wspace=0.16, hspace=0.34
+        )
+
+
+def _joint_kind(segment: str) -> str:
+    kind = kind_and_side(segment)[0]
+    return JOINT_ABOVE.get(kind, kind)
+
+
+def _draw_panel(axes: Axes, kind: str, unit: str, curves: Mapping[str, tuple[Array, Array]]) -> None:
+    for segment, curve in curves.items():
+        axes.plot(*curve, color=side_colour(segment), linewidth=1.2)
+    values = np.concatenate([np.zeros(0), *(values for _, values in curves.values())])
+    known = values[np.isfinite(values)]
+    if not known.size:
+        axes.axis("off")
+        return
+    panel_title(axes, kind, f"mean {known.mean():.2f} {unit}")
+    axes.set_ylim(0.0, 1.1 * float(known.max()) + 1e-6)
+    light_grid(axes)

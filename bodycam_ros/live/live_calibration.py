@@ -14,8 +14,7 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
-from bodycam_ros.evaluate.body_report import write_html_report
-from bodycam_ros.evaluate.body_tables import body_report
+from bodycam_ros.evaluate.body_report import body_report, write_html_report
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.pipeline_settings import PipelineSettings

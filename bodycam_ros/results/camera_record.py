@@ -33,7 +33,7 @@ class StationRecord:
     confidence: Array
 
     @property
-    def sees(self) -> NDArray[np.bool_]:
+    def observes(self) -> NDArray[np.bool_]:
         """(K,) whether it said something of any segment."""
         seen: NDArray[np.bool_] = self.segments > 0
         return seen

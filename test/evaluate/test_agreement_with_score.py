@@ -10,7 +10,6 @@ from known_walk import FRAMES, Walk, write_solved, write_truth
 
 from benchmarks.body_from_truth import body_from_truth
 from bodycam_ros.evaluate.evaluation import evaluate
-from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import exp_so3, rigid
 
@@ -59,7 +58,7 @@ def with_errors(walk: Walk) -> Walk:
 
 def test_on_the_walk_that_we_know(walk: Walk, truth: Path, scorer: ModuleType, tmp_path: Path) -> None:
     out = write_solved(with_errors(walk), tmp_path / "out")
-    ours, theirs = summary(evaluate(out, truth))["truth"], scorer.score(out, truth)
+    ours, theirs = evaluate(out, truth).figures["truth"], scorer.score(out, truth)
     assert theirs["position_cm"]["mean"] > 0.1 and theirs["frames"] == FRAMES - 4
     assert differences(ours, theirs, TOLERANCE) == {}
 
@@ -67,7 +66,7 @@ def test_on_the_walk_that_we_know(walk: Walk, truth: Path, scorer: ModuleType, t
 def test_on_a_ride_whose_truth_knows_no_bicycle(ride: Walk, scorer: ModuleType, tmp_path: Path) -> None:
     truth = write_truth(ride, tmp_path / "ride")
     out = write_solved(with_errors(ride), tmp_path / "out")
-    ours, theirs = summary(evaluate(out, truth))["truth"], scorer.score(out, truth)
+    ours, theirs = evaluate(out, truth).figures["truth"], scorer.score(out, truth)
     assert theirs["position_cm"]["mean"] > 0.1 and theirs["links_missing"] == []
     assert differences(ours, theirs, TOLERANCE) == {}
 
@@ -83,6 +82,6 @@ def test_on_a_recording(
     stamps_ns = true.stamps_ns[::3][:-1] + later_ns
     poses = np.stack([true.at(stamps_ns, segment) for segment in body.segments], axis=1)
     out = write_solved(with_errors(Walk(body, stamps_ns, poses)), tmp_path / "out")
-    ours, theirs = summary(evaluate(out, shared / name))["truth"], scorer.score(out, shared / name)
+    ours, theirs = evaluate(out, shared / name).figures["truth"], scorer.score(out, shared / name)
     assert theirs["links_missing"] == ["hand_left", "hand_right"]
     assert differences(ours, theirs, tolerance) == {}

@@ -7,7 +7,6 @@ import pytest
 from known_walk import FRAMES, Walk, write_solved, write_truth
 
 from bodycam_ros.evaluate.evaluation import evaluate
-from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 
@@ -16,7 +15,7 @@ ROUNDING = 1e-6  # [cm], [deg]
 
 def against(walk: Walk, truth: Path, folder: Path) -> dict[str, dict[str, float]]:
     """The figures of an estimate against the truth."""
-    figures: dict[str, dict[str, float]] = summary(evaluate(write_solved(walk, folder / "out"), truth))["truth"]
+    figures: dict[str, dict[str, float]] = evaluate(write_solved(walk, folder / "out"), truth).figures["truth"]
     return figures
 
 

@@ -10,10 +10,9 @@ from known_walk import Walk, write_solved
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.report import write_report
-from bodycam_ros.evaluate.solved_verdict import solved_verdict
-from bodycam_ros.evaluate.summary import summary
 from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
+from bodycam_ros.quality.solved_verdict import solved_verdict
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.verdict import Finding, Level, Verdict, parse_verdict, verdict_text
 
@@ -21,7 +20,7 @@ from bodycam_ros.verdict import Finding, Level, Verdict, parse_verdict, verdict_
 def test_a_good_walk_is_good(solved: Path) -> None:
     evaluation = evaluate(solved)
     assert (evaluation.verdict.level, evaluation.verdict.findings) == (Level.GOOD, ())
-    assert summary(evaluation)["verdict"] == {
+    assert evaluation.figures["verdict"] == {
         "level": "good",
         "text": "good: nothing contradicts the body",
         "findings": [],
@@ -40,7 +39,7 @@ def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk
     evaluation = evaluate(write_solved(walk, tmp_path / "out", published=body))
     assert evaluation.verdict.level == Level.WRONG
     write_report(evaluation, tmp_path / "report")
-    finding = summary(evaluation)["verdict"]["findings"][0]
+    finding = evaluation.figures["verdict"]["findings"][0]
     assert (finding["subject"], finding["level"]) == ("shin", "wrong")
 
 

@@ -17,7 +17,6 @@ from bodycam_ros.evaluate.agreement import (
     compare_with_truth,
     rate_same_motion,
 )
-from bodycam_ros.evaluate.agreement_figures import agreement_figures
 from bodycam_ros.evaluate.clock_search import Clock, Signals, find_clock
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.formats.read_captured import read_captured
@@ -86,7 +85,7 @@ def test_a_bend_that_only_one_has_is_told_in_its_plane(walk: Walk, tmp_path: Pat
     bvh = write_bvh(tmp_path / "other.bvh", walk, FRAME_S)
     trc = write_trc(tmp_path / "other.trc", seconds(walk), origins(walk))
     for path in (bvh, trc):
-        figures = agreement_figures(against(recording, path))["joints"]["knee left"]
+        figures = against(recording, path).figures()["joints"]["knee left"]
         sagittal = figures["planes"]["sagittal"]
         assert sagittal["error_deg"]["max"] > 2.5
         if path is trc:
@@ -158,7 +157,7 @@ def test_a_match_with_another_walk_is_doubted(recording: SolvedRecording, walk: 
         path = write_trc(tmp_path / "other.trc", seconds(walk) / faster, origins(walk))
         found = against(recording, path)
         assert len(found.doubts) == doubts and all("other.trc" in doubt for doubt in found.doubts)
-        assert agreement_figures(found)["doubts"] == list(found.doubts)
+        assert found.figures()["doubts"] == list(found.doubts)
 
 
 def test_what_motions_share_by_chance_has_no_lead_over_the_next_best() -> None:

@@ -10,7 +10,7 @@ from held_ride import UNPLACED, write_held
 from known_walk import FRAMES, Walk, walking_body, write_solved
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.constraints import WithAndWithout, with_and_without
+from bodycam_ros.evaluate.equipment import WithAndWithout, with_and_without
 from bodycam_ros.results.solved_recording import read_solved
 
 TURNED_DEG = 10.0 * np.sin(np.linspace(0.0, np.pi, FRAMES))
@@ -58,7 +58,7 @@ def test_the_command_shows_both(bags: tuple[Path, Path], tmp_path: Path, capsys:
 
 @pytest.mark.parametrize(
     ("swapped", "told"),
-    [(True, "was solved without equipment, so --compare has nothing to show"), (False, "no instant")],
+    [(True, "was solved without equipment, so --compare has nothing to show"), (False, "no state")],
 )
 def test_what_does_not_fit_is_named(
     bags: tuple[Path, Path], ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], swapped: bool, told: str
