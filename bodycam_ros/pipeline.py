@@ -28,6 +28,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import LOOKAHEAD_S
 from bodycam_ros.timing.frame_assembler import FIRST_WAIT_S, FrameAssembler
 from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
+from bodycam_ros.timing.timeline import Message, Timeline
 
 
 class SkeletonPipeline:
@@ -48,6 +49,7 @@ class SkeletonPipeline:
 
     Attributes:
         body: with the equipment, if any.
+        timeline: admits messages of the time that most cameras agree on.
         synchronizer: brings the cameras to common stamps.
         assembler: puts together what they say of one.
 
@@ -81,6 +83,7 @@ class SkeletonPipeline:
         self._from_stations: deque[CameraImage | SaidSegments] = deque()
         self._untold = [*stations] if live and on_body and not placed else []
         awaited = on_body if self._untold else [*on_body, *stations]
+        self.timeline = Timeline(settings.assembler.max_wait)
         self.assembler = FrameAssembler(awaited, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
         self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected, imus)
@@ -142,13 +145,27 @@ class SkeletonPipeline:
 
     def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
         """Add what one camera says; return what is ready to be published, in order of time."""
-        return self._assemble(self.synchronizer.add(matches))
+        return self._admit(matches)
 
     def add_static(self, seen: CameraImage | SaidSegments) -> list[BodyOutput]:
         """As ``add``, of a static camera: its image, or what it says; it waits for worn ones as long as clocks take."""
-        self._from_stations.append(seen)
-        longest_s = 2e-9 * self.assembler.max_wait_ns + (0.0 if self._live else LOOKAHEAD_S)
-        return self._release(seen.stamp_ns - round(1e9 * longest_s) if self._holds_stations else None)
+        return self._admit(seen)
+
+    def _admit(self, message: Message) -> list[BodyOutput]:
+        outputs, epoch = list[BodyOutput](), self.timeline.epoch
+        for each in self.timeline.admit(message):
+            if self.timeline.epoch > epoch:
+                epoch = self.timeline.epoch
+                outputs += self._flush_frames()
+                self.synchronizer.restart()
+                self.assembler.restart()
+            if isinstance(each, LandmarkMatches):
+                outputs += self._assemble(self.synchronizer.add(each))
+                continue
+            self._from_stations.append(each)
+            longest_s = 2e-9 * self.assembler.max_wait_ns + (0.0 if self._live else LOOKAHEAD_S)
+            outputs += self._release(each.stamp_ns - round(1e9 * longest_s) if self._holds_stations else None)
+        return outputs
 
     @property
     def _holds_stations(self) -> bool:
@@ -161,14 +178,16 @@ class SkeletonPipeline:
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
+        return self._flush_frames() + self._outputs(self._smoother.flush())
+
+    def _flush_frames(self) -> list[BodyOutput]:
         outputs = self._assemble(self.synchronizer.flush()) + self._release(None)
-        return outputs + self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
+        return outputs + self._solve(self.assembler.flush())
 
     def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
         outputs = []
         for matches in said:
-            if matches.camera not in self.synchronizer.clocks.strangers:
-                outputs += self._release(matches.stamp_ns)
+            outputs += self._release(matches.stamp_ns)
             outputs += self._solve(self.assembler.add(matches))
         return outputs if self._holds_stations else outputs + self._release(None)
 

@@ -157,14 +157,13 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
             print_section(widened(Terminal()), section)
     for remark in remarks:
         terminal.print(remark, style="red", soft_wrap=True)
-    jumped = {jump.camera for jump in summary.jumps}
-    off = {camera: timing for camera, timing in summary.timings.items() if timing.is_off or camera in jumped}
+    off = {camera: timing for camera, timing in summary.timings.items() if timing.is_off or timing.jumps}
     if off:
         terminal.print(_clock_table(off))
         right = [timing.latest.offset_sigma for camera, timing in summary.timings.items() if camera not in off]
         if right:
             terminal.print(f"the other {len(right)} clocks were right within +-{1e3 * max(right):.1f} ms")
-    for line in clock_remarks(summary.timings, summary.jumps, summary.speeds):
+    for line in clock_remarks(summary.timings, summary.speeds):
         terminal.print(line, soft_wrap=True)
     for camera, count in summary.refused.most_common():
         terminal.print(f"camera {camera}: rejected at {count} instants, where the others contradict it")

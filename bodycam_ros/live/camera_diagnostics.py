@@ -107,7 +107,6 @@ class RegistrationDiagnostics:
 def timing_status(
     camera: str,
     share: float,
-    missed: int,
     late: int,
     silent: bool,
     apart_s: float | None,
@@ -118,7 +117,6 @@ def timing_status(
     Args:
         camera: its name.
         share: share of the body's frames for which it has a registration, 0 to 1.
-        missed: frames without it for which half of all cameras have a registration.
         late: registrations after their frame was solved.
         silent: whether the solver has stopped waiting for it.
         apart_s: its stamps are ahead of the body's latest frame, or behind if negative [s]; None without registrations.
@@ -126,7 +124,6 @@ def timing_status(
     """
     values: dict[str, object] = {
         "share of frames [%]": round(100 * share),
-        "frames missed": missed,
         "late registrations": late,
     }
     level, text = StatusLevel.OK, "in time with the others"

@@ -100,7 +100,7 @@ class SolverDiagnostics:
             "late registrations": late,
             "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
             "frames interpolated": pipeline.bridged if pipeline else 0,
-            "restarts": pipeline.assembler.restarts if pipeline else 0,
+            "restarts": pipeline.timeline.epoch if pipeline else 0,
             **dropped.values,
         }
         level, text = self._judge(tally, lost, sorted(rejections), has_body, is_solving=pipeline is not None)
@@ -139,13 +139,12 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:
         timing_status(
             camera,
             share,
-            assembler.synchrony.missed[camera],
             assembler.late_of[camera],
             camera in assembler.silent,
-            assembler.apart_s(camera),
+            pipeline.timeline.apart_s(camera),
             timings.get(camera),
         )
-        for camera, share in assembler.synchrony.shares().items()
+        for camera, share in assembler.shares.items()
     ]
 
 

@@ -173,7 +173,6 @@ def replay(
         summary.timings = {
             camera: history.with_readout(summary.readouts.get(camera)) for camera, history in clocks.histories.items()
         }
-        summary.jumps = tuple(clocks.jumps)
         out.write_timings(summary.timings)
         agreement = log.agreement()
         summary.speeds = agreement.speeds()

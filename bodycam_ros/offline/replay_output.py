@@ -29,7 +29,7 @@ from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.timing.clock_estimator import ClockEstimator
-from bodycam_ros.timing.clock_state import ClockHistory, ClockJump, ClockState
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.verdict import VERDICT, Verdict, verdict_text
 
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
@@ -146,39 +146,31 @@ _UP_TO_SIGMAS = 2.0
 
 def clock_remarks(
     timings: Mapping[str, ClockHistory],
-    jumps: Iterable[ClockJump],
     speeds: Mapping[str, tuple[float, float]],
 ) -> tuple[str, ...]:
     """A line for every clock that was off, was set, or stayed unknown.
 
     Args:
         timings: camera -> how its clock went.
-        jumps: of clocks that were set.
         speeds: camera -> how fast it turned and moved [rad/s, m/s].
     """
-    jumps = list(jumps)
     lines = []
     for camera, timing in sorted(timings.items()):
-        of_camera = [jump for jump in jumps if jump.camera == camera]
         speed = speeds.get(camera, (math.nan, math.nan))
-        lines += [f"camera {camera}: {remark}" for remark in _of_camera(timing, of_camera, speed)]
+        lines += [f"camera {camera}: {remark}" for remark in _of_camera(timing, speed)]
     return tuple(lines)
 
 
-def seconds_into(timing: ClockHistory, jump: ClockJump) -> float:
-    """How long a camera had recorded when its clock was set [s]."""
-    return 1e-9 * (jump.stamp_ns - timing.clocks[0].since_ns)
-
-
-def _of_camera(timing: ClockHistory, jumps: list[ClockJump], speed: tuple[float, float]) -> Iterator[str]:
+def _of_camera(timing: ClockHistory, speed: tuple[float, float]) -> Iterator[str]:
     first = timing.clocks[0]
     if timing.is_off and abs(first.offset) > max(_WORTH_SAYING_S, 2.0 * first.offset_sigma):
         drifted = f", and drifted by {1e6 * first.drift:+.0f} ppm" if _drifts(first) else ""
         side = "ahead" if first.offset > 0 else "behind"
         size = f"{1e3 * abs(first.offset):.1f} ms {side} (+-{1e3 * first.offset_sigma:.1f})"
         yield f"its clock was {size}{drifted}; corrected"
-    for jump in jumps:
-        yield f"its clock jumped by {1e3 * jump.by_s:+.0f} ms after {seconds_into(timing, jump):.1f} s; corrected"
+    for stamp_ns, by_s in timing.jumps:
+        after_s = 1e-9 * (stamp_ns - first.since_ns)
+        yield f"its clock jumped by {1e3 * by_s:+.0f} ms after {after_s:.1f} s; corrected"
     if (sigma := timing.latest.offset_sigma) > _POORLY_KNOWN_S:
         left = [_UP_TO_SIGMAS * sigma * each for each in speed]
         size = ""

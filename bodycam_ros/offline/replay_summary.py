@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.mapping.registration_record import ExtensionRound
-from bodycam_ros.timing.clock_state import ClockHistory, ClockJump
+from bodycam_ros.timing.clock_state import ClockHistory
 from bodycam_ros.verdict import Verdict
 
 
@@ -32,7 +32,6 @@ class ReplaySummary:
         readouts: camera -> how long its rows are read out, as far as is known in the end.
         remarks: what a person should know of a camera's stamps, rows and images, a line each.
         timings: camera -> how its clock went, as its stamps were corrected.
-        jumps: clocks that were set while they recorded.
         speeds: camera -> how fast it moved while it was registered, median [rad/s, m/s].
         verdict: whether the result may be used.
         equipment: how the body was coupled to it; None without.
@@ -55,7 +54,6 @@ class ReplaySummary:
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     timings: Mapping[str, ClockHistory] = field(default_factory=dict)
-    jumps: tuple[ClockJump, ...] = ()
     speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     verdict: Verdict = field(default_factory=lambda: Verdict.from_findings(()))
     equipment: EquipmentRecord | None = None

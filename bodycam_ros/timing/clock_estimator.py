@@ -4,9 +4,8 @@ Offline, images are kept until the clocks some seconds ahead of them are known; 
 corrected by what is known so far.
 """
 
-import math
 from collections import deque
-from collections.abc import Collection, Generator, Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,31 +14,23 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_evidence import CORRELATED, MARGIN_NS, ClockEvidence, window_evidence
+from bodycam_ros.timing.clock_evidence import CORRELATED, MARGIN_NS, window_evidence
 from bodycam_ros.timing.clock_filter import DRIFT_SIGMA, ClockFilter
-from bodycam_ros.timing.clock_state import (
-    TRIGGER_SIGMA_S,
-    ClockHistory,
-    ClockJump,
-    ClockSettings,
-    ClockState,
-    correct_stamps,
-)
-from bodycam_ros.timing.inertial_clocks import InertialClock, camera_clocks
-from bodycam_ros.timing.stamps import CommonTime, SharedStamps, StampIntervals, Stamps, find_shared_stamps, share_stamps
+from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockHistory, ClockSettings, ClockState, correct_stamps
+from bodycam_ros.timing.stamps import SharedStamps, StampIntervals, Stamps, find_shared_stamps, share_stamps
 
 LOOKAHEAD_S = 8.0
 """How far ahead of the body clocks are estimated offline; four seconds of walking give them to 2 or 3 ms."""
 
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
-_JUMP_S, _SURPRISE = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
+_OFF_S, _OFF_SIGMAS = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
 _LATENCY_S = 0.001  # by which a sensor's delay to its camera may differ from that of the calibration
 
 
 @dataclass
 class _Camera:
-    """Images not passed on yet, images to learn from, clocks since the beginning, and stamps of one camera."""
+    """Of one camera: images not passed on yet, images of the window, clocks since the beginning, and stamps."""
 
     queue: deque[LandmarkMatches] = field(default_factory=deque)
     images: deque[LandmarkMatches] = field(default_factory=deque)
@@ -48,31 +39,28 @@ class _Camera:
     first_ns: int = -1
     latest_ns: int = -1
     passed: tuple[int, int] = (-1, -1)
-    readout: tuple[float, float] = (math.nan, math.nan)
 
     def add(self, image: LandmarkMatches) -> None:
         self.intervals.add(image.stamp_ns)
         self.latest_ns = image.stamp_ns
         self.first_ns = image.stamp_ns if self.first_ns < 0 else self.first_ns
-        if not math.isnan(image.readout_sigma):
-            self.readout = image.readout_time, image.readout_sigma
         self.queue.append(image)
         self.images.append(image)
 
     def restart(self) -> None:
-        """Its time goes back: only its clock is kept."""
+        """A new epoch: only the clock is kept."""
         self.images.clear()
         self.intervals = StampIntervals()
         self.first_ns = self.latest_ns = -1
         self.clocks = [replace(clock, since_ns=0) for clock in self.clocks[-1:]]
 
-    def stamps_ns(self, from_ns: int = 0) -> Stamps:
+    def stamps_ns(self, from_ns: int = 0, to_ns: int = 2**63 - 1) -> Stamps:
         """Stamps (N) of the latest images [ns]."""
-        return np.array([image.stamp_ns for image in self.images if image.stamp_ns >= from_ns], np.int64)
+        return np.array([image.stamp_ns for image in self.images if from_ns <= image.stamp_ns < to_ns], np.int64)
 
 
 class ClockEstimator:
-    """Estimates the clocks of a body's cameras.
+    """Estimates the clocks of a body's cameras, whose stamps increase.
 
     Args:
         body: calibrated.
@@ -84,7 +72,6 @@ class ClockEstimator:
 
     Attributes:
         shared: the cameras that share their stamps; None before enough images have come.
-        jumps: clocks that jumped so far.
     """
 
     def __init__(
@@ -96,19 +83,16 @@ class ClockEstimator:
         live: bool,
         imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
-        self._imus, self._initial = imus or {}, dict[str, InertialClock]()
+        self._imus = imus or {}
         self._body, self._sigma, self._floor, self._live = body, settings.sigma, floor, live
         self._cameras = {camera: _Camera() for camera in cameras}
-        self._time = CommonTime()
         self._filter = ClockFilter(settings.sigma)
+        self._initial: dict[str, tuple[float, float]] = {}
         self._order: list[str] = []
         self._strayed: set[str] = set()
-        self._first_ns = self._window_ns = self._filter_ns = -1
-        self._learning: Generator[None, None, None] | None = None
-        self._continued_ns = -1
+        self._first_ns = self._latest_ns = self._window_ns = self._filter_ns = -1
         self._is_provisional = False
         self.shared: SharedStamps | None = None
-        self.jumps: list[ClockJump] = []
 
     @property
     def clocks(self) -> dict[str, ClockState]:
@@ -130,18 +114,8 @@ class ClockEstimator:
                     sigma = max(clocks[-1].offset_sigma, abs(clocks[-1].offset))
                     clocks = [replace(clocks[-1], since_ns=0, offset=0.0, drift=0.0, offset_sigma=sigma)]
                 first = replace(clocks[0], since_ns=max(clocks[0].since_ns, camera.first_ns))
-                histories[name] = ClockHistory(name, (first, *clocks[1:]), *camera.readout)
+                histories[name] = ClockHistory(name, (first, *clocks[1:]))
         return histories
-
-    @property
-    def strangers(self) -> Set[str]:
-        """Cameras of another time than most: their clocks cannot be estimated."""
-        return self._time.strangers
-
-    @property
-    def moves(self) -> int:
-        """How often the time of most cameras went elsewhere."""
-        return self._time.moves
 
     @property
     def is_initialising(self) -> bool:
@@ -162,48 +136,37 @@ class ClockEstimator:
         camera, stamp_ns = self._cameras.get(matches.camera), matches.stamp_ns
         if camera is None:
             return []
-        passed = []
-        if stamp_ns <= camera.latest_ns - _FIRST_NS:
-            passed = self._release(None, [matches.camera])
-            camera.restart()
-        if self._time.add(matches.camera, stamp_ns, len(self._cameras)):
-            passed += self._restart()
-        if matches.camera in self.strangers:
-            return [*passed, matches]
         camera.add(matches)
+        self._latest_ns = max(self._latest_ns, stamp_ns)
         if self._first_ns < 0:
             self._first_ns = self._window_ns = stamp_ns
         if self.shared is None or self._is_provisional:
-            if not self._has_enough(stamp_ns):
-                return passed
+            if not self._has_enough():
+                return []
             self._initialise()
-        elif not camera.clocks and stamp_ns - camera.images[0].stamp_ns >= _FIRST_NS:
-            self._admit(matches.camera)
-        while (self._time.latest_ns or 0) > self._window_ns + _WINDOW_NS + MARGIN_NS:
+        while self._latest_ns > self._window_ns + _WINDOW_NS + MARGIN_NS:
             self._estimate_until(self._window_ns + _WINDOW_NS)
-        period_ns = self.shared.period_ns if self.shared else 0
-        if self._learning is not None and stamp_ns - self._continued_ns >= period_ns:
-            # Live, the body does not wait for a window: one step of it per state.
-            self._continued_ns = stamp_ns
-            if next(self._learning, True):
-                self._learning = None
-        return passed + self._release(self._known_until_ns())
+        return self._release(self._known_until_ns())
 
     def flush(self) -> list[LandmarkMatches]:
-        """All that is left: the recording is over or, live, no image has come for a while."""
-        if (self.shared is None or self._is_provisional) and self._first_ns >= 0:
-            is_early = self._live and not self._has_enough(self._time.latest_ns or 0)
+        """All that is left: the recording or the epoch is over or, live, no image has come for a while."""
+        if self._first_ns < 0:
+            return []
+        if self.shared is None or self._is_provisional:
             self._initialise()
-            if is_early:
+            if self._live and not self._has_enough():
                 # So few stamps do not decide who shares them. A single image has no period: it is kept.
                 self._is_provisional = True
                 return self._release(None) if self.sharing or (self.shared and self.shared.period_ns) else []
-        self._finish()
-        latest_ns = self._time.latest_ns
-        while latest_ns is not None and latest_ns - self._window_ns > _WINDOW_NS // 4:
-            self._estimate_until(latest_ns + 1)
-            self._finish()
+        while self._latest_ns - self._window_ns > _WINDOW_NS // 4:
+            self._estimate_until(self._latest_ns + 1)
         return self._release(None)
+
+    def restart(self) -> None:
+        """Begin a new epoch, after ``flush``: clocks are kept."""
+        for camera in self._cameras.values():
+            camera.restart()
+        self._first_ns = self._latest_ns = self._window_ns = -1
 
     def _known_until_ns(self) -> int | None:
         """Stamp up to which clocks are known well enough to pass images on; None: pass all."""
@@ -213,18 +176,9 @@ class ClockEstimator:
         all_share = self.sharing >= {name for name, camera in self._cameras.items() if camera.queue}
         return self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
 
-    def _has_enough(self, stamp_ns: int) -> bool:
+    def _has_enough(self) -> bool:
         long = sum(0 <= camera.first_ns <= camera.latest_ns - _FIRST_NS for camera in self._cameras.values())
-        return 2 * long > len(self._cameras) or stamp_ns - self._first_ns >= _FIRST_AT_MOST_NS
-
-    def _restart(self) -> list[LandmarkMatches]:
-        """The time of most cameras is elsewhere: clocks are kept, images are passed on."""
-        self._finish()
-        passed = self._release(None)
-        for camera in self._cameras.values():
-            camera.restart()
-        self._first_ns = self._window_ns = -1
-        return passed
+        return 2 * long > len(self._cameras) or self._latest_ns - self._first_ns >= _FIRST_AT_MOST_NS
 
     def _initialise(self) -> None:
         """Find the cameras that share their stamps, and start to estimate."""
@@ -234,31 +188,21 @@ class ClockEstimator:
         self.shared, self._filter, self._filter_ns = shared, ClockFilter(self._sigma), self._first_ns
         self._order, self._strayed = [], set()
         if set(self._cameras) - shared.cameras and self._imus:
+            from bodycam_ros.timing.inertial_clocks import camera_clocks  # it loads SciPy's optimisation
+
             clocks = camera_clocks(self._body, self._imus)
             if (reference := clocks.get(shared.reference)) is not None:
                 self._initial = {
-                    name: InertialClock(clock.offset - reference.offset, float(np.hypot(clock.sigma, reference.sigma)))
+                    name: (clock.offset - reference.offset, float(np.hypot(clock.sigma, reference.sigma)) + _LATENCY_S)
                     for name, clock in clocks.items()
                     if name != shared.reference
                 }
         for name in sorted(stamps, key=lambda name: (name != shared.reference, name)):
             self._enter(name, name in shared.cameras)
 
-    def _admit(self, name: str) -> None:
-        """A camera that started late: does it share its stamps with the others?"""
-        assert self.shared is not None
-        own = self._cameras[name].stamps_ns()
-        others = [self._cameras[other].stamps_ns(int(own[0])) for other in self.sharing]
-        triggered = any(len(stamps) > 1 and share_stamps(own, stamps) for stamps in others)
-        if triggered:
-            self.shared = replace(self.shared, cameras=self.shared.cameras | {name})
-        self._enter(name, triggered)
-
     def _enter(self, name: str, triggered: bool) -> None:
-        self._finish()
         self._order.append(name)
-        known = None if triggered else self._initial.get(name)
-        offset, sigma = (known.offset, known.sigma + _LATENCY_S) if known else (0.0, self._sigma)
+        offset, sigma = (0.0, self._sigma) if triggered else self._initial.get(name, (0.0, self._sigma))
         self._filter.add_camera(triggered, offset, sigma)
         sigma = TRIGGER_SIGMA_S if triggered else sigma
         self._cameras[name].clocks = [ClockState(0, self._first_ns, offset, 0.0, sigma, DRIFT_SIGMA)]
@@ -268,76 +212,68 @@ class ClockEstimator:
         self._filter.free(self._order.index(name))
         self._strayed.add(name)
 
-    def _estimate_until(self, to_ns: int) -> None:
-        """Estimate from the window after the last one; it ends early where a clock may have been set."""
-        self._finish()
-        from_ns = self._window_ns
-        breaks = {name: camera.intervals.first_break(from_ns, to_ns) for name, camera in self._cameras.items()}
-        cut_ns = min((stamp for stamp in breaks.values() if stamp is not None), default=None)
-        until_ns = to_ns if cut_ns is None else cut_ns
-        if until_ns - from_ns >= _WINDOW_NS // 8:
-            self._find_strays(from_ns, until_ns)
-            images = {name: list(self._cameras[name].images) for name in self._order}
-            self._learning = self._learn(images, from_ns, until_ns)
-            if not self._live or cut_ns is not None:
-                self._finish()
-        self._window_ns = until_ns
-        for name, camera in self._cameras.items():
-            if cut_ns is not None and breaks[name] == cut_ns and camera.clocks:
-                self._stray(name)
-                camera.clocks.append(replace(camera.clocks[-1], since_ns=cut_ns, at_ns=cut_ns))
-                camera.images = deque(image for image in camera.images if image.stamp_ns >= cut_ns)
-            while camera.images and camera.images[0].stamp_ns < until_ns - 2 * MARGIN_NS:
-                camera.images.popleft()
-
-    def _finish(self) -> None:
-        """Complete the window that is under way."""
-        for _ in self._learning or ():
-            pass
-        self._learning = None
-
-    def _find_strays(self, from_ns: int, to_ns: int) -> None:
-        """Cameras whose stamps drift away from those that they shared."""
-        stamps = {name: self._cameras[name].stamps_ns(from_ns) for name in self.sharing}
-        several = {name: own[own < to_ns] for name, own in stamps.items() if np.sum(own < to_ns) > 1}
+    def _compare_stamps(self, from_ns: int, to_ns: int) -> None:
+        """Which cameras left those that they shared stamps with; do cameras that started late share them?"""
+        assert self.shared is not None
+        stamps = {name: self._cameras[name].stamps_ns(from_ns, to_ns) for name in self.sharing}
+        several = {name: own for name, own in stamps.items() if len(own) > 1}
         if len(several) > 1:
             together = find_shared_stamps(several).cameras or {self._order[self._filter.reference]}
             for name in sorted(set(several) - together):
                 self._stray(name)
+        for name, camera in self._cameras.items():
+            if not camera.clocks and camera.images and camera.latest_ns - camera.first_ns >= _FIRST_NS:
+                triggered = any(share_stamps(camera.stamps_ns(), others) for others in several.values())
+                if triggered:
+                    self.shared = replace(self.shared, cameras=self.shared.cameras | {name})
+                self._enter(name, triggered)
 
-    def _learn(
-        self, images: Mapping[str, Sequence[LandmarkMatches]], from_ns: int, to_ns: int
-    ) -> Generator[None, None, None]:
-        """Estimate all clocks from a window, some milliseconds at a time; no camera enters or strays meanwhile.
+    def _estimate_until(self, to_ns: int) -> None:
+        """Estimate from the window after the last one; it ends early where a clock may have been set."""
+        from_ns, breaks = self._window_ns, dict[str, int]()
+        for name, camera in self._cameras.items():
+            at_ns = camera.intervals.breaks_ns
+            while at_ns and at_ns[0] <= from_ns:
+                at_ns.popleft()
+            if at_ns and at_ns[0] < to_ns:
+                breaks[name] = at_ns[0]
+        self._window_ns = min(breaks.values(), default=to_ns)
+        if self._window_ns - from_ns >= _WINDOW_NS // 8:
+            self._compare_stamps(from_ns, self._window_ns)
+            self._update_clocks(from_ns, self._window_ns)
+        for name, camera in self._cameras.items():
+            if breaks.get(name) == self._window_ns and camera.clocks:
+                self._stray(name)
+                camera.clocks.append(replace(camera.clocks[-1], since_ns=self._window_ns, at_ns=self._window_ns))
+                camera.images = deque(image for image in camera.images if image.stamp_ns >= self._window_ns)
+            while camera.images and camera.images[0].stamp_ns < self._window_ns - 2 * MARGIN_NS:
+                camera.images.popleft()
 
-        Args:
-            images: camera -> its images, in order of time, some beyond both ends.
-            from_ns, to_ns: the window [ns].
-        """
+    def _update_clocks(self, from_ns: int, to_ns: int) -> None:
+        """Estimate all clocks from a window [ns]; a clock that contradicts its estimate is reset, once."""
         self._filter.advance(1e-9 * (to_ns - self._filter_ns))
         self._filter_ns = to_ns
-        evidence = yield from self._evidence(images, from_ns, to_ns)
-        if evidence is None:
-            return
-        alone, surprises = self._filter.innovations(evidence.delays, evidence.information / CORRELATED)
-        off = np.flatnonzero((surprises > _SURPRISE) & (np.abs(alone) > _JUMP_S)).tolist()
-        if 2 * len(off) > len(self._order):
-            off = [self._filter.reference]  # most at once: it is the one that they are compared with
-        if off:
+        images = {name: self._cameras[name].images for name in self._order}
+        for is_repeated in (False, True):
+            offsets = dict(zip(self._order, self._filter.offsets.tolist(), strict=True))
+            prior = self._filter.prior_information * CORRELATED
+            evidence = window_evidence(self._body, images, offsets, prior, self._floor, (from_ns, to_ns))
+            if evidence is None:
+                return
+            information = evidence.information / CORRELATED
+            alone, sigmas = self._filter.innovations(evidence.delays, information)
+            off = np.flatnonzero((sigmas > _OFF_SIGMAS) & (np.abs(alone) > _OFF_S)).tolist()
+            if is_repeated or not off:
+                self._filter.update(evidence.delays, information)
+                break
+            if 2 * len(off) > len(self._order):
+                off = [self._filter.reference]  # most at once: it is the one that they are compared with
             # The intervals are even, so these clocks did not jump: their estimates were wrong.
             for row in off:
                 self._stray(self._order[row])
-            evidence = (yield from self._evidence(images, from_ns, to_ns)) or evidence
-        self._filter.update(evidence.delays, evidence.information / CORRELATED)
         for row, name in enumerate(self._order):
-            self._set_clock(name, self._clock(row))
-
-    def _evidence(
-        self, images: Mapping[str, Sequence[LandmarkMatches]], from_ns: int, to_ns: int
-    ) -> Generator[None, None, ClockEvidence | None]:
-        offsets = dict(zip(self._order, self._filter.offsets.tolist(), strict=True))
-        prior = self._filter.prior_information * CORRELATED
-        return window_evidence(self._body, images, offsets, prior, self._floor, (from_ns, to_ns))
+            clocks = self._cameras[name].clocks
+            clocks[-1] = replace(self._clock(row), since_ns=clocks[-1].since_ns)
 
     def _clock(self, row: int) -> ClockState:
         """The estimate of a clock at the time of the filter."""
@@ -345,23 +281,11 @@ class ClockEstimator:
         offset_sigma, drift_sigma = (float(sigmas[row]) for sigmas in self._filter.sigmas)
         return ClockState(0, self._filter_ns + round(1e9 * offset), offset, drift, offset_sigma, drift_sigma)
 
-    def _set_clock(self, name: str, clock: ClockState) -> None:
-        """Use an estimate for all the time since the clock was set, and note by how much it jumped then."""
-        clocks = self._cameras[name].clocks
-        since_ns = clocks[-1].since_ns
-        clocks[-1] = replace(clock, since_ns=since_ns)
-        if len(clocks) > 1:
-            by_s = 1e-9 * (clocks[-1].offset_ns(since_ns) - clocks[-2].offset_ns(since_ns))
-            self.jumps = [jump for jump in self.jumps if (jump.camera, jump.stamp_ns) != (name, since_ns)]
-            if abs(by_s) > max(_JUMP_S, 3.0 * clock.offset_sigma):
-                self.jumps.append(ClockJump(name, since_ns, by_s))
-
-    def _release(self, until_ns: int | None, names: Collection[str] | None = None) -> list[LandmarkMatches]:
-        """Images before a stamp (None: all) of some or all cameras, in order of corrected stamps."""
+    def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
+        """Images before a stamp (None: all), in order of corrected stamps."""
         passed = []
         sharing = self.sharing
-        for name in self._cameras if names is None else names:
-            camera = self._cameras[name]
+        for name, camera in self._cameras.items():
             # Triggered cameras stay together: the estimates of their clocks are noise.
             clocks = [] if name in sharing else camera.clocks
             while camera.queue and (until_ns is None or camera.queue[0].stamp_ns < until_ns):

@@ -6,7 +6,7 @@ articulated without gaps (A eq. 3-5), is eliminated on its own, as in the refine
 the delays' normal equations, with as many rows as there are cameras.
 """
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,7 +69,7 @@ def window_evidence(
     prior_information: Array,
     floor: Array,
     window_ns: tuple[int, int],
-) -> Generator[None, None, ClockEvidence | None]:
+) -> ClockEvidence | None:
     """The evidence of a window of images beyond the prediction; it is repeated for clocks that are far off.
 
     Args:
@@ -88,8 +88,7 @@ def window_evidence(
             camera: _track(images[camera], round(1e9 * (offset + shift)), floor, window_ns)
             for (camera, offset), shift in zip(offsets.items(), shifts.tolist(), strict=True)
         }
-        yield
-        found = yield from clock_evidence(body, tracks, stamps_ns, prior_information, -shifts)
+        found = clock_evidence(body, tracks, stamps_ns, prior_information, -shifts)
         if found is None:
             return None
         evidence = replace(found, delays=found.delays + shifts)
@@ -118,8 +117,8 @@ def clock_evidence(
     stamps_ns: NDArray[np.int64],
     prior_information: Array,
     prior_delays: Array,
-) -> Generator[None, None, ClockEvidence | None]:
-    """Compare all cameras at some stamps (A eq. 3-5, 8), one iteration of some milliseconds at a time.
+) -> ClockEvidence | None:
+    """Compare all cameras at some stamps (A eq. 3-5, 8).
 
     Args:
         body: calibrated.
@@ -141,7 +140,6 @@ def clock_evidence(
         return None
     poses, twists, information, known = poses[rows], twists[rows], information[rows], known[rows]
     motion = initial_motion(body, cameras, poses, twists, known)
-    yield
     for _ in range(_ITERATIONS):
         errors = log_se3(inverse(poses) @ motion.world_T_camera())
         gradients = (information @ errors[..., None])[..., 0]
@@ -159,7 +157,6 @@ def clock_evidence(
         lasting = np.zeros(motion.lasting_count)
         lasting[motion.delay_columns] = step
         motion = motion.moved(eliminated.moving(step), lasting)
-        yield
         if np.abs(step).max() < _CONVERGED_S:
             break
     return ClockEvidence(motion.delays, 0.5 * (hessian + hessian.T))

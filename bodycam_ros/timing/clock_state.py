@@ -17,6 +17,7 @@ TRIGGER_SIGMA_S = 2e-4
 _SIGNIFICANT = 3.0  # sigmas
 _LEAST_S = 3e-4  # offsets below this are not reported: triggers are no better
 _LEAST_DRIFT = 5e-6
+_LEAST_JUMP_S = 0.006  # estimates of one clock before and after a break differ by some milliseconds
 
 
 @dataclass(frozen=True)
@@ -63,15 +64,6 @@ class ClockState:
         return round(1e9 * (self.offset + self.drift * 1e-9 * (stamp_ns - self.at_ns)))
 
 
-@dataclass(frozen=True)
-class ClockJump:
-    """A clock that jumped: which, when by its own stamps [ns], and by how much [s]."""
-
-    camera: str
-    stamp_ns: int
-    by_s: float
-
-
 def correct_stamps(
     matches: LandmarkMatches, clocks: Sequence[ClockState], previous: tuple[int, int]
 ) -> LandmarkMatches:
@@ -100,7 +92,7 @@ class ClockHistory:
 
     Attributes:
         camera: name.
-        clocks: in order of ``since_ns``; one more after each jump or update.
+        clocks: in order of ``since_ns``; one more wherever the clock may have been set.
         readout_time: from the first row's exposure to the last's [s]; NaN if unknown.
         readout_sigma: its standard deviation [s]; 0 if it was given.
     """
@@ -123,6 +115,16 @@ class ClockHistory:
             or abs(clock.drift) > max(_LEAST_DRIFT, _SIGNIFICANT * clock.drift_sigma)
             for clock in self.clocks
         )
+
+    @property
+    def jumps(self) -> list[tuple[int, float]]:
+        """When the clock was set, by its own stamps [ns], and by how much it jumped [s]."""
+        jumps = []
+        for before, after in zip(self.clocks, self.clocks[1:], strict=False):
+            by_s = 1e-9 * (after.offset_ns(after.since_ns) - before.offset_ns(after.since_ns))
+            if abs(by_s) > max(_LEAST_JUMP_S, _SIGNIFICANT * after.offset_sigma):
+                jumps.append((after.since_ns, by_s))
+        return jumps
 
     def with_readout(self, readout: Readout | None) -> "ClockHistory":
         """With the final estimate of the camera's read-out time, if there is one."""

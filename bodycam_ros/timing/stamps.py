@@ -1,4 +1,4 @@
-"""From stamps alone: which cameras share them, where a clock was set, and the time that most cameras agree on."""
+"""From stamps alone: which cameras share them, and where a clock was set."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -14,8 +14,6 @@ _SHARED_PERIOD = 0.015  # of the time between two images; free-running clocks me
 _BREAK_NS, _BREAK_SHARE = 4_000_000, 0.2  # off a multiple of the period, or by such a share; jitter is less
 _STEADY_SHARE = 0.9  # of the intervals that must be multiples, or the rate varies and a gap is no break
 _LEAST_INTERVALS, _MOST_INTERVALS = 20, 150
-_NEAR_NS = 5_000_000_000  # cameras further apart are not of one time; a busy machine delays one by seconds
-_VOTES = 2  # images per camera from another time, before time is there
 
 
 @dataclass(frozen=True)
@@ -46,12 +44,7 @@ def find_shared_stamps(
     several = {camera: stamps for camera, stamps in stamps_ns.items() if len(stamps) > 1}
     if not several:
         return SharedStamps(frozenset(stamps_ns) if alone else frozenset(), 0, next(iter(stamps_ns)))
-    # Triggered cameras mostly have identical stamps, and are compared with the others once.
-    alike: dict[bytes, list[str]] = {}
-    for camera in sorted(several):
-        alike.setdefault(several[camera].tobytes(), []).append(camera)
-    sets = [(several[names[0]], names) for names in alike.values()]
-    groups = [[name for theirs, names in sets if share_stamps(theirs, own) for name in names] for own, _ in sets]
+    groups = [[other for other, theirs in several.items() if share_stamps(theirs, own)] for own in several.values()]
     largest = max(groups, key=len)
     shared = frozenset(largest if alone or 2 * len(largest) > max(2, len(several)) else ())
     reference = next(camera for camera in (*preferred, *sorted(several)) if camera in (shared or several))
@@ -61,6 +54,8 @@ def find_shared_stamps(
 
 def share_stamps(own_ns: Stamps, other_ns: Stamps) -> bool:
     """Whether most stamps (N) of a camera are those (M) of another, where both have images [ns]."""
+    if np.array_equal(own_ns, other_ns):
+        return True
     period_ns = float(np.median(np.diff(own_ns))) if len(own_ns) > 1 else np.inf
     inside = own_ns[(own_ns >= other_ns[0] - _SHARED_NS) & (own_ns <= other_ns[-1] + _SHARED_NS)]
     if not len(inside):
@@ -71,12 +66,16 @@ def share_stamps(own_ns: Stamps, other_ns: Stamps) -> bool:
 
 
 class StampIntervals:
-    """The latest intervals between a camera's images, and where they broke."""
+    """The latest intervals between a camera's images, and where they broke.
+
+    Attributes:
+        breaks_ns: stamps that came at an odd interval, oldest first [ns].
+    """
 
     def __init__(self) -> None:
+        self.breaks_ns: deque[int] = deque()
         self._latest_ns: int | None = None
         self._intervals: deque[int] = deque(maxlen=_MOST_INTERVALS)
-        self._breaks: deque[int] = deque(maxlen=_MOST_INTERVALS)
 
     def add(self, stamp_ns: int) -> None:
         """The next image."""
@@ -86,7 +85,7 @@ class StampIntervals:
         interval = stamp_ns - before_ns
         last = self._intervals[-1] if self._intervals else interval
         if abs(interval - last) > min(_BREAK_NS, _BREAK_SHARE * last) and self._is_break(interval):
-            self._breaks.append(stamp_ns)
+            self.breaks_ns.append(stamp_ns)
         else:
             self._intervals.append(interval)
 
@@ -98,42 +97,3 @@ class StampIntervals:
         off = np.abs(intervals - np.maximum(1.0, np.rint(intervals / period)) * period)
         least_ns = min(_BREAK_NS, _BREAK_SHARE * period)
         return bool(off[-1] > least_ns and np.mean(off[:-1] < least_ns) > _STEADY_SHARE)
-
-    def first_break(self, after_ns: int, before_ns: int) -> int | None:
-        """The first stamp between two that comes at an odd interval [ns]; earlier ones are dropped."""
-        while self._breaks and self._breaks[0] <= after_ns:
-            self._breaks.popleft()
-        return self._breaks[0] if self._breaks and self._breaks[0] < before_ns else None
-
-
-class CommonTime:
-    """The time that most cameras agree on.
-
-    Attributes:
-        latest_ns: the latest stamp of the cameras that agree [ns]; None before the first.
-        moves: how often the time of most cameras went elsewhere, as when a bag is played again.
-        strangers: cameras of another time.
-    """
-
-    def __init__(self) -> None:
-        self.latest_ns: int | None = None
-        self.moves = 0
-        self.strangers: set[str] = set()
-        self._votes = 0
-
-    def add(self, camera: str, stamp_ns: int, cameras: int) -> bool:
-        """Note an image of one of some cameras; whether the time of most goes elsewhere with it."""
-        latest_ns = stamp_ns if self.latest_ns is None else self.latest_ns
-        if abs(stamp_ns - latest_ns) <= _NEAR_NS:
-            self.strangers.discard(camera)
-            self._votes = max(0, self._votes - 1)
-            self.latest_ns = max(stamp_ns, latest_ns)
-            return False
-        self.strangers.add(camera)
-        self._votes += 1
-        if self._votes < _VOTES * cameras:
-            return False
-        self.latest_ns, self._votes = stamp_ns, 0
-        self.moves += 1
-        self.strangers.clear()
-        return True

@@ -62,7 +62,6 @@ class TimeSynchronizer:
         self.clocks = ClockEstimator(body, names, settings, floor, live, imus)
         self._interpolators = {name: CameraInterpolator() for name in names}
         self._last_ns = self._shared_ns = -1
-        self._moves = 0
 
     def join(self, camera: str) -> None:
         """Use one more camera."""
@@ -81,6 +80,12 @@ class TimeSynchronizer:
             left += interpolator.flush()
         return sorted(left, key=lambda matches: (matches.stamp_ns, matches.camera))
 
+    def restart(self) -> None:
+        """Begin a new epoch, after ``flush``: clocks are kept."""
+        self.clocks.restart()
+        self._interpolators = {name: CameraInterpolator() for name in self._interpolators}
+        self._last_ns = self._shared_ns = -1
+
     @property
     def _sharing(self) -> frozenset[str]:
         return frozenset() if self._rate > 0.0 else self.clocks.sharing
@@ -90,9 +95,6 @@ class TimeSynchronizer:
         sharing = self._sharing
         for matches in corrected:
             self._on_corrected(matches)
-            if matches.camera in self.clocks.strangers:
-                ready.append(matches)  # no common stamps at its time
-                continue
             for stamp_ns in self._new_stamps(matches.stamp_ns, matches.camera in sharing):
                 for camera, interpolator in self._interpolators.items():
                     if camera not in sharing:
@@ -102,8 +104,6 @@ class TimeSynchronizer:
 
     def _new_stamps(self, stamp_ns: int, shares: bool) -> list[int]:
         """New common stamps up to that of an image."""
-        if self.clocks.moves > self._moves:
-            self._moves, self._last_ns, self._shared_ns = self.clocks.moves, -1, -1
         if shares:
             self._shared_ns = max(self._shared_ns, stamp_ns)
             if stamp_ns <= self._last_ns + _SAME_NS:
@@ -141,7 +141,7 @@ class CameraInterpolator:
     def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
         """The camera's next image; images that are ready."""
         if self._images and matches.stamp_ns <= self._images[-1].stamp_ns:
-            # Its time goes back.
+            # Its clock was corrected backwards.
             self._images.clear()
             self._previous = None
             self._stamps = deque(stamp for stamp in self._stamps if stamp >= matches.stamp_ns)

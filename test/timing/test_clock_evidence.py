@@ -1,7 +1,5 @@
 """The side problem of clocks: its normal equations against numbers, and what it says of a window."""
 
-from collections.abc import Generator
-
 import numpy as np
 from range_of_motion import START_NS
 from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
@@ -14,15 +12,6 @@ from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
 STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)
 PRIOR_S = 0.05
-
-
-def at_once(work: Generator[None, None, ClockEvidence | None]) -> ClockEvidence | None:
-    """All steps of the work; its result."""
-    while True:
-        try:
-            next(work)
-        except StopIteration as done:
-            return done.value
 
 
 def tracks(recording: Recording) -> dict[str, CameraTrack]:
@@ -44,7 +33,7 @@ def evidence(recording: Recording, prior_s: float = 0.05, body: BodyModel = BODY
     known |= {camera: known["foot_left"] for camera in body.mounts if camera not in CAMERAS}
     sigmas = np.full(len(known), prior_s)
     sigmas[CAMERAS.index(REFERENCE)] = 1e-9
-    found = at_once(clock_evidence(body, known, STAMPS_NS, np.diag(1.0 / sigmas**2), np.zeros(len(known))))
+    found = clock_evidence(body, known, STAMPS_NS, np.diag(1.0 / sigmas**2), np.zeros(len(known)))
     assert found is not None
     return found
 
@@ -74,4 +63,4 @@ def test_a_delay_is_found_however_cameras_are_phased() -> None:
 def test_too_few_instants_say_nothing() -> None:
     sigmas = np.ones(len(CAMERAS))
     few = clock_evidence(BODY, tracks(Recording()), STAMPS_NS[:3], np.diag(sigmas), np.zeros(len(CAMERAS)))
-    assert at_once(few) is None
+    assert few is None
