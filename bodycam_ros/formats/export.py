@@ -84,9 +84,8 @@ FORMATS: Mapping[str, Format] = {
     "urdf": Format(
         "the body, for RViz and every tool that reads robots",
         b"<robot",
-        lambda source, options, progress: urdf.robot_description(source, options.mass),
+        lambda source, options, progress: {"": urdf.robot_description(source, options.mass)},
         options=frozenset({"mass"}),
-        beside={urdf.LOOPS_SUFFIX: (urdf.LOOPS_HEADER.encode(), "loops of a URDF")},
     ),
     "mjcf": Format(
         "the body with its loops closed, for MuJoCo",
@@ -196,12 +195,9 @@ def export(
     for path in contents.keys() - outputs.keys() - unchanged:
         check_output(path, sources, makes_folders=len(sources) > 1)
         check_file(path, force, *next(beside for end, beside in chosen.beside.items() if path.name.endswith(end)))
-    stale = [urdf.find_stale_loops(path, contents) for path in outputs] if force and format_name == "urdf" else []
     with whole_files(folder, inside=len(sources) == 1) as scratch:
         for path in contents.keys() - unchanged:
             (scratch / path.name).write_bytes(contents[path])
-    for loops in filter(None, stale):
-        urdf.remove_stale_loops(loops)
     return list(contents)
 
 

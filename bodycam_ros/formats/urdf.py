@@ -1,18 +1,16 @@
-"""URDF of a solved bag or a body file, and beside it the joints that close loops."""
+"""URDF of a solved bag or a body file."""
 
 import logging
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from textwrap import indent
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.body_yaml import joints_text
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body.urdf_document import BODY
 from bodycam_ros.body.urdf_reader import body_from_urdf
-from bodycam_ros.errors import BodyError, OutputError, RecordingError
+from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint import Joint, default_sigmas
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.topics import ROBOT, ROBOT_TYPE, published_robot
@@ -20,16 +18,11 @@ from bodycam_ros.static_cameras.person_model import person_masses
 
 logger = logging.getLogger(__name__)
 
-LOOPS_SUFFIX = ".loops.yaml"
-"""Of the file beside a URDF that has the joints that close loops."""
-
-LOOPS_HEADER = "# Joints that close loops, which the URDF beside this leaves open, as in a body file of bodycam.\n"
-
 _BAG_SUFFIXES = (".mcap", ".db3")
 
 
-def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, str]:
-    """The URDF of a source, from ``/robot_description`` of a bag or made of a body file, and its loops.
+def robot_description(source: Path, mass_kg: float | None = None) -> str:
+    """The URDF of a source, from ``/robot_description`` of a bag or made of a body file.
 
     A warning names what URDF cannot represent.
 
@@ -46,13 +39,15 @@ def robot_description(source: Path, mass_kg: float | None = None) -> dict[str, s
         with _source_named(source):
             body = body_from_urdf(text) if mass_kg is not None or f"<{BODY}>" in text else None
             text = text if body is None or mass_kg is None else _text(body, mass_kg)
-            return {"": text, **_loops_file(() if body is None else body.loop_joints, source)}
+            _warn_of_loops(() if body is None else body.loop_joints, source)
+            return text
     body = read_body(source)
     if own := [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]:
         text = "%s: joints %s have sigmas of their own, which other programs do not read from a URDF"
         logger.warning(text, source, ", ".join(own))
+    _warn_of_loops(body.loop_joints, source)
     with _source_named(source):
-        return {"": _text(body, mass_kg), **_loops_file(body.loop_joints, source)}
+        return _text(body, mass_kg)
 
 
 def convert_body(source: Path, write: Callable[[BodyModel], str]) -> str:
@@ -66,29 +61,6 @@ def convert_body(source: Path, write: Callable[[BodyModel], str]) -> str:
 def is_bag(source: Path) -> bool:
     """Whether a source is a bag, and not a body file."""
     return source.is_dir() or source.suffix in _BAG_SUFFIXES
-
-
-def find_stale_loops(output: Path, written: Collection[Path]) -> Path | None:
-    """The loops of an earlier URDF of this name, if the new one has none: they would be taken for its own."""
-    path = output.with_suffix(LOOPS_SUFFIX)
-    try:
-        is_ours = path not in written and path.is_file() and path.read_bytes().startswith(LOOPS_HEADER.encode())
-    except OSError:
-        return None
-    return path if is_ours else None
-
-
-def remove_stale_loops(path: Path) -> None:
-    """Remove the loops of an earlier URDF.
-
-    Raises:
-        OutputError: they cannot be removed.
-    """
-    try:
-        path.unlink()
-    except OSError as error:
-        raise OutputError(f"{path}: is of an earlier URDF, and cannot be removed: {error.strerror or error}") from error
-    logger.warning("%s: removed; it was of an earlier URDF, and the one beside it closes no loops", path)
 
 
 def _text(body: BodyModel, mass_kg: float | None) -> str:
@@ -113,15 +85,12 @@ def _source_named(source: Path) -> Iterator[None]:
         raise BodyError(f"{source}: {error}") from error
 
 
-def _loops_file(loops: Sequence[Joint], source: Path) -> dict[str, str]:
-    if not loops:
-        return {}
-    logger.warning(
-        "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which other "
-        "programs ignore, and in a file *%s beside it",
-        source,
-        ", ".join(joint.name for joint in loops),
-        BODY,
-        LOOPS_SUFFIX,
-    )
-    return {LOOPS_SUFFIX: f"{LOOPS_HEADER}joints:\n{indent(joints_text(loops), '  ')}"}
+def _warn_of_loops(loops: Sequence[Joint], source: Path) -> None:
+    if loops:
+        logger.warning(
+            "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which "
+            "other programs ignore",
+            source,
+            ", ".join(joint.name for joint in loops),
+            BODY,
+        )

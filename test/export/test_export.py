@@ -65,51 +65,15 @@ def test_what_urdf_cannot_carry_is_named(tmp_path: Path, caplog: pytest.LogCaptu
 
 
 @pytest.mark.parametrize("source", ["ride.yaml", "out"])
-def test_loops_are_in_a_file_beside_the_tree_whose_joints_are_those_of_a_body_file(
-    ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], source: str
-) -> None:
+def test_loops_are_in_the_urdf_for_those_who_read_them(ride: Walk, tmp_path: Path, source: str) -> None:
     write_body(ride.body, tmp_path / "ride.yaml")
     write_solved(ride, tmp_path / "out")
     output = tmp_path / "body.urdf"
     assert main(["export", str(tmp_path / source), "--to", "urdf", "-o", str(output)]) == 0
-    assert capsys.readouterr().out == f"written to {output} and {tmp_path / 'body.loops.yaml'}\n"
-    loops = yaml.safe_load((tmp_path / "body.loops.yaml").read_text())["joints"]
-    assert loops == {"pedal_left": yaml.safe_load((tmp_path / "ride.yaml").read_text())["joints"]["pedal_left"]}
-    assert [joint.name for joint in read_body(output).loop_joints] == ["pedal_left"]
-    assert loops["pedal_left"]["sigmas"] == list(read_body(output).loop_joints[0].sigmas or ())
+    (loop,) = read_body(output).loop_joints
+    given = yaml.safe_load((tmp_path / "ride.yaml").read_text())["joints"]["pedal_left"]
+    assert loop.name == "pedal_left" and given["sigmas"] == list(loop.sigmas or ())
     assert set(ride.body.segments) < set(yourdfpy.URDF.load(str(output), load_meshes=False).link_map)
-
-
-def test_a_file_beside_it_that_is_no_such_is_not_replaced(
-    ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_body(ride.body, tmp_path / "ride.yaml")
-    arguments = ["export", str(tmp_path / "ride.yaml"), "--to", "urdf", "-o", str(tmp_path / "ride.urdf")]
-    (tmp_path / "ride.loops.yaml").write_text("mine: 1\n")
-    for force in ([], ["--force"]):
-        assert main([*arguments, *force]) == 1
-        assert f"{tmp_path / 'ride.loops.yaml'}: " in capsys.readouterr().err
-        assert not (tmp_path / "ride.urdf").exists()
-        assert (tmp_path / "ride.loops.yaml").read_text() == "mine: 1\n"
-    (tmp_path / "ride.loops.yaml").unlink()
-    assert main(arguments) == main([*arguments, "--force"]) == 0
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["ride.loops.yaml", "ride.urdf", "ride.yaml"]
-
-
-def test_loops_of_an_earlier_urdf_do_not_stay_beside_one_without(
-    ride: Walk, walk: Walk, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    write_body(ride.body, tmp_path / "ride.yaml")
-    write_body(walk.body, tmp_path / "walk.yaml")
-    loops, other = tmp_path / "out.loops.yaml", tmp_path / "other.loops.yaml"
-    arguments = ["--to", "urdf", "--force", "-o"]
-    assert main(["export", str(tmp_path / "ride.yaml"), *arguments, str(tmp_path / "out.urdf")]) == 0
-    other.write_text("mine: 1\n")
-    assert loops.is_file()
-    for name in ("out.urdf", "other.urdf"):
-        assert main(["export", str(tmp_path / "walk.yaml"), *arguments, str(tmp_path / name)]) == 0
-    assert not loops.exists() and f"{loops}: removed" in caplog.text
-    assert other.read_text() == "mine: 1\n"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import pytest
 from exported import Exported
 from known_walk import FRAME_NS, START_NS, Walk, write_solved
 
-from bodycam_ros.body.body_file import write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.cli.main import main
@@ -188,19 +187,6 @@ def test_a_recording_given_twice_and_a_file_for_a_folder_are_refused(
     assert main(["export", source, other, "--to", "bvh", "-o", str(tmp_path / "file")]) == 1
     assert "is a file; several recordings are written into a folder" in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
-
-
-def test_loops_of_earlier_urdfs_do_not_stay_in_a_folder(ride: Walk, walk: Walk, tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        write_body(ride.body, tmp_path / f"{name}.yaml")
-    sources = [str(tmp_path / "one.yaml"), str(tmp_path / "two.yaml")]
-    arguments = ["export", *sources, "--to", "urdf", "-o", str(tmp_path / "all"), "--force"]
-    assert main(arguments) == 0
-    written = ["one.loops.yaml", "one.urdf", "two.loops.yaml", "two.urdf"]
-    assert sorted(file.name for file in (tmp_path / "all").iterdir()) == written
-    write_body(walk.body, tmp_path / "one.yaml")
-    assert main(arguments) == 0
-    assert sorted(file.name for file in (tmp_path / "all").iterdir()) == written[1:]
 
 
 def test_a_chain_of_hundreds_of_bones_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
