@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from bodycam_ros.cli.options import (
+    add_config,
     add_imu,
     add_map,
     add_output,
@@ -16,6 +17,7 @@ from bodycam_ros.cli.options import (
     add_surface,
     check_no_static_flags,
     given_flags,
+    pipeline_settings,
 )
 from bodycam_ros.cli.progress import shown_progress, waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
@@ -25,7 +27,7 @@ from bodycam_ros.terminal import Terminal, widened
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.evaluate.evaluation import Evaluation
-    from bodycam_ros.evaluate.outside_picture import OutsideFiles
+    from bodycam_ros.evaluate.static_picture import StaticFiles
     from bodycam_ros.mapping.progress import Progress
     from bodycam_ros.verdict import Verdict
 
@@ -89,6 +91,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="CAMERA",
         help="with --stations: adds outside.mp4, the body over its images",
     )
+    add_config(parser)
     parser.set_defaults(run=run)
 
 
@@ -119,7 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
             write_report(evaluation, folder, overlay)
     else:
         with shown_progress() as progress:
-            more = _outside_pictures(evaluation, recording, outside, arguments.overlay_video, progress)
+            more = _static_pictures(evaluation, recording, outside, arguments.overlay_video, progress)
             write_report(evaluation, folder, overlay, more)
     console = widened(Terminal())
     for section in report_sections(evaluation.figures):
@@ -165,24 +168,24 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
     return AgreementOptions(arguments.align or _ALIGNMENTS[0], clock == _SHARED, arguments.points)
 
 
-def _outside_files(arguments: argparse.Namespace) -> "OutsideFiles | None":
+def _outside_files(arguments: argparse.Namespace) -> "StaticFiles | None":
     """Files of static cameras; None without them.
 
     Raises:
         StationError: an option of static cameras is given without their poses, or without their images.
     """
-    from bodycam_ros.evaluate.outside_picture import OutsideFiles
+    from bodycam_ros.evaluate.static_picture import StaticFiles
 
     if arguments.stations is None:
-        check_no_static_flags(arguments, "surface", "map", "overlay_video")
+        check_no_static_flags(arguments, "surface", "map", "overlay_video", "config")
         return None
     if arguments.recording is None:
         raise StationError("--stations: needs the images of static cameras: give the bag with --recording")
-    return OutsideFiles(arguments.stations, arguments.surface, arguments.map)
+    return StaticFiles(arguments.stations, arguments.surface, arguments.map, pipeline_settings(arguments).region)
 
 
-def _outside_pictures(
-    evaluation: "Evaluation", recording: Path, files: "OutsideFiles", video: str | None, progress: "Progress"
+def _static_pictures(
+    evaluation: "Evaluation", recording: Path, files: "StaticFiles", video: str | None, progress: "Progress"
 ) -> Mapping[str, Callable[[Path], None]]:
     """Name of a file -> writes it to a path.
 
@@ -191,29 +194,23 @@ def _outside_pictures(
         BodyError: the surface cannot be used.
         RecordingError: not a recording, or an image that cannot be decoded.
     """
-    from bodycam_ros.evaluate.outside_picture import (
-        OutsideScene,
-        check_station,
-        draw_outside,
-        draw_outside_video,
-        outside_views,
-    )
     from bodycam_ros.evaluate.report import OUTSIDE, VIDEO
+    from bodycam_ros.evaluate.static_picture import (
+        StaticScene,
+        check_station,
+        draw_static_video,
+        draw_static_views,
+        static_views,
+    )
 
-    solved = evaluation.solved
-    scene = OutsideScene.read(solved, recording, files)
+    scene = StaticScene(evaluation.solved, recording, files)
     if video is not None:
-        check_station(scene, video)
-    views = outside_views(scene, solved, recording)
-    if not views:
-        raise StationError(
-            f"{recording}: has no image of its static cameras ({', '.join(scene.stations)}) in the middle of what "
-            f"{solved.path} has; is it the recording that this was solved from?"
-        )
-    more: dict[str, Callable[[Path], None]] = {OUTSIDE: partial(draw_outside, views)}
+        check_station(scene.stations, video)
+    views = static_views(scene)
+    more: dict[str, Callable[[Path], None]] = {OUTSIDE: partial(draw_static_views, views, scene.colours)}
     if video is not None:
-        anew = scene.restarted()
-        more[VIDEO] = lambda path: draw_outside_video(anew, solved, recording, video, path, progress)
+        anew = StaticScene(evaluation.solved, recording, files)  # without the colours of the picture's images
+        more[VIDEO] = lambda path: draw_static_video(anew, video, path, progress)
     return more
 
 

@@ -1,9 +1,10 @@
 """bodycam run: all steps for a folder of recordings; steps that are done are left alone."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_jobs
+from bodycam_ros.cli.options import add_config, add_jobs
 from bodycam_ros.cli.study import run_steps
 from bodycam_ros.study.recording_folder import LAYOUT, SOLVED, list_missing, read_recording_folder
 from bodycam_ros.study.step_runner import WRONG_RESULT
@@ -31,6 +32,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("folder", type=Path, metavar="RECORDING_DIR", help="folder with the recordings, as below")
     parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
     add_jobs(parser, "processes and threads")
+    add_config(parser)
     parser.set_defaults(run=run)
 
 
@@ -39,6 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.study.study import study_steps
 
     study = read_recording_folder(arguments.folder)
+    study = replace(study, settings=arguments.config or study.settings)
     solved = arguments.folder / SOLVED
     steps = study_steps(study, solved)
     notes, failures = run_steps(steps, solved, arguments.jobs, arguments.dry_run, logs=None)

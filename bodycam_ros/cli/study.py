@@ -4,20 +4,21 @@ import argparse
 import shlex
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from bodycam_ros.cli.options import add_jobs
+from bodycam_ros.cli.options import add_config, add_jobs
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.study.done_steps import DoneSteps
     from bodycam_ros.study.step_runner import StepEnd
-    from bodycam_ros.study.study import StudySteps
+    from bodycam_ros.study.study import Step
     from bodycam_ros.study.study_report import RecordingResult
 
 _END = """
@@ -47,6 +48,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
     add_jobs(parser, "processes at a time")
+    add_config(parser)
     parser.set_defaults(run=run)
 
 
@@ -58,6 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report
 
     study = read_study(arguments.study)
+    study = replace(study, settings=arguments.config or study.settings)
     path: Path = arguments.study
     beside = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_study")
     folder = check_results_folder(arguments.output or beside, study)
@@ -80,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def run_steps(
-    steps: "StudySteps", folder: Path, jobs: int, dry_run: bool, logs: Path | None
+    steps: "Sequence[Step]", folder: Path, jobs: int, dry_run: bool, logs: Path | None
 ) -> "tuple[DoneSteps, dict[str, StepEnd]]":
     """Run the steps that are not done, with a line for each.
 

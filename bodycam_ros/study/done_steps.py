@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from bodycam_ros import __version__
 from bodycam_ros.errors import StudyError
-from bodycam_ros.study.steps import Step
+from bodycam_ros.study.study import Step
 from bodycam_ros.whole_file import write_whole
 
 _MAX_HASHED = 4_000_000  # [bytes] larger files hold images; size and time of change identify them
@@ -85,8 +85,7 @@ class DoneSteps:
 
 def state_of(step: Step) -> str:
     """Hash of the software's version, the command without paths, and the contents of all inputs."""
-    paths = {str(path) for path in (*step.inputs, step.output)}
-    flags = [word for word in step.words if word not in paths]
+    flags = [part for part in step.parts if isinstance(part, str)]
     parts = [__version__, *flags, *map(fingerprint, step.inputs)]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 

@@ -13,7 +13,7 @@ LAYOUT = """\
     body.yaml       instead of these: an existing body
     takes/NAME/     what is to be solved: ros2 bags, or folders of videos
     lenses/         lens YAMLs of the videos, where they are not beside them
-    settings.yaml   ROS parameter file for ingest, body and replay
+    settings.yaml   ROS parameter file for body and replay
     equipment.yaml  what the person rides, holds or stands on
     solved/         all results: map, body, takes/NAME
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study.done_steps import DoneSteps, state_of
-from bodycam_ros.study.steps import Step
+from bodycam_ros.study.study import Step
 from bodycam_ros.whole_file import failure_named
 
 WRONG_RESULT = 3  # exit code of a step whose result exists and should not be used
@@ -66,13 +66,14 @@ class StepRunner:
 
     def run(self, steps: Sequence[Step]) -> Generator[Step | StepEnd, None, None]:
         """Run steps; yields each when it starts and its ``StepEnd``. An interruption ends all processes."""
-        waiting, failed = list(steps), set[Path]()
+        waiting, failed = list(steps), dict[Path, Step]()
         try:
             while waiting or self._running:
-                for step in [step for step in waiting if failed & set(step.inputs)]:
+                for step in [step for step in waiting if failed.keys() & set(step.inputs)]:
+                    first = next(failed[path] for path in step.inputs if path in failed)
                     waiting.remove(step)
-                    failed.add(step.output)
-                    yield StepEnd(step, 0.0, "not run, because a step before it failed")
+                    failed[step.output] = first
+                    yield StepEnd(step, 0.0, f"not run, because step '{first.name}' failed")
                 for step in self._start_ready(waiting):
                     waiting.remove(step)
                     yield step
@@ -81,7 +82,7 @@ class StepRunner:
                     self._running.remove(running)
                     end = self._end(running)
                     if end.failure is not None:
-                        failed.add(running.step.output)
+                        failed[running.step.output] = running.step
                     yield end
         finally:
             self._interrupt()

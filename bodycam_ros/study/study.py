@@ -1,20 +1,12 @@
 """A study: which people were recorded where, and the steps from there to reports and exports."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
-from bodycam_ros.study.steps import (
-    Step,
-    body_step,
-    evaluate_step,
-    export_step,
-    ingest_step,
-    map_step,
-    replay_step,
-)
-
 _BAG_FILE, _BAG_SUFFIXES = "metadata.yaml", (".mcap", ".db3")
+_SERIAL = ("evaluate", "export")  # commands without --jobs
 
 
 @dataclass(frozen=True)
@@ -132,76 +124,89 @@ class Study:
 
 
 @dataclass(frozen=True)
-class StudySteps:
-    """The steps by what they make: name -> steps, each after those whose outputs it reads."""
+class Step:
+    """One command.
 
-    maps: dict[str, list[Step]]
-    bodies: dict[str, list[Step]]
-    recordings: dict[str, list[Step]]
+    Attributes:
+        name: unique, as "walk: replay".
+        parts: of the command line, without ``--jobs``; the first is the command. Paths are inputs, or the output.
+        output: file or folder that it writes.
+    """
 
-    def __iter__(self) -> Iterator[Step]:
-        """All of them, in an order in which they can run."""
-        for kind in (self.maps, self.bodies, self.recordings):
-            for steps in kind.values():
-                yield from steps
+    name: str
+    parts: tuple[str | Path, ...]
+    output: Path
 
-    def path_to(self, recording: Recording, subject: Subject) -> list[Step]:
-        """All steps that a recording depends on, and its own, in their order."""
-        maps = [step for place in {subject.place, recording.place} for step in self.maps.get(place, ())]
-        return [*maps, *self.bodies[subject.name], *self.recordings[recording.name]]
+    @cached_property
+    def inputs(self) -> tuple[Path, ...]:
+        """Files and folders that it reads."""
+        return tuple(part for part in self.parts if isinstance(part, Path) and part != self.output)
+
+    @cached_property
+    def words(self) -> tuple[str, ...]:
+        """The command line."""
+        return tuple(map(str, self.parts))
+
+    @property
+    def stage(self) -> str:
+        """The command: "replay"."""
+        return self.words[0]
+
+    @property
+    def is_parallel(self) -> bool:
+        """Whether the command takes ``--jobs``."""
+        return self.stage not in _SERIAL
 
 
-def study_steps(study: Study, folder: Path) -> StudySteps:
-    """Every step whose inputs exist or are the outputs of earlier steps.
+def study_steps(study: Study, folder: Path) -> list[Step]:
+    """Every step whose inputs exist or are the outputs of earlier steps, in an order in which they can run.
 
     Args:
         folder: for all results.
     """
-    steps = StudySteps({}, {}, {})
+    steps: list[Step] = []
+
+    def add(name: str, command: str, *given: str | Path, output: Path, **flags: Path | str | None) -> Path:
+        known = [part for flag, value in flags.items() if value is not None for part in (f"--{flag}", value)]
+        replaces = () if command == "evaluate" else ("--force",)
+        steps.append(Step(name, (command, *given, *known, "-o", output, *replaces), output))
+        return output
+
+    def ingested(name: str, source: Source, bag: Path, rig: Path | None) -> Path:
+        if source.is_bag:
+            return source.path
+        return add(name, "ingest", source.path, output=bag, lenses=study.lenses, rig=rig)
+
     maps: dict[str, Path | None] = {}
     for place in study.places.values():
-        made = steps.maps[place.name] = []
         maps[place.name] = place.map
         if place.map is None and place.reference is not None:
-            maps[place.name] = output = folder / place.folder / "map"
-            made.append(map_step(_named(place.name, "map"), place.reference, output))
+            output = folder / place.folder / "map"
+            maps[place.name] = add(_named(place.name, "map"), "map", place.reference, output=output)
     bodies: dict[str, Path | None] = {}
     for subject in study.subjects.values():
-        made = steps.bodies[subject.name] = []
         bodies[subject.name] = subject.body
         if subject.body is None and subject.rom is not None:
-            bag = folder / subject.folder / "rom"
-            bag = _add_ingest(
-                made, study, subject.rom, _named(subject.name, "ingest range of motion"), bag, subject.rig
-            )
-            map_path = maps.get(subject.place)
+            results = folder / subject.folder
+            name = _named(subject.name, "ingest range of motion")
+            bag = ingested(name, subject.rom, results / "rom", subject.rig)
+            map_path, name, output = maps.get(subject.place), _named(subject.name, "body"), results / "body.yaml"
             if map_path is not None and subject.rig is not None:
-                bodies[subject.name] = output = folder / subject.folder / "body.yaml"
-                name = _named(subject.name, "body")
-                made.append(body_step(name, bag, map_path, subject.rig, output, study.settings))
+                flags = {"map": map_path, "rig": subject.rig, "config": study.settings}
+                bodies[subject.name] = add(name, "body", bag, output=output, **flags)
     for recording in study.recordings:
         name, results = recording.name, folder / "takes" / recording.name
-        made = steps.recordings[name] = []
-        rig = study.subjects[recording.subject].rig
-        bag = _add_ingest(made, study, recording.source, f"{name}: ingest", results / "bag", rig)
-        map_path, body, out = maps.get(recording.place), bodies[recording.subject], results / "out"
+        bag = ingested(f"{name}: ingest", recording.source, results / "bag", study.subjects[recording.subject].rig)
+        map_path, body = maps.get(recording.place), bodies[recording.subject]
         if map_path is None or body is None:
             continue
-        made.append(replay_step(f"{name}: replay", bag, map_path, body, out, study.settings, recording.equipment))
-        made.append(evaluate_step(f"{name}: evaluate", out, bag, results / "report", recording.truth))
+        solved = {"map": map_path, "body": body, "equipment": recording.equipment, "config": study.settings}
+        out = add(f"{name}: replay", "replay", bag, output=results / "out", **solved)
+        add(f"{name}: evaluate", "evaluate", out, output=results / "report", recording=bag, truth=recording.truth)
         for form in study.exports:
-            file = folder / "exports" / form / f"{name}.{form}"
-            made.append(export_step(f"{name}: export {form}", out, file, form))
+            add(f"{name}: export {form}", "export", out, output=folder / "exports" / form / f"{name}.{form}", to=form)
     return steps
 
 
 def _named(name: str, what: str) -> str:
     return f"{name}: {what}" if name else what
-
-
-def _add_ingest(made: list[Step], study: Study, source: Source, name: str, bag: Path, rig: Path | None) -> Path:
-    """The bag of a recording; a step that makes it is added where the recording is videos."""
-    if source.is_bag:
-        return source.path
-    made.append(ingest_step(name, source.path, bag, study.lenses, rig, study.settings))
-    return bag

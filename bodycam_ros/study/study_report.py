@@ -12,7 +12,7 @@ from typing import Any
 from bodycam_ros.evaluate.page import Link, Page, Section, Table, number, render_page
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
-from bodycam_ros.study.study import Recording, Study, StudySteps
+from bodycam_ros.study.study import Recording, Step, Study
 from bodycam_ros.whole_file import whole_files
 
 PAGE, CSV = "study.html", "study.csv"
@@ -27,7 +27,7 @@ class RecordingResult:
     Attributes:
         figures: of the evaluation, with the ``took_s`` of its own steps; empty if a step failed.
         report: folder of the evaluation.
-        failure: the first step on its path that failed; None if all are done.
+        failure: its first step that failed, or was not run; None if all are done.
     """
 
     recording: Recording
@@ -49,7 +49,7 @@ class RecordingResult:
 
 
 def read_results(
-    study: Study, steps: StudySteps, notes: DoneSteps, failures: Mapping[str, StepEnd]
+    study: Study, steps: Sequence[Step], notes: DoneSteps, failures: Mapping[str, StepEnd]
 ) -> list[RecordingResult]:
     """The results of all recordings.
 
@@ -58,10 +58,9 @@ def read_results(
     """
     results = []
     for recording in study.recordings:
-        path = steps.path_to(recording, study.subjects[recording.subject])
-        own = steps.recordings[recording.name]
+        own = [step for step in steps if step.name.startswith(f"{recording.name}: ")]
         report = next(step.output for step in own if step.stage == "evaluate")
-        failure = next((failures[step.name] for step in path if step.name in failures), None)
+        failure = next((failures[step.name] for step in own if step.name in failures), None)
         figures = {} if failure is not None else _read_figures(report / _FIGURES)
         if figures:
             figures["took_s"] = sum(notes.seconds(step) or 0.0 for step in own)

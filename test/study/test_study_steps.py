@@ -9,8 +9,7 @@ from bodycam_ros.cli.main import make_parser
 from bodycam_ros.errors import OutputError, RecordingError, StudyError
 from bodycam_ros.study.done_steps import DoneSteps, fingerprint, state_of
 from bodycam_ros.study.recording_folder import LAYOUT, list_missing, read_recording_folder
-from bodycam_ros.study.steps import Step
-from bodycam_ros.study.study import Study, StudySteps, study_steps
+from bodycam_ros.study.study import Step, Study, study_steps
 from bodycam_ros.study.study_file import check_results_folder, read_study
 
 ALL = (
@@ -36,7 +35,7 @@ def folder_with(path: Path, *files: str) -> Study:
     return read_recording_folder(path)
 
 
-def check(steps: StudySteps) -> None:
+def check(steps: list[Step]) -> None:
     """Every command is understood, and its inputs exist or are outputs of earlier steps."""
     made: set[Path] = set()
     for step in steps:
@@ -125,7 +124,7 @@ def step(tmp_path: Path) -> Step:
     (tmp_path / "body.yaml").write_text("body")
     (tmp_path / "out").write_text("out")
     inputs = (tmp_path / "bag", tmp_path / "body.yaml")
-    return Step("walk: replay", ("replay", *map(str, inputs), "--passes", "1"), inputs, tmp_path / "out")
+    return Step("walk: replay", ("replay", *inputs, "--passes", "1"), tmp_path / "out")
 
 
 @pytest.fixture
@@ -138,7 +137,7 @@ def done(tmp_path: Path, step: Step) -> DoneSteps:
 
 
 def test_a_step_is_done_until_something_changes(done: DoneSteps, step: Step, tmp_path: Path) -> None:
-    after = Step("walk: evaluate", ("evaluate", str(step.output)), (step.output,), tmp_path / "report")
+    after = Step("walk: evaluate", ("evaluate", step.output), tmp_path / "report")
     after.output.write_text("report")
     done.write(after, state_of(after), 0, 1.0)
     assert done.steps_to_run([step, after]) == []
@@ -149,7 +148,7 @@ def test_a_step_is_done_until_something_changes(done: DoneSteps, step: Step, tmp
 def test_another_flag_a_missing_output_or_a_damaged_note_are_reasons_to_run(
     done: DoneSteps, step: Step, tmp_path: Path
 ) -> None:
-    other = Step(step.name, (*step.words[:-1], "3"), step.inputs, step.output)
+    other = Step(step.name, (*step.parts[:-1], "3"), step.output)
     assert done.steps_to_run([other]) == [other]
     text = step.output.read_text()
     step.output.unlink()
