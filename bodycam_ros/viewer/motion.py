@@ -119,10 +119,9 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
     with BagFile(path) as bag:
         _check_topics(bag)
         published = published_body(bag)
-        every = () if published is None else JointAngles(published).names
-        beside = (
-            tuple(name for name in every if name not in names) if published and published.equipment_segments else ()
-        )
+        joints = () if published is None else published.tree_joints
+        of_equipment = (joint for joint in joints if published and joint.child in published.equipment_segments)
+        beside = tuple(name for joint in of_equipment for name in joint.angle_names if name not in names)
         joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
         cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
         coupled = [EQUIPMENT] if beside and bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
