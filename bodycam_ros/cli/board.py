@@ -3,21 +3,22 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_output
+from bodycam_ros.cli.options import add_output, number
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_file, check_output
 
 _KINDS = ("apriltag", "charuco", "checkerboard")
 _PAGES = ("A4", "A3", "letter")
 _PAGE_MM = (80.0, 5000.0)
-_MOST = 100
+_MM = number(float, 0.1, _PAGE_MM[1], "mm")
+_COUNT, _TAG = number(int, 1, 100), number(int, 0, 999_999)
 _STRETCH = 0.2
-"""By which share a ruler may be off; a printer's scale rarely is, but one that fits a page to another's size."""
+"""Largest relative error of a ruler: of a printer that fits a page to another size."""
 _DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 
 _EPILOG = """
-Print at 100 % ("actual size"), glue it to something flat and stiff, and measure the rulers. Where they are not as long
-as they say, give what you measured with --ruler-mm and --force: the board.yaml then says what was really printed.
+Print at 100 % ("actual size"), glue it to something flat and stiff, and measure the rulers. If their lengths are not
+those printed beside them, give what you measured with --ruler-mm and --force: board.yaml then describes this print.
 """
 
 
@@ -29,14 +30,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--page", default="A4", type=_page, metavar="A4|A3|letter|WxH", help="paper, or its width x height [mm] (A4)"
     )
-    parser.add_argument("--columns", type=_count, metavar="N", help="of tags or squares (3, 8 or 10 by the kind)")
-    parser.add_argument("--rows", type=_count, metavar="N", help="of tags or squares (2, 5 or 7 by the kind)")
+    parser.add_argument("--columns", type=_COUNT, metavar="N", help="of tags or squares (3, 8 or 10 by the kind)")
+    parser.add_argument("--rows", type=_COUNT, metavar="N", help="of tags or squares (2, 5 or 7 by the kind)")
     parser.add_argument(
-        "--tag-size", type=_length_mm, metavar="MM", help="side of a tag (as large as fits; in a ChArUco's squares 3/4)"
+        "--tag-size", type=_MM, metavar="MM", help="side of a tag (as large as fits; in a ChArUco's squares 3/4)"
     )
-    parser.add_argument("--square-size", type=_length_mm, metavar="MM", help="side of a square (as large as fits)")
+    parser.add_argument("--square-size", type=_MM, metavar="MM", help="side of a square (as large as fits)")
     parser.add_argument("--family", default="36h11", help="of the tags (%(default)s)")
-    parser.add_argument("--first-tag", type=_number, default=0, metavar="N", help="number of the upper left tag (0)")
+    parser.add_argument("--first-tag", type=_TAG, default=0, metavar="N", help="number of the upper left tag (0)")
     parser.add_argument(
         "--up",
         choices=_DIRECTIONS,
@@ -45,7 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument(
         "--ruler-mm",
-        type=_length_mm,
+        type=_MM,
         nargs=2,
         metavar=("ACROSS", "UPWARDS"),
         help="how long the printed rulers really are: board.yaml becomes right for that print",
@@ -84,8 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
     console = Terminal()
     console.print(f"{words}; on {page[0]:g} x {page[1]:g} mm, written to {pdf}", soft_wrap=True)
     console.print(
-        f"Print it at 100 %. The rulers must measure {rulers[0]:g} mm across and {rulers[1]:g} mm upwards; if not, say "
-        f"with --ruler-mm what they measure: {description} is for "
+        f"Print it at 100 %. The rulers must measure {rulers[0]:g} mm across and {rulers[1]:g} mm upwards; if not, "
+        f"give their lengths with --ruler-mm: {description} is for "
         + ("true scale." if arguments.ruler_mm is None else "the print that you measured."),
         soft_wrap=True,
     )
@@ -93,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _shares(measured_mm: list[float], rulers_mm: tuple[float, float]) -> tuple[float, float]:
-    """By which the print is larger than it should be."""
+    """Measured over true length of both rulers."""
     across, upwards = (m / true for m, true in zip(measured_mm, rulers_mm, strict=True))
     if max(abs(across - 1.0), abs(upwards - 1.0)) > _STRETCH:
         raise OutputError(
@@ -121,26 +122,3 @@ def _page(text: str) -> str:
 def _size_mm(text: str) -> tuple[float, float]:
     width, height = map(float, text.lower().split("x"))
     return width, height
-
-
-def _count(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if not 1 <= value <= _MOST:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1 to {_MOST}, not '{text}'")
-    return value
-
-
-def _number(text: str) -> int:
-    if not text.isdecimal() or len(text) > 6:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0, not '{text}'")
-    return int(text)
-
-
-def _length_mm(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.1 <= value <= _PAGE_MM[1]:
-        raise argparse.ArgumentTypeError(f"expected millimetres from 0.1 to {_PAGE_MM[1]:g}, not '{text}'")
-    return value

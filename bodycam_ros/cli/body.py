@@ -25,11 +25,12 @@ from bodycam_ros.cli.options import (
     add_stations,
     check_no_static_flags,
     given_flags,
+    number,
     pipeline_settings,
-    settings_from_flags,
+    read_settings,
 )
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import print_section
+from bodycam_ros.cli.tables import make_table, print_section
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal, widened
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 
 _SUFFIXES = (".yaml", ".yml")
-_MM_PER_M = 1000.0
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -54,7 +54,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--name", help="name of the body (default: that of BODY)")
     parser.add_argument(
         "--facing",
-        type=_degrees,
+        type=number(float, -360.0, 360.0, "degrees"),
         metavar="DEGREES",
         help="direction that the person faces in the N-pose, about the map's z from its x (default: by hips and "
         "shoulders)",
@@ -74,7 +74,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--height",
         type=float,
         metavar="METRES",
-        help="with --stations: begin with lengths of people of this height",
+        help="with --stations: start from lengths of people of this height",
     )
     add_jobs(parser, "processes for the cameras")
     add_config(
@@ -139,7 +139,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     from bodycam_ros.offline.measure_body import calibrate
 
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, CalibrationSettings, arguments.config)
+    settings = read_settings(arguments, CalibrationSettings)
     with shown_progress() as progress:
         calibrated = calibrate(
             arguments.recording,
@@ -169,8 +169,8 @@ def print_report(diagnosis: "CalibrationDiagnosis", console: Terminal | None = N
     console.print(summary_line(diagnosis))
     for section in report_sections(diagnosis):
         print_section(console, section)
-    for number, warning in enumerate(diagnosis.warnings, start=1):
-        console.print(Text.assemble((f"warning {number}: ", "bold red"), warning))
+    for count, warning in enumerate(diagnosis.warnings, start=1):
+        console.print(Text.assemble((f"warning {count}: ", "bold red"), warning))
     if not diagnosis.warnings:
         console.print(Text("no warnings", "green"))
 
@@ -180,14 +180,13 @@ def _print_imus(body: "BodyModel") -> None:
     imus = {camera: mount.imu for camera, mount in body.mounts.items() if mount.imu is not None}
     if not imus:
         return
-    table = Table(title="inertial sensors")
-    for heading in ("camera", "rotation +- [deg]", "time offset [ms]", "+-", "gyro bias [deg/s]", "+-"):
-        table.add_column(Text(heading), justify="left" if heading == "camera" else "right")
+    rows = []
     for camera, imu in imus.items():
-        numbers = (degrees(imu.rotation_sigma), 1e3 * imu.time_offset, 1e3 * imu.time_offset_sigma)
+        figures = (degrees(imu.rotation_sigma), 1e3 * imu.time_offset, 1e3 * imu.time_offset_sigma)
         biases = (degrees(hypot(*imu.gyro_bias)), degrees(imu.gyro_bias_sigma))
-        table.add_row(camera, *(f"{number:.3f}" for number in (*numbers, *biases)))
-    Terminal().print(table)
+        rows.append((camera, *(f"{figure:.3f}" for figure in (*figures, *biases))))
+    columns = ("camera", "rotation +- [deg]", "time offset [ms]", "+-", "gyro bias [deg/s]", "+-")
+    Terminal().print(make_table(columns, rows, title="inertial sensors"))
 
 
 def _measure(arguments: argparse.Namespace, name: str) -> None:
@@ -197,7 +196,7 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     pipeline = pipeline_settings(arguments)
-    settings = settings_from_flags(arguments, MeasureSettings, arguments.config)
+    settings = read_settings(arguments, MeasureSettings)
     initial = _initial_body(arguments, name)
     with shown_progress() as progress:
         measured = measure_body(
@@ -271,26 +270,25 @@ def _measured_report(measured: "MeasuredBody") -> dict[str, object]:
 
 
 def _measured_tables(measured: "MeasuredBody") -> Iterator[Table]:
-    caption = "from joint to joint; those not measured keep about their initial value"
-    lengths = Table("joint", "along", title="lengths", caption=caption)
-    for column in ("initial [mm]", "found [mm]", "sigma [mm]", "measured"):
-        lengths.add_column(column, justify="right")
-    for each in measured.lengths:
-        figures = [f"{_MM_PER_M * abs(value):.0f}" for value in (each.begun, each.found)]
-        figures += [f"{_MM_PER_M * each.sigma:.1f}", "yes" if each.told else "no"]
-        lengths.add_row(each.name, each.axis, *figures, style=None if each.told else "yellow")
-    yield lengths
-    girths = Table("segment", title="girths", caption="times as thick as people of this size")
-    for column in ("found", "sigma", "measured"):
-        girths.add_column(column, justify="right")
-    for girth in measured.girths:
-        figures = [f"{girth.found:.2f}", f"{girth.sigma:.2f}", "yes" if girth.told else "no"]
-        girths.add_row(girth.name, *figures, style=None if girth.told else "yellow")
-    yield girths
-
-
-def _degrees(text: str) -> float:
-    degrees = float(text)
-    if not -360.0 <= degrees <= 360.0:
-        raise argparse.ArgumentTypeError("must be from -360 to 360 degrees")
-    return degrees
+    yield make_table(
+        ("joint", "along", "initial [mm]", "found [mm]", "sigma [mm]", "measured"),
+        [
+            (each.name, each.axis, *(f"{1e3 * abs(length):.0f}" for length in (each.begun, each.found)))
+            + (f"{1e3 * each.sigma:.1f}", "yes" if each.told else "no")
+            for each in measured.lengths
+        ],
+        text_columns=2,
+        styles={row: "yellow" for row, each in enumerate(measured.lengths) if not each.told},
+        title="lengths",
+        caption="from joint to joint; those not measured keep about their initial value",
+    )
+    yield make_table(
+        ("segment", "found", "sigma", "measured"),
+        [
+            (each.name, f"{each.found:.2f}", f"{each.sigma:.2f}", "yes" if each.told else "no")
+            for each in measured.girths
+        ],
+        styles={row: "yellow" for row, each in enumerate(measured.girths) if not each.told},
+        title="girths",
+        caption="times as thick as people of this size",
+    )

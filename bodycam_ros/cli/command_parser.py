@@ -1,61 +1,70 @@
-"""The parser of a command: short help, and flags of settings that are added only when one of them is used."""
+"""The parser of a command: short help, and settings as flags ``--group.name VALUE``."""
 
 import argparse
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
-ALL_SETTINGS = "--help-settings"
-
 
 class CommandParser(argparse.ArgumentParser):
-    """Its usage line has what must be given; flags of settings, which take a second to import, are added when used."""
+    """Its usage line has what must be given.
+
+    Attributes:
+        read_groups: returns the names of the groups whose settings may be given as flags; called if one is given, for
+            their import takes a second. The parsed arguments have them as ``settings``: group -> name -> text.
+    """
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
-        self._deferred: list[Callable[[], None]] = []
+        self.read_groups: Callable[[], set[str]] | None = None
         self.add_argument(
             "-v", "--verbose", action="store_true", default=argparse.SUPPRESS, help="print more about what happens"
         )
 
-    def defer(self, add: Callable[[], None]) -> None:
-        """Add flags of settings (``--group.field``) once one is given, or help about all is asked for."""
-        if not self._deferred:
-            self.add_argument(
-                ALL_SETTINGS, action=_HelpWithSettings, nargs=0, help="explain the settings of all stages too, and exit"
-            )
-        self._deferred.append(add)
-
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """As argparse does."""
         words = list(sys.argv[1:] if args is None else args)
-        if any(_is_setting(word) for word in words):
-            deferred, self._deferred = self._deferred, []
-            for add in deferred:
-                add()
+        settings: dict[str, dict[str, str]] = {}
+        if self.read_groups is not None:
+            words, settings = self._split_settings(words, self.read_groups)
         self.usage = self.usage or " ".join(("%(prog)s", *self._required()))
-        return super().parse_known_args(words, namespace)
+        arguments, rest = super().parse_known_args(words, namespace)
+        if self.read_groups is not None:
+            arguments.settings = settings
+        return arguments, rest
 
     def error(self, message: str) -> NoReturn:
         """Print what must be given and what is wrong, and exit with 2."""
         self.print_usage(sys.stderr)
         self.exit(2, f"{self.prog}: error: {message}\n'{self.prog} --help' explains it\n")
 
+    def _split_settings(
+        self, words: list[str], read_groups: Callable[[], set[str]]
+    ) -> tuple[list[str], dict[str, dict[str, str]]]:
+        """The other words, and group -> name -> text of settings."""
+        others: list[str] = []
+        settings: dict[str, dict[str, str]] = defaultdict(dict)
+        following = iter(words)
+        for word in following:
+            flag, is_joined, text = word.partition("=")
+            if not flag.startswith("--") or "." not in flag:
+                others.append(word)
+                continue
+            group, _, name = flag.removeprefix("--").partition(".")
+            if group not in (known := read_groups()):
+                self.error(f"{flag}: there is no group of settings {group} here; there are {', '.join(sorted(known))}")
+            value = text if is_joined else next(following, None)
+            if value is None:
+                self.error(f"{flag}: its value is missing")
+            settings[group][name] = value
+        return others, settings
+
     def _required(self) -> list[str]:
         """Flags and arguments that must be given, as they are written."""
         positional = [_argument(action) for action in self._actions if not action.option_strings]
         flags = [action for action in self._actions if action.option_strings and action.required]
         return [*positional, *(f"{action.option_strings[0]} {_value(action)}" for action in flags), "[options]"]
-
-
-class _HelpWithSettings(argparse.Action):
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        parser.print_help()
-        parser.exit()
-
-
-def _is_setting(word: str) -> bool:
-    return word == ALL_SETTINGS or (word.startswith("--") and "." in word.partition("=")[0])
 
 
 def _argument(action: argparse.Action) -> str:

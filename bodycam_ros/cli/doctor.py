@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_config, add_imu, add_jobs, add_lenses, add_map
+from bodycam_ros.cli.options import add_imu, add_jobs, add_lenses, add_map
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
@@ -47,7 +47,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_imu(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_jobs(parser, "threads")
-    add_config(parser)
     parser.set_defaults(run=run)
 
 

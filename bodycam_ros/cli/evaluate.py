@@ -19,7 +19,7 @@ from bodycam_ros.cli.options import (
     given_flags,
     pipeline_settings,
 )
-from bodycam_ros.cli.progress import shown_progress, waiting
+from bodycam_ros.cli.progress import waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
 from bodycam_ros.errors import RecordingError, StationError
 from bodycam_ros.terminal import Terminal, widened
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.evaluate.evaluation import Evaluation
     from bodycam_ros.evaluate.static_picture import StaticFiles
-    from bodycam_ros.mapping.progress import Progress
     from bodycam_ros.verdict import Verdict
 
 _ALIGNMENTS = ("similarity", "rigid", "none")
@@ -86,11 +85,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_surface(static)
     add_map(static, required=False)
-    static.add_argument(
-        "--overlay-video",
-        metavar="CAMERA",
-        help="with --stations: adds outside.mp4, the body over its images",
-    )
     add_config(parser)
     parser.set_defaults(run=run)
 
@@ -121,9 +115,8 @@ def run(arguments: argparse.Namespace) -> int:
         with waiting("drawing"):
             write_report(evaluation, folder, overlay)
     else:
-        with shown_progress() as progress:
-            more = _static_pictures(evaluation, recording, outside, arguments.overlay_video, progress)
-            write_report(evaluation, folder, overlay, more)
+        with waiting("drawing"):
+            write_report(evaluation, folder, overlay, _static_picture(evaluation, recording, outside))
     console = widened(Terminal())
     for section in report_sections(evaluation.figures):
         print_section(console, section)
@@ -177,41 +170,28 @@ def _outside_files(arguments: argparse.Namespace) -> "StaticFiles | None":
     from bodycam_ros.evaluate.static_picture import StaticFiles
 
     if arguments.stations is None:
-        check_no_static_flags(arguments, "surface", "map", "overlay_video", "config")
+        check_no_static_flags(arguments, "surface", "map", "config")
         return None
     if arguments.recording is None:
         raise StationError("--stations: needs the images of static cameras: give the bag with --recording")
     return StaticFiles(arguments.stations, arguments.surface, arguments.map, pipeline_settings(arguments).region)
 
 
-def _static_pictures(
-    evaluation: "Evaluation", recording: Path, files: "StaticFiles", video: str | None, progress: "Progress"
+def _static_picture(
+    evaluation: "Evaluation", recording: Path, files: "StaticFiles"
 ) -> Mapping[str, Callable[[Path], None]]:
-    """Name of a file -> writes it to a path.
+    """Name of the picture -> writes it to a path.
 
     Raises:
         StationError: the stations cannot be used, or the recording has no images of them while it was solved.
         BodyError: the surface cannot be used.
         RecordingError: not a recording, or an image that cannot be decoded.
     """
-    from bodycam_ros.evaluate.report import OUTSIDE, VIDEO
-    from bodycam_ros.evaluate.static_picture import (
-        StaticScene,
-        check_station,
-        draw_static_video,
-        draw_static_views,
-        static_views,
-    )
+    from bodycam_ros.evaluate.report import OUTSIDE
+    from bodycam_ros.evaluate.static_picture import StaticScene, draw_static_views, static_views
 
     scene = StaticScene(evaluation.solved, recording, files)
-    if video is not None:
-        check_station(scene.stations, video)
-    views = static_views(scene)
-    more: dict[str, Callable[[Path], None]] = {OUTSIDE: partial(draw_static_views, views, scene.colours)}
-    if video is not None:
-        anew = StaticScene(evaluation.solved, recording, files)  # without the colours of the picture's images
-        more[VIDEO] = lambda path: draw_static_video(anew, video, path, progress)
-    return more
+    return {OUTSIDE: partial(draw_static_views, static_views(scene), scene.colours)}
 
 
 def _check_earlier(folder: Path) -> None:

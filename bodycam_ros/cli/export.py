@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.cli.export_robot import ROBOT, run_robot
-from bodycam_ros.cli.options import add_config, add_output
+from bodycam_ros.cli.options import add_config, add_output, given_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.export import FORMATS, export
@@ -91,8 +91,9 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.to == ROBOT:
         return run_robot(arguments, options)
-    of_robot = [name for name in vars(arguments) if name in ("urdf", "mapping", "config") or "." in name]
-    if given := [f"--{name}" for name in of_robot if getattr(arguments, name) is not None]:
+    given = given_flags(arguments, "urdf", "mapping", "config")
+    given += [f"--{group}.{name}" for group, values in arguments.settings.items() for name in values]
+    if given:
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
     check_output(output, sources, makes_folders=len(sources) > 1)
     written = export(sources, arguments.to, output, arguments.force, options, _Bars())

@@ -6,8 +6,9 @@ import math
 import numpy as np
 from rich.table import Table
 
-from bodycam_ros.cli.options import settings_from_flags
+from bodycam_ros.cli.options import read_settings
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import make_table
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.sampled_motion import MotionOptions
 from bodycam_ros.output_place import check_output
@@ -37,7 +38,7 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     if len(arguments.sources) > 1:
         raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
     check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping, arguments.config))
-    settings = settings_from_flags(arguments, RobotSettings, arguments.config)
+    settings = read_settings(arguments, RobotSettings)
     with shown_progress() as progress:
         summary = write_robot(
             arguments.sources[0],
@@ -59,8 +60,9 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
 
 
 def _table(summary: RobotSummary) -> Table:
-    table = Table("hand or foot", "mean [cm]", "95 % [cm]", "most [cm]", caption="from where it should be, scaled")
+    rows = []
     for link, errors_m in summary.errors_m.items():
         errors = 100.0 * np.array(errors_m)
-        table.add_row(link, f"{errors.mean():.2f}", f"{np.percentile(errors, 95):.2f}", f"{errors.max():.2f}")
-    return table
+        rows.append((link, *(f"{figure:.2f}" for figure in (errors.mean(), np.percentile(errors, 95), errors.max()))))
+    columns = ("hand or foot", "mean [cm]", "95 % [cm]", "most [cm]")
+    return make_table(columns, rows, caption="distance from its scaled target")

@@ -1,13 +1,14 @@
-"""bodycam ingest: videos of cameras in, one bag out, and a report of how their clocks go."""
+"""bodycam ingest: videos of cameras in, one bag out, and a report on their clocks."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Column, Table
+from rich.table import Table
 
-from bodycam_ros.cli.options import add_jobs, add_lenses, add_output
+from bodycam_ros.cli.options import add_jobs, add_lenses, add_output, number
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import make_table
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
@@ -41,9 +42,17 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     times.add_argument(
         "--offsets", type=Path, metavar="YAML", help="start of each camera [s], as 'camera: 1.25' or a timing.yaml"
     )
-    parser.add_argument("--rate", type=float, metavar="HZ", help="of folders with images that are not named by stamps")
     parser.add_argument(
-        "--scale", type=float, default=1.0, help="reduce frames to this share of their size, lenses too (%(default)s)"
+        "--rate",
+        type=number(float, 1e-3, 1000.0, "Hz"),
+        metavar="HZ",
+        help="of folders with images that are not named by stamps",
+    )
+    parser.add_argument(
+        "--scale",
+        type=number(float, 0.05, 1.0),
+        default=1.0,
+        help="reduce frames to this share of their size, lenses too (%(default)s)",
     )
     parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     add_jobs(parser, "threads")
@@ -93,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     frames = sum(camera.stream.tally.frames for camera in summary.cameras)
     console.print(
         f"{len(summary.cameras)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
-        f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, how the clocks go to {report}",
+        f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}",
         soft_wrap=True,
     )
     return 0
@@ -104,10 +113,6 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     from bodycam_ros.recording.bag_writer import INGEST, check_replaceable
 
     inputs = (*arguments.videos, arguments.lenses, arguments.rig, arguments.offsets)
-    if not 0.05 <= arguments.scale <= 1.0:
-        raise OutputError(f"--scale must be from 0.05 to 1, not {arguments.scale:g}")
-    if arguments.rate is not None and not 0.0 < arguments.rate <= 1000.0:
-        raise OutputError(f"--rate must be above 0 and at most 1000 images a second, not {arguments.rate:g}")
     check_output(arguments.output, inputs)
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output, INGEST)
@@ -117,23 +122,23 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
 
 
 def _table(summary: "IngestSummary") -> Table:
-    table = Table(
-        Column("camera", no_wrap=True), "frames", "per second", "size", "read-out [ms]", "imu [Hz]", "in the bag"
+    columns = ("camera", "frames", "per second", "size", "read-out [ms]", "imu [Hz]", "in the bag")
+    styles = {row: "red" for row, camera in enumerate(summary.cameras) if camera.remarks}
+    return make_table(columns, map(_row, summary.cameras), styles=styles)
+
+
+def _row(camera: "IngestedCamera") -> tuple[object, ...]:
+    stream, duration_s = camera.stream, max(1e-9, camera.stream.camera.video.duration_s)
+    lens, readout_s = stream.camera.written_lens, stream.camera.readout_s
+    return (
+        stream.camera.name,
+        stream.tally.frames,
+        f"{_rate_hz(camera):.2f}",
+        f"{lens.width} x {lens.height}",
+        "not given" if readout_s is None else f"{1e3 * readout_s:.1f}",
+        f"{camera.imu_samples / duration_s:.0f}" if camera.imu_samples else "none",
+        _encoding(camera),
     )
-    for camera in summary.cameras:
-        stream = camera.stream
-        readout_s = stream.camera.readout_s
-        table.add_row(
-            stream.camera.name,
-            str(stream.tally.frames),
-            f"{_rate_hz(camera):.2f}",
-            f"{stream.camera.written_lens.width} x {stream.camera.written_lens.height}",
-            "not given" if readout_s is None else f"{1e3 * readout_s:.1f}",
-            f"{camera.imu_samples / max(1e-9, stream.camera.video.duration_s):.0f}" if camera.imu_samples else "none",
-            _how(camera),
-            style="red" if camera.remarks else None,
-        )
-    return table
 
 
 def _rate_hz(camera: "IngestedCamera") -> float:
@@ -141,7 +146,7 @@ def _rate_hz(camera: "IngestedCamera") -> float:
     return 1e9 * (tally.frames - 1) / (tally.last_ns - tally.first_ns) if tally.frames > 1 else 0.0
 
 
-def _how(camera: "IngestedCamera") -> str:
+def _encoding(camera: "IngestedCamera") -> str:
     stream, facts = camera.stream, camera.stream.camera.video.facts
     if stream.is_copied:
         return facts.codec
@@ -149,4 +154,4 @@ def _how(camera: "IngestedCamera") -> str:
     why += [f"turned by {facts.rotation_deg} deg"] if facts.rotation_deg else []
     if not stream.as_jpeg and facts.has_b_frames:
         why.append("it had B-frames")
-    return ", ".join(["jpeg" if stream.as_jpeg else "h264, made anew", *why])
+    return ", ".join(["jpeg" if stream.as_jpeg else "h264, encoded again", *why])

@@ -4,10 +4,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Column, Table
+from rich.table import Table
 
 from bodycam_ros.cli.options import add_output
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import WRONG_RESULT, make_table
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
@@ -55,7 +56,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.cli.tables import WRONG_RESULT
     from bodycam_ros.lens.board_detector import LensBoard
     from bodycam_ros.lens.calibration_plot import calibration_plot
     from bodycam_ros.lens.lens_calibration import calibrate_lens
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
         console.print(f"less certain than it could be: {warning}", style="yellow", soft_wrap=True)
     if calibration.objections:
         for why in calibration.objections:
-            console.print(f"refused: {why}", style="red", soft_wrap=True)
+            console.print(f"rejected: {why}", style="red", soft_wrap=True)
         console.print(f"no lens was written; {picture} shows where the board was seen", soft_wrap=True)
         return WRONG_RESULT
     write_whole(output, _text(calibration, name, board.name))
@@ -109,21 +109,15 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
 
 
 def _table(calibration: "LensCalibration") -> Table:
-    table = Table(
-        Column("model", no_wrap=True), "focal lengths [px]", "centre [px]", "fitted [px]", "left out [px]", "rays [px]"
-    )
-    for trial in calibration.trials:
-        camera = trial.fit.camera
-        table.add_row(
-            trial.model,
-            f"{camera.fx:.1f} {camera.fy:.1f}",
-            f"{camera.cx:.1f} {camera.cy:.1f}",
-            f"{trial.fit.median_px:.3f}",
-            f"{trial.validation.median_px:.3f}",
-            f"{trial.validation.worst_ray_px:.2f}",
-            style="bold" if trial is calibration.chosen else None,
-        )
-    return table
+    rows, styles = [], {}
+    for row, trial in enumerate(calibration.trials):
+        camera, validation = trial.fit.camera, trial.validation
+        centre = (f"{camera.fx:.1f} {camera.fy:.1f}", f"{camera.cx:.1f} {camera.cy:.1f}")
+        errors = (f"{trial.fit.median_px:.3f}", f"{validation.median_px:.3f}", f"{validation.worst_ray_px:.2f}")
+        rows.append((trial.model, *centre, *errors))
+        styles[row] = "bold" if trial is calibration.chosen else None
+    columns = ("model", "focal lengths [px]", "centre [px]", "fitted [px]", "left out [px]", "rays [px]")
+    return make_table(columns, rows, styles=styles)
 
 
 def _print_found(console: Terminal, calibration: "LensCalibration") -> None:

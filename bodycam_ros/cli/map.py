@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
+from bodycam_ros.cli.map_check import add_coverage
 from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
@@ -16,8 +17,9 @@ from bodycam_ros.cli.map_source import (
     known_distances,
     opened_photographs,
 )
-from bodycam_ros.cli.options import add_config, add_jobs, add_output, settings_from_flags
+from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import make_table
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
@@ -46,14 +48,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # COLMAP and matplotlib take a second to load; the other commands and --help do without.
-    from bodycam_ros.evaluate.coverage_picture import draw_coverage
     from bodycam_ros.mapping.build import build_map
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.registration.reference_map import check_replaceable
 
     output: Path = arguments.output
-    settings = settings_from_flags(arguments, MapSettings, arguments.config)
+    settings = read_settings(arguments, MapSettings)
     sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
     check_output(output, (*sources, arguments.board, arguments.config))
     check_replaceable(output, arguments.force)
@@ -69,44 +69,43 @@ def run(arguments: argparse.Namespace) -> int:
             known_distances(arguments),
             inertial_alignment(arguments, photographs),
         )
-        coverage = measure_coverage(built.reference_map, progress)
-    built = replace(built, reference_map=with_coverage(built.reference_map, coverage))
-    built.save(
-        output,
-        force=arguments.force,
-        also=lambda folder: draw_coverage(coverage, built.reference_map, folder / COVERAGE_FILE, output.name),
-    )
+        reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
+    replace(built, reference_map=reference_map).save(output, force=arguments.force, also=draw)
     terminal = Terminal()
     for table in _tables(built):
         terminal.print(table)
-    reference_map = built.reference_map
     lines = (
         f"{sum(r.registered for r in built.registrations)} of {len(built.registrations)} photographs registered",
         f"{len(reference_map.landmark_ids)} landmarks with {len(reference_map.descriptors)} descriptors",
         ", ".join(f"{step} {took:.0f} s" for step, took in built.seconds.items()),
         _scale_line(built),
         _vertical_line(built),
-        *coverage_lines(coverage),
-        f"written to {output}; coverage is drawn in {output / COVERAGE_FILE}",
+        *coverage,
+        f"written to {output}",
     )
     terminal.print("\n".join(lines), soft_wrap=True)
     return 0
 
 
 def _tables(built: "BuiltMap") -> Iterator[Table]:
-    table = Table("photograph", "registered", "landmarks", "error [px]", "tags", title="registration")
-    for each in built.registrations:
-        error = f"{each.error_px:.2f}" if each.landmarks else ""
-        table.add_row(each.name, "yes" if each.registered else "NO", str(each.landmarks), error, str(each.tags))
-    yield table
+    yield make_table(
+        ("photograph", "registered", "landmarks", "error [px]", "tags"),
+        [
+            (each.name, "yes" if each.registered else "NO", each.landmarks)
+            + (f"{each.error_px:.2f}" if each.landmarks else "", each.tags)
+            for each in built.registrations
+        ],
+        text_columns=2,
+        title="registration",
+    )
     if (residual := built.residual) is not None:
-        board = Table("tag", "photographs", "residual [px]", "residual [mm]", title="board")
-        for tag, views in residual.views_of_tag.items():
-            rms_mm = residual.rms_of_tag_mm.get(tag)
-            text_mm = "" if rms_mm is None else f"{rms_mm:.2f}"
-            board.add_row(str(tag), str(views), f"{residual.rms_of_tag_px[tag]:.3f}", text_mm)
-        board.add_row("all", "", f"{residual.rms_px:.3f}", f"{residual.rms_mm:.2f}")
-        yield board
+        rows: list[tuple[object, ...]] = [
+            (tag, views, f"{residual.rms_of_tag_px[tag]:.3f}")
+            + (f"{residual.rms_of_tag_mm[tag]:.2f}" if tag in residual.rms_of_tag_mm else "",)
+            for tag, views in residual.views_of_tag.items()
+        ]
+        rows.append(("all", "", f"{residual.rms_px:.3f}", f"{residual.rms_mm:.2f}"))
+        yield make_table(("tag", "photographs", "residual [px]", "residual [mm]"), rows, title="board")
 
 
 def _scale_line(built: "BuiltMap") -> str:

@@ -1,12 +1,17 @@
 """bodycam map check: what a reference map covers, and what should be photographed too."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.progress import ProgressBars, shown_progress
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from bodycam_ros.registration.reference_map import ReferenceMap
 
 _PNG = b"\x89PNG"
 
@@ -39,3 +44,19 @@ def run(arguments: argparse.Namespace) -> int:
         lines.append(f"drawn in {arguments.output}")
     Terminal().print("\n".join(lines), soft_wrap=True)
     return 0
+
+
+def add_coverage(
+    reference_map: "ReferenceMap", name: str, progress: ProgressBars
+) -> "tuple[ReferenceMap, Callable[[Path], None], list[str]]":
+    """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
+    from bodycam_ros.evaluate.coverage_picture import draw_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
+
+    coverage = measure_coverage(reference_map, progress)
+    covered = with_coverage(reference_map, coverage)
+
+    def draw(folder: Path) -> None:
+        draw_coverage(coverage, covered, folder / COVERAGE_FILE, name)
+
+    return covered, draw, [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]

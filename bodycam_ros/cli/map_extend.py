@@ -2,6 +2,7 @@
 
 import argparse
 
+from bodycam_ros.cli.map_check import add_coverage
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
@@ -30,8 +31,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.evaluate.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
     from bodycam_ros.offline.extend import extend_map
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 
@@ -42,20 +41,13 @@ def run(arguments: argparse.Namespace) -> int:
     known = len(ReferenceMap.load(arguments.map).landmark_ids)
     with shown_progress() as progress:
         extension = extend_map(recording, arguments.map, settings, arguments.jobs, on_progress=progress.show)
-        extended = extension.reference_map
-        coverage = measure_coverage(extended, progress)
-    extended = with_coverage(extended, coverage)
-
-    extended.save(
-        output,
-        force=arguments.force,
-        also=lambda folder: draw_coverage(coverage, extended, folder / COVERAGE_FILE, output.name),
-    )
+        extended, draw, coverage = add_coverage(extension.reference_map, output.name, progress)
+    extended.save(output, force=arguments.force, also=draw)
     print_rounds(extension.rounds)
-    Terminal().print("\n".join(coverage_lines(coverage)), soft_wrap=True)
+    Terminal().print("\n".join(coverage), soft_wrap=True)
     Terminal().print(
         f"{extended.grown} landmarks added by body cameras to {known}, {len(extended.image_names)} pictures; "
-        f"written to {output}, drawn in {output / COVERAGE_FILE}",
+        f"written to {output}",
         soft_wrap=True,
     )
     return 0

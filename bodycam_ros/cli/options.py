@@ -1,27 +1,26 @@
-"""Options that several commands share, and settings as flags: ``--tracker.max_track_age 2.0``."""
+"""Options that several commands share, and the settings of a command."""
 
 import argparse
 import os
+from collections.abc import Callable
 from difflib import get_close_matches
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError, StationError
-from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, read_settings_file, settings_from_mapping
+from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_from_mapping
 from bodycam_ros.shown import shown
 
 if TYPE_CHECKING:
     from bodycam_ros.pipeline_settings import PipelineSettings
 
 G = TypeVar("G", bound=SettingsGroups)
+N = TypeVar("N", int, float)
 
 PIPELINE = "pipeline_settings:PipelineSettings"
 """Settings of all stages, for ``add_config``."""
-
-_BOOLEAN = {"true": True, "false": False}
 
 
 def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, replaced: str | None = None) -> None:
@@ -112,86 +111,75 @@ def add_lenses(parser: argparse.ArgumentParser) -> None:
 
 
 def add_jobs(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --jobs: how many of something work at a time."""
-    parser.add_argument("--jobs", type=positive, default=os.cpu_count() or 1, help=f"{what} (default: all cores)")
+    """Add --jobs: number of processes or threads."""
+    jobs = number(int, 1, 1000)
+    parser.add_argument("--jobs", type=jobs, default=os.cpu_count() or 1, help=f"{what} (default: all cores)")
 
 
-def positive(text: str) -> int:
-    """A whole number from 1; argparse reports any other."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return number
+def number(kind: Callable[[str], N], low: float, high: float, unit: str = "") -> Callable[[str], N]:
+    """Converter of a number from ``low`` to ``high``; argparse reports any other."""
+
+    def convert(text: str) -> N:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = None
+        if value is None or not low <= value <= high:
+            what = "a whole number" if kind is int else "a number"
+            limits = f"{low:g} to {high:g} {unit}".rstrip()
+            raise argparse.ArgumentTypeError(f"expected {what} from {limits}, not {text!r}")
+        return value
+
+    return convert
 
 
 def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
-    """Add --config and, once one of them is used, the flags of settings.
+    """Add --config, and flags ``--group.name VALUE`` of settings.
 
     Args:
-        groups: ``module:class`` of settings, imported once a flag is used: those of the pipeline take a second.
+        groups: ``module:class`` of settings, imported if a flag is used.
     """
-    parser.add_argument("--config", type=Path, help="ROS parameter YAML with settings; flags win over it")
-    assert isinstance(parser, CommandParser), "commands are added to a CommandParser"
-    for group in groups:
-        parser.defer(partial(_import_and_add, parser, group))
+    flags = ", each also as --GROUP.NAME VALUE, which wins" if groups else ""
+    help_text = f"ROS parameter YAML with settings, as 'bodycam settings' prints them{flags}"
+    parser.add_argument("--config", type=Path, metavar="YAML", help=help_text)
+    if groups:
+        assert isinstance(parser, CommandParser), "commands are added to a CommandParser"
+        parser.read_groups = lambda: {name for group in groups for name in _settings_type(group).groups()}
 
 
-def _import_and_add(parser: argparse.ArgumentParser, group: str) -> None:
-    module, _, name = group.partition(":")
-    add_settings_flags(parser, getattr(import_module(f"bodycam_ros.{module}"), name))
+def _settings_type(name: str) -> type[SettingsGroups]:
+    module, _, attribute = name.partition(":")
+    groups: type[SettingsGroups] = getattr(import_module(f"bodycam_ros.{module}"), attribute)
+    return groups
 
 
 def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
-    """Settings of all stages: the defaults, over them the file of --config, over that the flags.
-
-    Raises:
-        SettingsError: a value that is unknown or out of range.
-    """
+    """Settings of all stages; see ``read_settings``."""
     from bodycam_ros.pipeline_settings import PipelineSettings
 
-    return settings_from_flags(arguments, PipelineSettings, arguments.config)
+    return read_settings(arguments, PipelineSettings)
 
 
-def add_settings_flags(parser: argparse.ArgumentParser, groups_type: type[SettingsGroups]) -> None:
-    """Add a flag ``--group.field VALUE`` for each setting, with its reason, unit, range and default as help."""
-    for group, settings_type in groups_type.groups().items():
-        flags = parser.add_argument_group(f"settings of {group}")
-        for description in describe(settings_type):
-            flags.add_argument(
-                f"--{group}.{description.name}",
-                type=_boolean if description.type is bool else partial(_value, description),
-                metavar="|".join([_kind(description.type), *description.words]),
-                help=f"{description.text()}; default {description.default}".replace("%", "%%"),
-            )
-
-
-def settings_from_flags(arguments: argparse.Namespace, groups_type: type[G], config: Path | None = None) -> G:
-    """Settings of all groups: the defaults, over them the parameter file, over that the flags.
-
-    Args:
-        arguments: parsed flags of ``add_settings_flags`` for the same groups, if any was given.
-        config: ROS parameter file (``/**: ros__parameters:``); groups that it lacks keep their defaults.
+def read_settings(arguments: argparse.Namespace, groups_type: type[G]) -> G:
+    """Settings of some groups: the defaults, over them the file of --config, over that the flags.
 
     Raises:
         SettingsError: unknown name, wrong type or value out of range, in the file or in a flag.
     """
+    config: Path | None = arguments.config
     groups = {} if config is None else _read_groups(config, groups_type)
     settings: dict[str, Any] = {}
     for group, settings_type in groups_type.groups().items():
         values = groups.get(group, {})
         # On its own, or a message would name the flag for a fault of the file.
         settings_from_mapping(settings_type, values, f"{config}: {group}")
-        flags = {
-            description.name: given
-            for description in describe(settings_type)
-            if (given := getattr(arguments, f"{group}.{description.name}", None)) is not None
-        }
+        flags = {name: _plain_value(text) for name, text in arguments.settings.get(group, {}).items()}
         settings[group] = settings_from_mapping(settings_type, values | flags, f"--{group}")
     return groups_type(**settings)
 
 
 def _read_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, dict[str, Any]]:
-    """Groups of a parameter file, which one file may hold for every command: each takes its own.
+    """Groups of a parameter file, which may have those of every command: each takes its own.
 
     Raises:
         SettingsError: a group that no command has.
@@ -209,21 +197,13 @@ def _read_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, d
     return groups
 
 
-def _kind(value_type: type) -> str:
-    return "true|false" if value_type is bool else value_type.__name__.upper()
-
-
-def _value(description: SettingDescription, text: str) -> Any:
-    if text in description.words:
-        return text
-    try:
-        return description.type(text)
-    except ValueError as error:
-        words = "".join(f" or {word}" for word in description.words)
-        raise argparse.ArgumentTypeError(f"expected {description.type.__name__}{words}, not '{text}'") from error
-
-
-def _boolean(text: str) -> bool:
-    if text.lower() not in _BOOLEAN:
-        raise argparse.ArgumentTypeError(f"expected true or false, not '{text}'")
-    return _BOOLEAN[text.lower()]
+def _plain_value(text: str) -> Any:
+    """A word of the command line as YAML would have it: a boolean, a number, or a word."""
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text

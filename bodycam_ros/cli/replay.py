@@ -22,8 +22,8 @@ from bodycam_ros.cli.options import (
     add_stations,
     add_surface,
     check_no_static_flags,
+    number,
     pipeline_settings,
-    positive,
 )
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_output
@@ -56,7 +56,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_start(parser, "where the segments are in the first image; body cameras measure it as well")
     parser.add_argument(
         "--passes",
-        type=positive,
+        type=number(int, 1, 100),
         default=1,
         metavar="N",
         help="passes over the recording: all but the last register its cameras and add the landmarks that they see to "
@@ -179,42 +179,43 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
 
 def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
     """Print the share of registered images per camera and round of map extension."""
-    heads = [f"round {number + 1}" for number in range(len(rounds))]
-    table = Table("camera", *heads, title="images registered [%]")
-    for camera in sorted(rounds[0].shares):
-        table.add_row(camera, *[f"{100 * one.shares[camera]:.1f}" for one in rounds])
-    table.add_row("all", *[f"{100 * one.share:.1f}" for one in rounds], style="bold")
-    Terminal().print(table)
+    from bodycam_ros.cli.tables import make_table
+
+    rows = [(camera, *(f"{100 * one.shares[camera]:.1f}" for one in rounds)) for camera in sorted(rounds[0].shares)]
+    rows.append(("all", *(f"{100 * one.share:.1f}" for one in rounds)))
+    columns = ("camera", *(f"round {count}" for count in range(1, len(rounds) + 1)))
+    Terminal().print(make_table(columns, rows, title="images registered [%]"))
     Terminal().print(f"{100 * rounds[0].absolute:.1f} % of all images are registered by landmarks of the photographs")
 
 
 def _table(summary: "ReplaySummary") -> Table:
-    from bodycam_ros.cli.tables import camera_styles
+    from bodycam_ros.cli.tables import camera_styles, make_table
 
-    table = Table(
-        *("camera", "images", "registered", "dropped", "missing", "read-out [ms]"),
-        caption="registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
-        "read-out: time of all rows, 0 for a global shutter",
-    )
-    styles = camera_styles(summary.verdict)
+    of_camera, rows = camera_styles(summary.verdict), []
     for camera, images in sorted((summary.images + summary.lost).items()):
         registered = f"{summary.registered[camera] / images:.1%}"
         dropped, missing = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
         readout = summary.readouts[camera].milliseconds if camera in summary.readouts else ""
-        table.add_row(camera, str(images), registered, dropped, missing, readout, style=styles.get(camera))
-    return table
+        rows.append((camera, images, registered, dropped, missing, readout))
+    return make_table(
+        ("camera", "images", "registered", "dropped", "missing", "read-out [ms]"),
+        rows,
+        styles={row: of_camera.get(camera) for row, (camera, *_) in enumerate(rows)},
+        caption="registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
+        "read-out: time of all rows, 0 for a global shutter",
+    )
 
 
 def _clock_table(timings: "Mapping[str, ClockHistory]") -> Table:
-    table = Table(
-        *("camera", "offset [ms]", "+-", "drift [ppm]", "+-"),
-        caption="offset: ahead of the others (+) or behind, corrected; the last one if the clock was set",
-    )
+    from bodycam_ros.cli.tables import make_table
+
+    rows = []
     for camera, timing in sorted(timings.items()):
         clock = timing.latest
         offset, drift = f"{1e3 * clock.offset:+.1f}", f"{1e6 * clock.drift:+.0f}"
-        table.add_row(camera, offset, f"{1e3 * clock.offset_sigma:.1f}", drift, f"{1e6 * clock.drift_sigma:.0f}")
-    return table
+        rows.append((camera, offset, f"{1e3 * clock.offset_sigma:.1f}", drift, f"{1e6 * clock.drift_sigma:.0f}"))
+    caption = "offset: ahead of the others (+) or behind, corrected; the last one if the clock was set"
+    return make_table(("camera", "offset [ms]", "+-", "drift [ppm]", "+-"), rows, caption=caption)
 
 
 class _RealTime(ProgressColumn):

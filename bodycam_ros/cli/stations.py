@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, settings_from_flags
+from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, read_settings
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import make_table
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.static_cameras.station_registration import StationsSettings
     from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
 
-    settings = settings_from_flags(arguments, StationsSettings, arguments.config)
+    settings = read_settings(arguments, StationsSettings)
     check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
     mark = MARK if arguments.to == "yaml" else TOML_MARK
     check_file(arguments.output, arguments.force, mark.encode(), "file of static cameras that this command wrote")
@@ -57,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         Terminal().print(f"{len(converted)} cameras written to {printable(str(arguments.output))}", soft_wrap=True)
         return 0
     if arguments.map is None:
-        raise StationError("say with --map in which map the cameras stand")
+        raise StationError("give with --map the map in which the cameras stand")
     reference_map = ReferenceMap.load(arguments.map)
     check_metric(reference_map, arguments.map)
     found: list[RegisteredStation] = []
@@ -88,11 +89,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(found: "Iterable[RegisteredStation]") -> Table:
-    table = Table(title="static cameras", caption="sigma: of the pose, by its landmarks, all axes together")
-    table.add_column("camera", no_wrap=True)
-    for column in ("images", "landmarks", "error [px]", "sigma [mm]", "sigma [deg]"):
-        table.add_column(column, justify="right")
-    for camera in found:
-        cells = (f"{camera.images} of {camera.asked}", str(camera.landmarks), f"{camera.error_px:.2f}")
-        table.add_row(camera.station.name, *cells, f"{camera.sigma_mm:.1f}", f"{camera.sigma_deg:.3f}")
-    return table
+    rows = [
+        (each.station.name, f"{each.images} of {each.asked}", each.landmarks, f"{each.error_px:.2f}")
+        + (f"{each.sigma_mm:.1f}", f"{each.sigma_deg:.3f}")
+        for each in found
+    ]
+    columns = ("camera", "images", "landmarks", "error [px]", "sigma [mm]", "sigma [deg]")
+    caption = "sigma: of the pose, by its landmarks, all axes together"
+    return make_table(columns, rows, title="static cameras", caption=caption)

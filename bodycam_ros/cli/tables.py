@@ -1,6 +1,7 @@
-"""Sections of reports, and the verdict, on the terminal."""
+"""Tables, sections of reports, and the verdict, on the terminal."""
 
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -18,6 +19,31 @@ WRONG_RESULT = 3
 """Exit code when there is a result that should not be used; it is written all the same."""
 
 _STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
+
+
+def make_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    *,
+    text_columns: int = 1,
+    styles: Mapping[int, str | None] | None = None,
+    **options: Any,
+) -> Table:
+    """A table whose first columns are text, and the others figures on the right.
+
+    Args:
+        columns: headings.
+        rows: cells in the order of the columns.
+        text_columns: number of columns of text.
+        styles: row -> its style.
+        options: of rich's table, such as title and caption.
+    """
+    table = Table(**options)
+    for index, heading in enumerate(columns):
+        table.add_column(Text(heading), justify="left" if index < text_columns else "right", no_wrap=index == 0)
+    for index, row in enumerate(rows):
+        table.add_row(*(Text(str(cell)) for cell in row), style=(styles or {}).get(index))
+    return table
 
 
 def print_verdict(terminal: Terminal, verdict: Verdict) -> None:

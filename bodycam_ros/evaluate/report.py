@@ -16,7 +16,7 @@ from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
 
-FIGURES, PAGE, OUTSIDE, VIDEO = "summary.json", "report.html", "outside.png", "outside.mp4"
+FIGURES, PAGE, OUTSIDE = "summary.json", "report.html", "outside.png"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
@@ -24,7 +24,7 @@ _CAPTIONS = {
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
-WRITTEN = (*_CAPTIONS, PAGE, VIDEO)
+WRITTEN = (*_CAPTIONS, PAGE)
 """Names of what may be written beside the figures."""
 
 

@@ -1,6 +1,6 @@
 """Images of static cameras with the solved body's surface, contour and forces over them: a picture, and a video."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,20 +8,16 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.overlay_picture import middle_stamp, pick_evenly
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,
@@ -34,7 +30,7 @@ from bodycam_ros.static_cameras.contour_painting import (
 )
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.station import Image, MeasuredContour, Station
+from bodycam_ros.static_cameras.station import Image, MeasuredContour
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
@@ -43,7 +39,7 @@ _COLOURS_S = 0.5  # of images before the one shown, which the colour models are 
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _ROOM = 1.15  # of the window around the body
 _MIN_WINDOW_PX = 80
-_SHARP_PX, _VIDEO_SHARP_PX = 640, 720  # a panel, or a frame of the video, is magnified to at least as many pixels
+_SHARP_PX = 640  # a panel is magnified to at least as many pixels
 
 
 @dataclass(frozen=True)
@@ -236,43 +232,3 @@ def _key() -> list[Line2D]:
         ("surface: left", LEFT, area), ("right", RIGHT, area), ("equipment", EQUIPMENT, area),
     )  # fmt: skip
     return [Line2D([], [], color=colour, label=name, **style) for name, colour, style in entries]
-
-
-def check_station(stations: Mapping[str, Station], name: str) -> None:
-    """Check that a static camera exists.
-
-    Raises:
-        StationError: the recording has no static camera of this name.
-    """
-    if name not in stations:
-        raise StationError(
-            f"--overlay-video {shown(name)}: is no static camera that the recording has images of; there are "
-            f"{', '.join(stations)}"
-        )
-
-
-def draw_static_video(scene: StaticScene, station: str, path: Path, progress: Progress) -> None:
-    """Write the images of a static camera as MP4, at their own times, with the solved body painted into them.
-
-    Raises:
-        RecordingError: not a recording, or an image that cannot be decoded.
-        StationError: there is no image of it.
-        OutputError: the video cannot be written.
-    """
-    camera, solved = scene.stations[station].camera, scene.solved
-    window = Window(0, 0, camera.width, camera.height, -(-_VIDEO_SHARP_PX // camera.height))
-    first_ns, last_ns = (int(stamp_ns) for stamp_ns in solved.stamps_ns[[0, -1]])
-    with (
-        open_recording(scene.recording) as images,
-        progress.step(path.name, images.image_count(station)) as advance,
-        video_writer(path, 1e9 / solved.frame_ns) as write,
-        threadpool_limits(1, user_api="blas"),  # its threads would compete with decoding and compressing
-    ):
-        is_empty = True
-        for image in images.images([station]):
-            advance()
-            if first_ns <= image.stamp_ns <= last_ns:
-                write(1e-9 * (image.stamp_ns - first_ns), paint_contour(*scene.add_image(image), scene.colours, window))
-                is_empty = False
-        if is_empty:
-            raise StationError(f"{scene.recording}: has no image of {station} from the time of {solved.path}")

@@ -99,7 +99,7 @@ def turned(xyzw: list[float], vector: Array) -> Array:
         (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate has no effect on robot"),
         (
             ["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.clearance", "99"],
-            "clearance = 99.0: Expected float <=",
+            "clearance = 99: Expected float <=",
         ),
         (["--urdf", "r.urdf", "--mapping", "nothing.yaml"], "nothing.yaml"),
         (["--urdf", "nothing.urdf", "--mapping", str(MAPPING)], "nothing.urdf"),
