@@ -27,7 +27,7 @@ _MEDIAN_STEP = 1e-9  # [rad] and [m] a median that moves less has converged
 
 def rigid(R: NDArray[np.floating], t: NDArray[np.floating]) -> Array:
     """Transform (..., 4, 4) of a rotation (..., 3, 3) and a translation (..., 3)."""
-    T = np.zeros((*np.broadcast_shapes(R.shape[:-2], t.shape[:-1]), 4, 4))
+    T = np.zeros((4, 4) if R.ndim == 2 and t.ndim == 1 else (*np.broadcast_shapes(R.shape[:-2], t.shape[:-1]), 4, 4))
     T[..., :3, :3] = R
     T[..., :3, 3] = t
     T[..., 3, 3] = 1.0

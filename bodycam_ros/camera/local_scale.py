@@ -1,4 +1,4 @@
-"""How finely a lens shows what lies at an angle to its axis: a table that kernels look up, since a root costs more."""
+"""How a lens shows what lies at an angle to its axis, in tables: kernels look them up, since a root costs more."""
 
 from functools import lru_cache
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera.model import CameraModel
 
 _SAMPLES = 129  # between two of them the scale of a fisheye changes by 3 % at most
+_FINE_SAMPLES = 1025  # between two of them the pixel of a fisheye is linear to 1e-3 px
 _INSIDE = 1e-3  # [rad] from the rim, where the lens model ends
 
 
@@ -23,6 +24,17 @@ def local_scales(camera: CameraModel) -> NDArray[np.float64]:
     across = np.stack([np.column_stack([cos, zero, -sin]), np.column_stack([zero, one, zero])], axis=-1)
     scales: NDArray[np.float64] = np.sqrt(np.abs(np.linalg.det(jacobian @ across)))
     return scales
+
+
+def radial_gains(camera: CameraModel) -> NDArray[np.float64]:
+    """(N,) distorted radius over the sine of the angle to the axis, at N cosines of it from -1 to 1.
+
+    NaN beyond what the lens shows; without tangential distortion.
+    """
+    cosines = np.linspace(-1.0, 1.0, _FINE_SAMPLES)
+    sines = np.sqrt(np.maximum(1.0 - cosines**2, 1e-12))
+    pixels, valid = camera.project(np.column_stack([sines, np.zeros(_FINE_SAMPLES), cosines]))
+    return np.where(valid, (pixels[:, 0] - camera.cx) / (camera.fx * sines), np.nan)
 
 
 def scales_at(camera: CameraModel, cosines: NDArray[np.floating]) -> NDArray[np.float64]:

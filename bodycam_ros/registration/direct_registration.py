@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.local_scale import local_scales
+from bodycam_ros.camera.local_scale import local_scales, radial_gains
 from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.registration.landmark_choice_kernels import LEAST_SIGMA_PX, best_views, choose_landmarks
@@ -89,7 +89,7 @@ class DirectRegistration:
     ) -> None:
         self._camera, self._photographs = camera, photographs
         self._per_cell, self._pose_fit = settings.per_cell, pose_fit
-        self._lens, self._scales = camera.parameters, local_scales(camera)
+        self._lens, self._scales, self._gains = camera.parameters, local_scales(camera), radial_gains(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
         self._trust = LandmarkTrust(len(reference_map.landmark_ids))
@@ -163,6 +163,7 @@ class DirectRegistration:
         photographs = self._photographs
         rows = choose_landmarks(
             self._lens,
+            self._gains,
             as_rows(near),
             *_twist_and_time(near, motion),
             self._local.around(near[:3, 3]),

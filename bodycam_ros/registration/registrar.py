@@ -105,14 +105,14 @@ class Registrar:
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks of its tracks."""
-        rotation = frame.measured_rotation
-        predicted = self._motion.predict(frame.stamp_ns - frame.previous_stamp_ns, rotation)
-        self._image_motion = self._motion.in_image(
-            frame.stamp_ns, frame.previous_stamp_ns, rotation, self.readout.in_use
-        )
         tracks = self._tracks.in_frame(frame, self.map)
-        pose = self._accept(frame, tracks)
+        pose, predicted = self._accept(frame, tracks), None
         if pose is None:
+            rotation = frame.measured_rotation
+            predicted = self._motion.predict(frame.stamp_ns - frame.previous_stamp_ns, rotation)
+            self._image_motion = self._motion.in_image(
+                frame.stamp_ns, frame.previous_stamp_ns, rotation, self.readout.in_use
+            )
             pose = self._fit(frame, tracks, predicted)
             if len(frame.described):
                 tracks, pose = self._match_described(frame, tracks, pose, predicted)

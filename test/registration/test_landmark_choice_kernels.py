@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from numpy_patches import best_views_in_numpy, choose_in_numpy
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.local_scale import local_scales
+from bodycam_ros.camera.local_scale import local_scales, radial_gains
 from bodycam_ros.geometry import exp_se3, transform_points
 from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks, landmarks_within
 
@@ -43,7 +43,7 @@ def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float
     some = np.flatnonzero(np.arange(len(points)) % 7)
     for per_cell in (1, 2, 5):
         arguments = (POSE, twist, readout_time, some, points, normals, sizes, trust, 0.7, per_cell)
-        rows = choose_landmarks(camera.parameters, *arguments)
+        rows = choose_landmarks(camera.parameters, radial_gains(camera), *arguments)
         np.testing.assert_array_equal(rows, choose_in_numpy(camera, *arguments))
         assert len(rows) > 8
 
