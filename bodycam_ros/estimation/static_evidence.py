@@ -15,6 +15,8 @@ from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 Mask = NDArray[np.bool_]
 
 _JOINT_RAD = 0.2  # sigma of joints that static cameras observe: no contour determines a limb's turn about its long axis
+_KNOWN_S = 0.1  # how long segments stay known that were placed by hand, or measured by body cameras that fell silent
+_PREDICTED = np.diag(np.repeat([0.03, 0.01], 3) ** 2)  # [rad^2], [m^2] of their prediction by then
 _UNSUPPORTED = np.repeat([1.0, 0.3], 3)  # [rad], [m] sigmas of a segment that the images do not show there
 
 
@@ -75,6 +77,8 @@ class StaticEvidence:
     def __init__(self, body: BodyModel, cameras: StaticCameras | None, count: int) -> None:
         self._body, self._cameras, self._count = body, cameras, count
         self._ends = body.joint_ends
+        self._known: Collection[SegmentPose] = ()
+        self._known_for_s = 0.0
         self._on_body = self.rows = np.zeros(len(body.segments), bool)
         self._measured = StaticMeasurement({}, [], np.zeros((len(body.segments), 4, 4)), {})
 
@@ -89,6 +93,7 @@ class StaticEvidence:
     ) -> None:
         """Measure a frame, as ``StaticCameras.measure``; body cameras measured the segments ``on_body`` (S,)."""
         cameras, before = self._cameras if frame.images or frame.said else None, self._measured.world_T_segment
+        known = self._recently_known(predicted, dt_s, known)
         measured = cameras.measure(frame, predicted[: self._count], dt_s, known) if cameras else None
         if measured:
             measured = self._with_other_segments(measured, predicted)
@@ -105,6 +110,17 @@ class StaticEvidence:
             variances = np.concatenate([variances, np.zeros((len(predicted) - len(variances), 6))])
         poses = np.concatenate([measured.world_T_segment, predicted[self._count :]])
         return replace(measured, world_T_segment=poses, surface_variances=variances)
+
+    def _recently_known(self, predicted: Array, dt_s: float, known: Collection[SegmentPose]) -> Collection[SegmentPose]:
+        """Segments by body cameras or placed by hand; without any, those of the latest states where predicted now."""
+        if known:
+            self._known, self._known_for_s = known, 0.0
+            return known
+        self._known_for_s += dt_s
+        if self._known_for_s > _KNOWN_S:
+            return ()
+        rows = self._body.segment_index
+        return [SegmentPose(e.segment, predicted[rows[e.segment]], e.covariance + _PREDICTED) for e in self._known]
 
     def _at_stamp(self, measured: StaticMeasurement, frame: BodyFrame, velocities: Array) -> StaticMeasurement:
         """Evidence moved from the time of each image to that of the frame, at the segments' velocities (S, 6)."""
