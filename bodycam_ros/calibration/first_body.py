@@ -59,7 +59,8 @@ def first_body(
     """
     # A eq. 15 in every segment's own axes: from the joint that it hangs on to the ones that hang on it.
     origins = {segment: centre.in_child for segment, centre in centres.items()}
-    origins[rig.root] = _root_origin(rig, centres)
+    on_root = [centre.in_parent for child, centre in centres.items() if rig.parents[child] == rig.root]
+    origins[rig.root] = np.mean(on_root, axis=0)
     joints = []
     for child, centre in centres.items():
         parent = str(rig.parents[child])
@@ -120,16 +121,6 @@ def root_at_hips(body: BodyModel) -> BodyModel:
         for camera, mount in body.mounts.items()
     }
     return replace(body, joints=joints, mounts=mounts)
-
-
-def _root_origin(rig: Rig, centres: Mapping[str, JointCentre]) -> Array:
-    on_root = [
-        (SegmentName(child).joint, centre.in_parent)
-        for child, centre in centres.items()
-        if rig.parents[child] == rig.root
-    ]
-    paired = _paired(on_root)
-    return np.mean([place for _, place in on_root], axis=0) if paired is None else paired
 
 
 def _paired(places: list[tuple[str, Array]]) -> Array | None:

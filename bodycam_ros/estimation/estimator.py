@@ -37,7 +37,6 @@ from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
-from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 Mask = NDArray[np.bool_]
@@ -188,14 +187,13 @@ class BodyEstimator:
         accepted, start = self._gate(registered, step)
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
-        step, poses, start = self._add_static_cameras(frame, step, start, known, on_body)
+        step, start = self._add_static_cameras(frame, step, start, known, on_body)
         observed, turning = static.observed, static.observed
         turning[[factor.row for factor in step.between if isinstance(factor, SegmentTurn)]] = True
         joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.link is None)
         # The measurements of this state.
         cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
-        rotations = self.body.joint_rotations(poses)
-        predicted = self._prior.predict(rotations, joints_observed, joints_turning, step.dt_s or _FIRST_S)
+        predicted = self._prior.predict(joints_observed, joints_turning, step.dt_s or _FIRST_S)
         measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
             evidence = [*accepted.values(), *static.together]
@@ -250,15 +248,15 @@ class BodyEstimator:
 
     def _add_static_cameras(
         self, frame: BodyFrame, step: Step, start: Coordinates, known: Sequence[SegmentPose], on_body: Mask
-    ) -> tuple[Step, Array, Coordinates]:
-        """Initial poses (S, 4, 4) and coordinates, with limbs where static cameras found them.
+    ) -> tuple[Step, Coordinates]:
+        """Step and initial coordinates, with limbs where static cameras found them.
 
         A limb that was searched and found elsewhere did not move there: its motion restarts.
         """
         poses = start.poses(self._tangent)
         self._static.measure(frame, poses, step.dt_s, known, on_body)
         if not self._static.rows.any():
-            return step, poses, start
+            return step, start
         poses = self._static.poses(poses)
         root, motion = poses[self._root], self.body.joint_poses(poses, self._tangent.slides)
         start = replace(start, root=root, motion=motion)
@@ -268,7 +266,7 @@ class BodyEstimator:
         columns = self._tangent.columns_of(joints)
         if jumped[self._root]:
             at, columns[:6] = replace(at, root=root), True
-        return self._restart_columns(step, at, columns), poses, start
+        return self._restart_columns(step, at, columns), start
 
     def _couple(
         self,
@@ -286,7 +284,7 @@ class BodyEstimator:
         step = self._restart_columns(step, at, columns)
         measured = Measurements(
             cameras=measured.cameras + coupling.upright_measurement(start),
-            expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
+            expected=measured.expected,
             closed=coupling.closed_joints(),
         )
         return measured, step, start

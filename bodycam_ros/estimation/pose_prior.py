@@ -1,15 +1,14 @@
-"""The pose prior: the rotations of unobserved joints, predicted from the observed ones.
+"""The pose prior: the rotations of unobserved joints.
 
-People move their limbs together, so the prior is a Gaussian over all joint rotations, of the poses in which the body
-was observed so far; its conditional, given the observed joints, predicts the others (``PosePrior``).
+Forwards a joint is expected where it was while it was observed, with the spread that it had then (``PosePrior``).
 
 Over a whole recording an unobserved joint is a linear function of the rotations and velocities of the observed joints,
-which tell the phases of a step apart. It is fitted to the states before and after in which the joint was observed, the
-near ones first (``RecordedPoses``).
+which tell the phases of a step apart: people move their limbs together. It is fitted to the states before and after in
+which the joint was observed, the near ones first (``RecordedPoses``).
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,7 @@ _MOSTLY = 0.5  # share of those states in which a feature must have been observe
 
 
 class PosePrior:
-    """A Gaussian over all joint rotations, estimated while they are observed.
+    """Mean and spread of all joint rotations, estimated while they are observed.
 
     The rotation of each joint is a rotation vector (3) from the middle of its limits, so that an arm that is raised
     overhead is nowhere near the vector's jump at half a turn.
@@ -49,57 +48,38 @@ class PosePrior:
     def __init__(self, body: BodyModel, excluded: Collection[str] = frozenset[str]()) -> None:
         self._included = np.array([joint.name not in excluded for joint in body.tree_joints], bool)
         self._middle_R = JointLimits(body).middle()
-        self._rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
-        self._rest_variance = np.square(np.array([_spans(joint) for joint in body.tree_joints]).reshape(-1))
-        # Sums over the states in which both of two components were observed: seconds, first component, product.
-        size = 3 * len(body.tree_joints)
-        self._seconds, self._sums, self._products = (np.zeros((size, size)) for _ in range(3))
-        self._gaussian: tuple[Array, Array] | None = None
+        # Seconds, vectors and their squares, summed over the states in which each component was observed; at first
+        # what is assumed, which is not forgotten.
+        rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
+        spans = np.array([_spans(joint) for joint in body.tree_joints]).reshape(-1)
+        self._assumed = _ASSUMED_S * np.stack([np.ones(len(rest)), rest, rest**2 + spans**2])
+        self._sums = np.zeros_like(self._assumed)
 
     def add(self, rotations: Array, observed: Mask, dt_s: float) -> None:
         """Add joint rotations (J, 3, 3), of which some (J,) were observed for ``dt_s``."""
-        x, mask = self.vectors(rotations), np.repeat(observed & self._included, 3).astype(float)
-        kept, both = np.exp(-dt_s / FORGET_S), dt_s * np.outer(mask, mask)
-        self._seconds = kept * self._seconds + both
-        self._sums = kept * self._sums + both * x[:, None]
-        self._products = kept * self._products + both * np.outer(x, x)
-        self._gaussian = None
+        x, lasts_s = self.vectors(rotations), dt_s * np.repeat(observed & self._included, 3)
+        self._sums = np.exp(-dt_s / FORGET_S) * self._sums + lasts_s * np.stack([np.ones(len(x)), x, x**2])
 
-    def predict(self, rotations: Array, observed: Mask, turning: Mask, dt_s: float) -> JointRotations:
-        """The unobserved joints: the Gaussian's conditional.
+    def predict(self, observed: Mask, turning: Mask, dt_s: float) -> JointRotations:
+        """The unobserved joints; none where no joint is observed.
 
         Args:
-            rotations: (J, 3, 3) joint rotations; those of unobserved joints do not matter.
             observed: (J,) whether both of a joint's segments are.
             turning: (J,) whether their rotations between frames are measured at least.
             dt_s: how long the state lasts [s].
         """
-        given, rows = observed & self._included, np.flatnonzero(~observed & self._included)
-        if len(rows) == 0 or not given.any():
+        rows = np.flatnonzero(~observed & self._included)
+        if len(rows) == 0 or not (observed & self._included).any():
             return JointRotations.nothing()
-        self._gaussian = self._gaussian or self._estimate()
-        mean, covariance = self._gaussian
-        known = np.repeat(given, 3)
-        wanted = (3 * rows[:, None] + np.arange(3)).ravel()
-        noisy = covariance[np.ix_(known, known)] + _NOISE_RAD**2 * np.eye(int(known.sum()))
-        gain = np.linalg.solve(noisy, covariance[np.ix_(known, wanted)]).T
-        predicted = mean[wanted] + gain @ (self.vectors(rotations) - mean)[known]
-        spread = np.diag(covariance)[wanted] - np.einsum("ij,ji->i", gain, covariance[np.ix_(known, wanted)])
+        mean, variances = (each.reshape(-1, 3)[rows] for each in self.moments())
         shared = np.maximum(1.0, np.where(turning[rows], _TURNING_LASTS_S, _LASTS_S) / dt_s)[:, None]
-        variances = np.maximum(spread.reshape(-1, 3), _LEAST_RAD**2) * shared
-        return JointRotations(rows, self.rotations(rows, predicted.reshape(-1, 3)), np.sqrt(variances))
+        return JointRotations(rows, self.rotations(rows, mean), np.sqrt(variances * shared))
 
-    def _estimate(self) -> tuple[Array, Array]:
-        """Mean (3J) and covariance (3J, 3J) of what was observed, and of what is assumed."""
-        alone_s = np.diag(self._seconds)
-        mean = (np.diag(self._sums) + _ASSUMED_S * self._rest) / (alone_s + _ASSUMED_S)
-        # About the mean: sum of (x - m)(y - n) over the states that observed both.
-        cross = self._products - self._sums * mean - (self._sums * mean).T + self._seconds * np.outer(mean, mean)
-        covariance = cross / (self._seconds + _ASSUMED_S)
-        covariance[np.diag_indices_from(covariance)] += _ASSUMED_S * self._rest_variance / (alone_s + _ASSUMED_S)
-        # Pairs that were observed at different times do not make one covariance by themselves.
-        values, vectors = np.linalg.eigh(covariance)
-        return mean, (vectors * np.maximum(values, 0.0)) @ vectors.T
+    def moments(self) -> tuple[Array, Array]:
+        """Mean (3J) of the rotation vectors [rad], and their variances (3J) [rad^2], with what is assumed."""
+        seconds, sums, squares = self._sums + self._assumed
+        mean = sums / seconds
+        return mean, np.maximum(squares / seconds - mean**2, _LEAST_RAD**2)
 
     def vectors(self, rotations: Array) -> Array:
         """Rotation vectors (..., 3 J) of joint rotations (..., J, 3, 3), from the middle of each joint's limits."""
@@ -125,11 +105,12 @@ def _spans(joint: Joint) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Regression:
-    """A joint's vector (3) as a linear function of features: which (F,) of them, their weights and an offset."""
+    """A joint's vector (3) as a linear function of features: which (F,) of them, weights, offset and variances."""
 
     features: Mask
     weights: Array
     offset: Array
+    variances: Array
 
 
 class RecordedPoses:
@@ -157,7 +138,8 @@ class RecordedPoses:
     def improve(self, predicted: Sequence[JointRotations]) -> list[JointRotations]:
         """Predictions of the last N states, better than those (N) of the forward pass where enough was observed."""
         first = len(self._observed) - len(predicted)
-        better = [each.rotations.copy() for each in predicted]
+        better = [(each.rotations.copy(), each.sigmas.copy()) for each in predicted]
+        usual = self._prior.moments()[1].reshape(-1, 3)
         for row in np.flatnonzero(~self._observed[first:].all(axis=0)).tolist():
             unobserved = first + np.flatnonzero(~self._observed[first:, row])
             for gap in np.split(unobserved, np.flatnonzero(np.diff(unobserved) > 1) + 1):
@@ -169,9 +151,10 @@ class RecordedPoses:
                         regressions[key] = self._fit(known, row, float(self._seconds[gap[[0, -1]]].mean()))
                     if (fit := regressions[key]) is not None:
                         vector = fit.offset + self._features[place, fit.features] @ fit.weights
-                        R = self._prior.rotations(np.array([row]), vector[None])
-                        better[place - first][predicted[place - first].rows == row] = R
-        return [replace(each, rotations=rotations) for each, rotations in zip(predicted, better, strict=True)]
+                        own, (rotations, sigmas) = predicted[place - first].rows == row, better[place - first]
+                        rotations[own] = self._prior.rotations(np.array([row]), vector[None])
+                        sigmas[own] *= np.sqrt(np.minimum(fit.variances / usual[row], 1.0))
+        return [JointRotations(each.rows, *both) for each, both in zip(predicted, better, strict=True)]
 
     def _fit(self, known: Mask, row: int, middle_s: float) -> _Regression | None:
         """A joint by known features (F,), fitted about the middle of a gap; None if it was seldom observed.
@@ -191,4 +174,5 @@ class RecordedPoses:
         A = X - x_mean
         noise = _NOISE_RAD**2 * np.eye(A.shape[1])
         weights = np.linalg.solve(A.T @ (share[:, None] * A) + noise, A.T @ (share[:, None] * (Y - y_mean)))
-        return _Regression(features, np.asarray(weights, np.float64), np.asarray(y_mean - x_mean @ weights, np.float64))
+        variances = np.maximum(share @ (Y - y_mean - A @ weights) ** 2, _LEAST_RAD**2)
+        return _Regression(features, np.asarray(weights, np.float64), np.asarray(y_mean - x_mean @ weights), variances)

@@ -86,7 +86,7 @@ class WholeRecording:
                 motion = estimates[place].at.motion.copy()
                 motion[row, :3, :3] = rotations[place]
                 estimates[place] = replace(estimates[place], at=replace(estimates[place].at, motion=motion))
-                pin = coasting([row], rotations[place][None])
+                pin = coasting(row, rotations[place])
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 
@@ -99,10 +99,10 @@ class WholeRecording:
         observed = np.array([state.joints_observed for state in states])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)
         by_prior = [
-            self._prior.predict(R, state.joints_observed, state.turning, float(dt_s))
+            self._prior.predict(state.joints_observed, state.turning, float(dt_s))
             if state.is_observed
             else JointRotations.nothing()
-            for R, state, dt_s in zip(rotations, states, lasting_s, strict=True)
+            for state, dt_s in zip(states, lasting_s, strict=True)
         ]
         known = [stamps_ns, rotations, observed]
         if self._earlier:

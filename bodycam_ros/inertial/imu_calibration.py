@@ -1,6 +1,6 @@
 """Where an inertial sensor is in its camera, how late its stamps are, and by how much its readings are off."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -54,7 +54,3 @@ class ImuCalibration:
         a = (samples.acceleration - self.accelerometer_bias) / self.accelerometer_scale
         stamps_ns = samples.stamps_ns - round(1e9 * self.time_offset)
         return ImuSamples(stamps_ns, w @ self.camera_R_imu.T, a @ self.camera_R_imu.T)
-
-    def with_biases(self, gyro_bias: Array, accelerometer_bias: Array) -> "ImuCalibration":
-        """The same with other biases (3,) [rad/s], [m/s^2]."""
-        return replace(self, gyro_bias=gyro_bias, accelerometer_bias=accelerometer_bias)

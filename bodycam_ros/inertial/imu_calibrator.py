@@ -37,12 +37,10 @@ class CalibratedImu:
     Attributes:
         calibration: of the sensor.
         rotation_rms: of the camera's rotations from the integrated gyroscope [rad].
-        position_rms: of the camera's positions from the integrated accelerometer [m].
     """
 
     calibration: ImuCalibration
     rotation_rms: float
-    position_rms: float
 
 
 class RegisteredSensors:
@@ -110,8 +108,8 @@ def calibrate_imu(
     seconds, poses = 1e-9 * (stamps_ns[inside] - stamps_ns[0]), world_T_camera[inside]
     initial = _initial(camera, seconds, poses[:, :3, :3], samples, int(stamps_ns[0]))
     rotated, rms = _fit_rotations(initial, seconds, poses[:, :3, :3], samples, int(stamps_ns[0]))
-    placed, position_rms = _fit_positions(rotated, seconds, poses, samples, int(stamps_ns[0]))
-    return CalibratedImu(placed, rms, position_rms)
+    placed = _fit_positions(rotated, seconds, poses, samples, int(stamps_ns[0]))
+    return CalibratedImu(placed, rms)
 
 
 def _initial(camera: str, seconds: Array, R: Array, samples: ImuSamples, start_ns: int) -> ImuCalibration:
@@ -251,8 +249,8 @@ def _fit_rotations(
 
 def _fit_positions(
     calibration: ImuCalibration, seconds: Array, poses: Array, samples: ImuSamples, start_ns: int
-) -> tuple[ImuCalibration, float]:
-    """Lever arm, bias and scale of the accelerometer, by linear least squares; and the residuals' root mean square."""
+) -> ImuCalibration:
+    """Lever arm, bias and scale of the accelerometer, by linear least squares."""
     windows = np.unique((seconds // _SHORT_S).astype(int), return_inverse=True)[1]
     integrated = _Integrated.by(calibration, samples, start_ns)
     at, times = seconds + calibration.time_offset, integrated.times
@@ -287,7 +285,7 @@ def _fit_positions(
         left = r - J @ x
         weights = 1.0 / (1.0 + (left**2).sum(axis=1) / (3.0 * _KERNEL**2))
     sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
-    calibration = replace(
+    return replace(
         calibration,
         camera_p_imu=np.asarray(x[:3], np.float64),
         accelerometer_bias=calibration.accelerometer_bias + x[3:6],
@@ -295,7 +293,6 @@ def _fit_positions(
         position_sigma=float(sigmas[:3].max()),
         accelerometer_bias_sigma=float(sigmas[3:6].max()),
     )
-    return calibration, _POSITION_M * float(np.sqrt(np.average((left**2).mean(axis=1), weights=weights)))
 
 
 def _twice(rates: Array, times: Array) -> tuple[Array, Array]:

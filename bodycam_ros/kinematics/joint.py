@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, adjoint, hat, inverse
+from bodycam_ros.geometry import Array, hat, inverse
 from bodycam_ros.shown import shown
 
 JointType = Literal["ball", "hinge", "weld", "free"]
@@ -140,18 +140,6 @@ class Joint:
     def joint_T_child(self) -> Array:
         """(4, 4) inverse of ``child_T_joint``."""
         return inverse(self.child_T_joint)
-
-    @cached_property
-    def information(self) -> Array:
-        """(6, 6) Ad' diag(1 / sigma^2) Ad with Ad = Ad(child_T_joint^-1) (DESIGN 4.2), of the joint's residual.
-
-        The residual is a tangent of the child segment, rotation first. A hinge's sigmas are along its axis first.
-        """
-        along_axis = np.eye(6)
-        along_axis[:3, :3] = self.axes_of_rotation
-        whitened = np.diag(1.0 / np.array(self.sigmas)) @ along_axis @ adjoint(self.joint_T_child)
-        information: Array = whitened.T @ whitened
-        return information
 
     def permitted_rotation(self, joint_rotation: Array) -> Array:
         """The part (..., 3, 3) of a joint rotation (..., 3, 3) that the type permits."""

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from closed_joint import closed_pose
+from closed_joint import closed_pose, joint_information
 from known_motion import BODY, START_NS
 from scipy.optimize import least_squares
 from told_pose import told_pose
@@ -134,7 +134,7 @@ class Holding:
         for joint in self.own_loops:
             parent_T_child = inverse(poses[index[joint.parent]]) @ poses[index[joint.child]]
             off = log_se3(inverse(closed_pose(joint, parent_T_child)) @ parent_T_child)
-            parts.append(np.linalg.cholesky(joint.information).T @ off)
+            parts.append(np.linalg.cholesky(joint_information(joint)).T @ off)
         for turn, joint in zip(x.reshape(-1, 6)[:, :3], self.coupled.tree_joints, strict=True):
             if bends := BENDS.get(joint.name.partition("_")[0]):
                 beyond = turn[1] - np.clip(turn[1], *bends)
