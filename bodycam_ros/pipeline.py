@@ -15,7 +15,6 @@ from bodycam_ros.body.equipment import Equipment, fitted_equipment
 from bodycam_ros.body_state import BodyFrame, BodyNow, BodyOutput, BodyState, SaidSegments, moving
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.estimation.contact import FootContacts
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
@@ -107,7 +106,7 @@ class SkeletonPipeline:
             of.evidence,
             offline=not self._live,
             coupling=coupling,
-            contacts=FootContacts(self.body, of.contact),
+            contact=of.contact,
             static_cameras=self._static_cameras,
             inertial=self.inertial,
             on_progress=self._on_together,

@@ -20,7 +20,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, measured_turns
 from bodycam_ros.estimation.camera_gate import gate_cameras
 from bodycam_ros.estimation.chain import ChainState, Step, first_poses, predict_step, smooth
-from bodycam_ros.estimation.contact import ContactSettings, FootContacts
+from bodycam_ros.estimation.contact import ContactSettings, foot_points, resting_points
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition, body_uncertainty
 from bodycam_ros.estimation.frame_gaps import FrameGaps
@@ -57,7 +57,7 @@ class BodyEstimator:
         settings, motion, evidence: settings of the estimator and of its steps.
         offline: states may wait until an unobserved limb is observed again.
         coupling: of the body to equipment; ``body`` then includes the equipment.
-        contacts: of the soles with the floor.
+        contact: whether resting feet are constrained.
         static_cameras: around the body.
         inertial: sensors in the cameras.
         on_progress: called with the finished share while a recording is solved as a whole.
@@ -80,7 +80,7 @@ class BodyEstimator:
         evidence: EvidenceSettings | None = None,
         offline: bool = False,
         coupling: Coupling | None = None,
-        contacts: FootContacts | None = None,
+        contact: ContactSettings | None = None,
         static_cameras: StaticCameras | None = None,
         inertial: InertialSensors | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
@@ -94,7 +94,7 @@ class BodyEstimator:
         if not self._cameras and static_cameras is None:
             there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
             raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
-        self._contacts = contacts or FootContacts(body, ContactSettings())
+        self._soles = foot_points(body) if (contact or ContactSettings()).enabled else []
         self._mounted = MountedCameras(body, evidence or EvidenceSettings())
         self._tangent = TreeTangent(self.body, SLIDES_M)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
@@ -112,7 +112,6 @@ class BodyEstimator:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
         self._chain: list[ChainState] = []
         self._static = StaticEvidence(self.body, self._static_cameras, len(self._published.segments))
-        self._contacts.reset()
         self._whole.reset()
         self.lately: list[BodyNow] = []
         if self._coupling:
@@ -201,7 +200,7 @@ class BodyEstimator:
         # The state that fits them best (A eq. 8, B eq. 15).
         estimate = self._fit.fit(step.after, measured, start)
         self._prior.add(self.body.joint_rotations(estimate.at.poses(tangent)), joints_observed, step.dt_s)
-        step, estimate = self._add_contacts(frame.stamp_ns, step, estimate, observed, turning)
+        step, estimate = self._add_contacts(step, estimate, observed, turning)
         if self._coupling:
             self._coupling.remember(estimate)
         state = ChainState(
@@ -300,16 +299,16 @@ class BodyEstimator:
         cross[np.concatenate([columns, columns])] = 0.0
         return step.linked(Transition(step.link.before, after, cross))
 
-    def _add_contacts(
-        self, stamp_ns: int, step: Step, estimate: Estimate, observed: Mask, turning: Mask
-    ) -> tuple[Step, Estimate]:
+    def _add_contacts(self, step: Step, estimate: Estimate, observed: Mask, turning: Mask) -> tuple[Step, Estimate]:
         """Both states of a step, given the points of the soles that rest between them."""
-        resting = self._contacts.resting_points(stamp_ns, estimate.at.poses(self._tangent), observed, turning)
-        if resting and step.link is not None:
-            link = condition(step.link.fitted(self._tangent, estimate), resting, self._tangent)
-            step, estimate = replace(step, link=link, between=[*step.between, *resting]), link.after
-        self._contacts.remember(stamp_ns, estimate.at.poses(self._tangent))
-        return step, estimate
+        if step.link is None:
+            return step, estimate
+        before, poses = step.link.before.at.poses(self._tangent), estimate.at.poses(self._tangent)
+        resting = resting_points(self._soles, before, poses, step.dt_s, observed, turning)
+        if not resting:
+            return step, estimate
+        link = condition(step.link.fitted(self._tangent, estimate), resting, self._tangent)
+        return replace(step, link=link, between=[*step.between, *resting]), link.after
 
     def flush(self) -> list[BodyState]:
         """The states that still wait for later frames; the recording is over."""

@@ -31,6 +31,7 @@ FORGET_S = 60.0  # people change what they do: older poses count less
 _TURN_S = 0.1  # before and after, between which velocities are taken, and by which they count like an angle
 _LEAST_S = 0.5  # of a joint that was observed for less, a whole recording knows no more than the forward pass
 _FADES_S = 2.0  # by which states farther in time count less: people do now as they did a moment ago
+_LEAST_SHARE = 0.25  # of a joint's usual variance that remains where others predict it: few poses repeat exactly
 _MOSTLY = 0.5  # share of those states in which a feature must have been observed
 
 
@@ -153,7 +154,7 @@ class RecordedPoses:
                         vector = fit.offset + self._features[place, fit.features] @ fit.weights
                         own, (rotations, sigmas) = predicted[place - first].rows == row, better[place - first]
                         rotations[own] = self._prior.rotations(np.array([row]), vector[None])
-                        sigmas[own] *= np.sqrt(np.minimum(fit.variances / usual[row], 1.0))
+                        sigmas[own] *= np.sqrt(np.clip(fit.variances / usual[row], _LEAST_SHARE, 1.0))
         return [JointRotations(each.rows, *both) for each, both in zip(predicted, better, strict=True)]
 
     def _fit(self, known: Mask, row: int, middle_s: float) -> _Regression | None:

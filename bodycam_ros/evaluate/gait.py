@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 
-from bodycam_ros.estimation.contact import LEAVE
 from bodycam_ros.evaluate.anatomical_angles import planes_of
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.sliding import feet_of, sole_of
@@ -24,6 +23,7 @@ from bodycam_ros.results.solved_recording import SolvedRecording
 _PROMINENCE_M = 0.08
 """Distance by which a foot is ahead in its swing, at least, of where it was before and after."""
 
+_REST_SPEED = 0.12  # [m/s] of a point that rests
 _APART_S = 0.35  # between two contacts of a foot
 _REST_S = 0.08  # of a foot in stance, at least
 _SMOOTH_S = 1.0  # over which the direction of walking is averaged
@@ -95,7 +95,7 @@ class Walk:
             reach = ((sole - self.pelvis[:, None]) * self.ahead[:, None]).sum(axis=2)
             self.contacts[side], self.releases[side] = self._peaks(reach[:, _HEEL]), self._peaks(-reach[:, _BALL])
             speeds = np.linalg.norm(np.gradient(sole, seconds, axis=0), axis=2).min(axis=1)
-            self.rests[side] = speeds < LEAVE
+            self.rests[side] = speeds < _REST_SPEED
 
     def _direction(self, world_T_pelvis: Array) -> Array:
         """Unit vectors (T, 3), level, in which the body walks; where it stands, in which the pelvis faces."""

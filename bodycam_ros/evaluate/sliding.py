@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import sole_points
-from bodycam_ros.estimation.contact import MAX_HEIGHT_M, ContactSettings
+from bodycam_ros.estimation.contact import FEET
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.results.solved_recording import SolvedRecording
@@ -27,6 +27,7 @@ _FIRM_NS = 200_000_000
 ALL = "all"
 """All feet together."""
 
+_MAX_HEIGHT_M = 0.1  # of a stance over the lowest one: pedals are higher
 _REST_SPEED, _LEAVE_SPEED = 0.03, 0.06
 """A stance begins below the first and ends above the second [m/s]: 1 and 2 mm from image to image at 30 Hz. True feet
 in stance creep by up to 1 mm; faster ones roll or step."""
@@ -58,7 +59,7 @@ def sliding_figures(solved: SolvedRecording, comparison: Comparison | None) -> d
 
 def feet_of(solved: SolvedRecording) -> list[str]:
     """Feet, whose size is known by their parents' length."""
-    return [foot for foot in ContactSettings().segments.split() if foot in solved.parents]
+    return [foot for foot in FEET if foot in solved.parents]
 
 
 def sole_of(solved: SolvedRecording, foot: str, world_T_foot: Array) -> Array:
@@ -81,7 +82,7 @@ def _stances(soles: Mapping[str, Array], stamps_ns: NDArray[np.int64], gap_ns: f
     long = [
         (f, s) for f, stances in found.items() for s in stances if stamps_ns[s[2] - 1] - stamps_ns[s[1]] >= _FIRM_NS
     ]
-    highest = MAX_HEIGHT_M + min((height for each in long if (height := level(*each)) < MAX_HEIGHT_M), default=0.0)
+    highest = _MAX_HEIGHT_M + min((height for each in long if (height := level(*each)) < _MAX_HEIGHT_M), default=0.0)
     return {foot: [stance for stance in stances if level(foot, stance) < highest] for foot, stances in found.items()}
 
 
