@@ -12,7 +12,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import distance_in_time, spread
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.quality.sensor_checks import sensor_quality
+from bodycam_ros.quality.sensor_checks import MIN_SAMPLES, sensor_quality
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import interpolated
@@ -24,7 +24,6 @@ from bodycam_ros.timing.clock_state import ClockHistory
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _EVEN_SHARE = 0.2  # by which even steps in time may differ from the usual one
 _ROUNDING_NS = 1.0
-_MIN_SENSOR_SAMPLES = 100
 
 
 def image_coverage(solved: SolvedRecording) -> float:
@@ -207,7 +206,7 @@ def sensor_figures(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -
     """
     figures, degrees = {}, np.degrees(1.0)
     for camera, samples in sensors.items():
-        if len(samples) < _MIN_SENSOR_SAMPLES:
+        if len(samples) < MIN_SAMPLES:
             continue
         quality, residuals = sensor_quality(samples), _gyroscope_residuals(solved, camera, samples)
         change = np.median(residuals, axis=0) if len(residuals) else np.full(3, np.nan)

@@ -13,6 +13,7 @@ from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.quality.limit_checks import check_limits
 from bodycam_ros.quality.place_checks import (
     OPENING_S,
     check_board,
@@ -21,15 +22,7 @@ from bodycam_ros.quality.place_checks import (
     check_registration,
     check_rest,
 )
-from bodycam_ros.quality.recording_checks import (
-    check_blur,
-    check_cameras,
-    check_clocks,
-    check_exposure,
-    check_features,
-    check_lens,
-    check_rates,
-)
+from bodycam_ros.quality.recording_checks import IMAGE_CHECKS, check_cameras, check_clocks, check_gaps, check_lens
 from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.imu_reader import read_imus
@@ -92,12 +85,10 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
             recording = sample_videos(given.recording, given.lenses, instants, advance)
     findings = [
         *check_cameras(recording, wanted),
-        *check_rates(recording),
+        *check_gaps(recording),
         *check_clocks(recording),
         *check_lens(recording),
-        *check_exposure(recording),
-        *check_blur(recording),
-        *check_features(recording),
+        *check_limits({camera.name: camera for camera in recording.cameras}, IMAGE_CHECKS),
     ]
     bags = (*([given.recording] if is_bag(given.recording) else []), *given.imu)
     findings += check_sensors(read_imus(bags, [camera.name for camera in recording.cameras]))

@@ -8,20 +8,15 @@ import numpy as np
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.quality.recording_checks import good
-from bodycam_ros.verdict import Finding, Level, limit_level
+from bodycam_ros.quality.limit_checks import LimitCheck, check_limits, good
+from bodycam_ros.verdict import Finding, Level
 
 _CHECK = "sensors"
-_LEAST_SAMPLES = 100
-_MIN_RATE_HZ = 90.0  # below it a stride is not integrated to a centimetre
-_GAP_S, _LONG_GAP_S = 0.03, 0.2  # a gyroscope is integrated over the first; in the second a limb turns by a radian
-_FROZEN = 0.5  # share of samples that repeat the one before
-_G_OFF, _UNIT_OFF = 0.5, 0.5  # share by which the median acceleration may differ: arms in swing read a third more
-_FASTEST = 60.0  # [rad/s] nothing on a body turns faster; 35 is the range of usual gyroscopes
+MIN_SAMPLES = 100  # of which the quality is computed
 _REST_S = 1.0  # length of the quietest stretch, in which the bias shows
 _REST_RAD_S = 0.05  # spread of its angular velocity at which a body is at rest
-_NOISY_GYRO, _NOISY_ACCELEROMETER = 2e-3, 2e-2  # ten times consumer grade [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
-_BIASED = 0.09  # [rad/s], 5 deg/s: ten times consumer grade
+_FROZEN = 0.5  # share of samples that repeat the one before
+_USUAL_GYRO, _USUAL_ACCELEROMETER = 2e-4, 2e-3  # noise of consumer grade [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
 
 
 @dataclass(frozen=True)
@@ -31,6 +26,8 @@ class SensorQuality:
     Attributes:
         rate_hz: samples a second.
         longest_gap_s: between two samples [s].
+        gap_at_s: when that began, since the first sample [s].
+        fastest: 99th percentile of the angular velocity [rad/s].
         gyro_noise, accelerometer_noise: spectral densities at rest [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)].
         bias: size of the gyroscope's bias [rad/s]; like the noise NaN if the body was never at rest.
         gravity: median size of the acceleration [m/s^2].
@@ -40,6 +37,8 @@ class SensorQuality:
 
     rate_hz: float
     longest_gap_s: float
+    gap_at_s: float
+    fastest: float
     gyro_noise: float
     accelerometer_noise: float
     bias: float
@@ -59,6 +58,8 @@ def sensor_quality(samples: ImuSamples) -> SensorQuality:
     return SensorQuality(
         rate_hz=1.0 / period_s,
         longest_gap_s=float(steps_s.max()),
+        gap_at_s=1e-9 * float(samples.stamps_ns[np.argmax(steps_s)] - samples.stamps_ns[0]),
+        fastest=float(np.percentile(np.linalg.norm(w, axis=1), 99.0)),
         gyro_noise=noise_density(w[rest], period_s) if at_rest else math.nan,
         accelerometer_noise=noise_density(a[rest], period_s) if at_rest else math.nan,
         bias=float(np.linalg.norm(w[rest].mean(axis=0))) if at_rest else math.nan,
@@ -95,47 +96,52 @@ def _saturated(readings: Array) -> int:
     return int((stays.any(axis=1) & ~same.all(axis=1)).sum())
 
 
+SENSOR_CHECKS: tuple[LimitCheck[SensorQuality], ...] = (
+    # Nothing on a body turns faster; 35 rad/s is the range of usual gyroscopes.
+    LimitCheck(
+        _CHECK, lambda q: q.fastest, 60.0, 60.0, "its gyroscope turns by {:.0f} rad/s", "in deg/s? REP-145 has rad/s"
+    ),
+    # Arms in swing read a third more than gravity; readings in g are off by 0.9.
+    LimitCheck(
+        _CHECK, lambda q: abs(q.gravity / GRAVITY - 1.0), 0.5, 0.85, "its accelerometer reads {1.gravity:.1f} m/s^2",
+        "in g? REP-145 has m/s^2, gravity is 9.8; or what are its range and its scale?",
+    ),
+    LimitCheck(
+        _CHECK, lambda q: q.frozen, _FROZEN, _FROZEN, "{:.0%} of its samples repeat the one before",
+        "it is frozen; restart the camera",
+    ),
+    LimitCheck(
+        _CHECK, lambda q: 0 if q.frozen > _FROZEN else q.saturated, 0, np.inf,
+        "{:.0f} samples are at the end of its range", "set a larger range, if it has one",
+    ),
+    # Below 90 Hz a stride is not integrated to a centimetre.
+    LimitCheck(_CHECK, lambda q: q.rate_hz, 90.0, 0.0, "{:.0f} samples a second", "set it to 200 or more"),
+    # A gyroscope is integrated over 0.03 s, or some samples; in 0.2 s a limb turns by a radian.
+    LimitCheck(
+        _CHECK, lambda q: q.longest_gap_s if q.longest_gap_s > 2.5 / q.rate_hz else 0.0, 0.03, 0.2,
+        "{0:.2f} s without a sample, {1.gap_at_s:.1f} s after its first", "its limb goes on by images alone there",
+    ),
+    LimitCheck(
+        _CHECK, lambda q: max(q.gyro_noise / _USUAL_GYRO, q.accelerometer_noise / _USUAL_ACCELEROMETER), 10.0, np.inf,
+        "its noise is {:.0f} times that of consumer sensors", "is it loose on the camera, or a fan beside it?",
+    ),
+    LimitCheck(_CHECK, lambda q: np.degrees(q.bias), 5.0, np.inf, "turns by {:.1f} deg/s at rest", "let it warm up"),
+)  # fmt: skip
+"""Numbers of an inertial sensor, and their limits."""
+
+
 def check_sensors(sensors: Mapping[str, ImuSamples]) -> Iterator[Finding]:
     """Find sensors that are slow, have gaps, are frozen, saturated, noisy or in another unit; nothing without any."""
     found: dict[str, SensorQuality] = {}
     for camera, samples in sorted(sensors.items()):
-        if len(samples) < _LEAST_SAMPLES:
+        if len(samples) < MIN_SAMPLES:
             what, remedy = f"its inertial sensor has {len(samples)} samples", "it will be left out"
             yield Finding(camera, Level.DOUBTFUL, what, remedy=remedy, check=_CHECK)
-            continue
-        found[camera] = quality = sensor_quality(samples)
-        for level, what, remedy in _faults(quality, samples):
-            yield Finding(camera, level, what, remedy=remedy, check=_CHECK)
+        else:
+            found[camera] = sensor_quality(samples)
+    yield from check_limits(found, SENSOR_CHECKS)
     if found:
         yield good(_CHECK, _summary(list(found.values())))
-
-
-def _faults(quality: SensorQuality, samples: ImuSamples) -> Iterator[tuple[Level, str, str]]:
-    fastest = float(np.percentile(np.linalg.norm(samples.angular_velocity, axis=1), 99.0))
-    if fastest > _FASTEST:
-        yield Level.WRONG, f"its gyroscope turns by {fastest:.0f} rad/s", "in deg/s? REP-145 has rad/s"
-    if abs(quality.gravity - 1.0) < _UNIT_OFF:
-        yield Level.WRONG, f"its accelerometer reads {quality.gravity:.2f} m/s^2", "in g? REP-145 has m/s^2"
-    elif abs(quality.gravity / GRAVITY - 1.0) > _G_OFF:
-        what = f"its accelerometer reads {quality.gravity:.1f} m/s^2, gravity is {GRAVITY:.1f}"
-        yield Level.DOUBTFUL, what, "what is its unit, its range, its scale?"
-    if quality.frozen > _FROZEN:
-        what = f"{quality.frozen:.0%} of its samples repeat the one before"
-        yield Level.WRONG, what, "it is frozen; restart the camera"
-    elif quality.saturated:
-        what = f"{quality.saturated} samples are at the end of its range"
-        yield Level.DOUBTFUL, what, "set a larger range, if it has one"
-    if quality.rate_hz < _MIN_RATE_HZ:
-        yield Level.DOUBTFUL, f"{quality.rate_hz:.0f} samples a second", "set it to 200 or more"
-    if level := limit_level(quality.longest_gap_s, max(_GAP_S, 2.5 / quality.rate_hz), _LONG_GAP_S):
-        worst = int(np.argmax(np.diff(samples.stamps_ns)))
-        at_s = 1e-9 * float(samples.stamps_ns[worst] - samples.stamps_ns[0])
-        what = f"{quality.longest_gap_s:.2f} s without a sample, {at_s:.1f} s after its first"
-        yield level, what, "its limb goes on by images alone there"
-    if quality.gyro_noise > _NOISY_GYRO or quality.accelerometer_noise > _NOISY_ACCELEROMETER:
-        yield Level.DOUBTFUL, f"its noise is {_noise([quality])}", "is it loose on the camera, or a fan beside it?"
-    if quality.bias > _BIASED:
-        yield Level.DOUBTFUL, f"turns by {np.degrees(quality.bias):.1f} deg/s at rest", "let it warm up"
 
 
 def _summary(qualities: list[SensorQuality]) -> str:
@@ -144,11 +150,7 @@ def _summary(qualities: list[SensorQuality]) -> str:
     at_rest = [each for each in qualities if not math.isnan(each.bias)]
     if not at_rest:
         return f"{text}; never at rest, so noise and bias do not show"
-    bias = np.degrees(max(each.bias for each in at_rest))
-    return f"{text}; at rest noise up to {_noise(at_rest)}, bias up to {bias:.2f} deg/s"
-
-
-def _noise(qualities: list[SensorQuality]) -> str:
-    gyro = np.degrees(max(each.gyro_noise for each in qualities))
-    accelerometer = 1e6 * max(each.accelerometer_noise for each in qualities) / GRAVITY
-    return f"{gyro:.3f} deg/s and {accelerometer:.0f} micro-g per root hertz"
+    gyro, bias = (np.degrees(max(getattr(each, name) for each in at_rest)) for name in ("gyro_noise", "bias"))
+    micro_g = 1e6 * max(each.accelerometer_noise for each in at_rest) / GRAVITY
+    noise = f"{gyro:.3f} deg/s and {micro_g:.0f} micro-g per root hertz"
+    return f"{text}; at rest noise up to {noise}, bias up to {bias:.2f} deg/s"

@@ -8,15 +8,14 @@ import pytest
 from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
 
 from bodycam_ros.quality import sampled_recording
+from bodycam_ros.quality.limit_checks import check_limits
 from bodycam_ros.quality.recording_checks import (
+    IMAGE_CHECKS,
     blur_measure,
-    check_blur,
     check_cameras,
     check_clocks,
-    check_exposure,
-    check_features,
+    check_gaps,
     check_lens,
-    check_rates,
 )
 from bodycam_ros.quality.sampled_recording import SampledCamera, SampledRecording
 from bodycam_ros.verdict import Finding, Level, limit_level, worst_level
@@ -27,11 +26,9 @@ Check = Callable[[SampledRecording], Iterable[Finding]]
 
 CHECKS: dict[str, Check] = {
     "cameras": lambda r: check_cameras(r, {"head", "hand", "foot"}),
-    "rates": check_rates,
+    "gaps": check_gaps,
     "clocks": check_clocks,
-    "exposure": check_exposure,
-    "blur": check_blur,
-    "features": check_features,
+    "images": lambda r: check_limits({camera.name: camera for camera in r.cameras}, IMAGE_CHECKS),
     "lens": check_lens,
 }
 
@@ -51,23 +48,22 @@ def without(start_s: float, stop_s: float) -> np.ndarray:
 ILL: list[tuple[str, dict[str, object], Level, str]] = [
     ("cameras", {"images": {}}, Level.WRONG, "none of the sampled images"),
     ("cameras", {"fault": "cannot be decoded"}, Level.WRONG, "cannot be decoded"),
-    ("rates", {"stamps_s": STAMPS_S[:2]}, Level.WRONG, "2 images in 10.0 s"),
-    ("rates", {"stamps_s": STAMPS_S[::6]}, Level.DOUBTFUL, "5.0 images a second"),
-    ("rates", {"stamps_s": without(4.0, 4.5)}, Level.DOUBTFUL, "0.5 s at 4.0 s"),
-    ("rates", {"stamps_s": without(4.0, 6.0)}, Level.WRONG, "2.0 s at 4.0 s"),
-    ("rates", {"stamps_s": without(0.0, 3.0)}, Level.DOUBTFUL, "begins 3.0 s late"),
-    ("rates", {"stamps_s": without(4.0, 11.0)}, Level.WRONG, "ends 6.0 s early"),
-    ("rates", {"missing": 30}, Level.DOUBTFUL, "9% of its images are missing"),
+    ("images", {"stamps_s": STAMPS_S[:2]}, Level.WRONG, "0.0 images a second"),
+    ("images", {"stamps_s": STAMPS_S[::6]}, Level.DOUBTFUL, "5.0 images a second"),
+    ("gaps", {"stamps_s": without(4.0, 4.5)}, Level.DOUBTFUL, "0.5 s at 4.0 s"),
+    ("gaps", {"stamps_s": without(4.0, 6.0)}, Level.WRONG, "2.0 s at 4.0 s"),
+    ("gaps", {"stamps_s": without(0.0, 3.0)}, Level.DOUBTFUL, "begins 3.0 s late"),
+    ("gaps", {"stamps_s": without(4.0, 11.0)}, Level.WRONG, "ends 6.0 s early"),
+    ("images", {"missing": 30}, Level.DOUBTFUL, "9% of its images are missing"),
     ("clocks", {"stamps_s": STAMPS_S + 2.0, "recorded_s": STAMPS_S}, Level.WRONG, "2.00 s ahead of"),
-    ("clocks", {"stamps_s": 1.001 * STAMPS_S, "recorded_s": STAMPS_S}, Level.DOUBTFUL, "1000 ppm too fast"),
-    ("clocks", {"stamps_s": np.sort(STAMPS_S)[::-1], "recorded_s": STAMPS_S}, Level.WRONG, "not after the one before"),
-    ("exposure", {"images": images(textured(0.15))}, Level.DOUBTFUL, "is dark"),
-    ("exposure", {"images": images(textured(0.02))}, Level.WRONG, "is dark"),
-    ("exposure", {"images": images(textured(4.0))}, Level.WRONG, "is white"),
-    ("exposure", {"images": {0: textured(), 1: textured(0.2)}}, Level.DOUBTFUL, "as bright as its darkest"),
-    ("blur", {"images": images(blurred())}, Level.WRONG, "100% of its images are blurred"),
-    ("blur", {"images": {0: blurred(), 1: textured()}}, Level.DOUBTFUL, "50% of its images are blurred"),
-    ("features", {"images": images(np.full((240, 320), 90, np.uint8))}, Level.WRONG, "0 features"),
+    ("images", {"stamps_s": 1.001 * STAMPS_S, "recorded_s": STAMPS_S}, Level.DOUBTFUL, "drift by 1000 ppm"),
+    ("images", {"stamps_s": np.sort(STAMPS_S)[::-1], "recorded_s": STAMPS_S}, Level.WRONG, "not after the one before"),
+    ("images", {"images": images(textured(0.15))}, Level.DOUBTFUL, "is dark"),
+    ("images", {"images": images(textured(0.02))}, Level.WRONG, "is dark"),
+    ("images", {"images": images(textured(4.0))}, Level.WRONG, "is white"),
+    ("images", {"images": images(blurred())}, Level.WRONG, "100% of its images are blurred"),
+    ("images", {"images": {0: blurred(), 1: textured()}}, Level.DOUBTFUL, "50% of its images are blurred"),
+    ("images", {"images": images(np.full((240, 320), 90, np.uint8))}, Level.WRONG, "0 features"),
     ("lens", {"lens": None, "lens_fault": "there is no lens YAML"}, Level.WRONG, "there is no lens YAML"),
     ("lens", {"lens": lens(width=640, height=480)}, Level.WRONG, "320 x 240 px, its lens is for 640 x 480"),
 ]
