@@ -31,7 +31,7 @@ class KnownCameras(Protocol):
     """Camera models by now; see ``CameraModels``."""
 
     models: dict[str, CameraModel]
-    refused: set[str]
+    rejected: set[str]
     changes: int
 
     @property

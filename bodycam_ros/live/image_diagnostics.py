@@ -2,12 +2,12 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.image_queue import THINNED, ImageQueue
-from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
 
 _PATIENCE_S = 2.0
 """A gap without images that is an error; images may arrive slowly from a bag that is played slowly."""
@@ -36,6 +36,10 @@ class ImageTally:
         """Count an image whose result is published now."""
         self.images += 1
         self.latency_s += time.monotonic() - arrival_s
+
+    def mean(self, total: float) -> float:
+        """Mean of a total over the images."""
+        return round(total / max(1, self.images), 1)
 
 
 @dataclass(frozen=True)
@@ -70,94 +74,42 @@ class ImageDiagnostics:
         self.tally = ImageTally()
         self.restarts = 0
 
-    def report_tracker(self, missing: MissingInput, has_info: bool, lens: tuple[str, str], info_changes: int) -> Status:
-        """Status of a tracker since the last report.
+    def report(self, missing: MissingInput, values: Mapping[str, object], error: str = "", warning: str = "") -> Status:
+        """Status of the camera since the last report.
 
         Args:
-            missing: why images are not tracked.
-            has_info: whether there is a camera_info.
-            lens: state of the lens check, and its finding or "".
-            info_changes: number of changes of the camera_info.
+            missing: why images are not processed.
+            values: figures of the node.
+            error, warning: what is wrong with the results of the images that were processed.
         """
-        info = f"no {self._camera}/camera_info"
-
-        def judge(tally: ImageTally, arrived: int, lost: int) -> tuple[StatusLevel, str]:
-            if not tally.images and not has_info and (arrived or len(self._images)):
-                return StatusLevel.ERROR, f"images, but {info}"
-            if not tally.images:
-                return self._judge_idle(arrived, lost, missing, "tracked", "" if has_info else f", and {info}")
-            if not tally.tracks:
-                return StatusLevel.ERROR, "the images show nothing that can be tracked; is the lens covered?"
-            return (StatusLevel.WARN, lens[1]) if lens[1] else self._judge_working("tracking", lost)
-
-        def values(tally: ImageTally) -> dict[str, object]:
-            return {
-                "tracked per second": tally.images,
-                "tracks per image": round(tally.tracks / max(1, tally.images), 1),
-                "keyframes": tally.keyframes,
-                "camera_info changed": info_changes,
-                "lens": lens[0],
-            }
-
-        return self._report(values, judge)
-
-    def report_region_tracker(self, missing: MissingInput, segments: tuple[str, ...]) -> Status:
-        """Status of a region tracker since the last report; ``segments`` are those of the body."""
-
-        def judge(tally: ImageTally, arrived: int, lost: int) -> tuple[StatusLevel, str]:
-            if not tally.images:
-                return self._judge_idle(arrived, lost, missing, "processed")
-            if not tally.segments:
-                return StatusLevel.ERROR, "no segment of the body is observed; is it in front of the camera?"
-            level, text = self._judge_working("tracking", lost)
-            unobserved = [segment for segment in segments if not tally.segments[segment]]
-            if level is StatusLevel.OK and unobserved:
-                text = f"tracking; unobserved: {few(unobserved)}"
-            return level, text
-
-        def values(tally: ImageTally) -> dict[str, object]:
-            observed = tally.segments.total()
-            return {
-                "processed per second": tally.images,
-                "segments per image": round(observed / max(1, tally.images), 1),
-                "confidence": round(tally.confidence / observed, 2) if observed else "none",
-            }
-
-        return self._report(values, judge)
-
-    def _report(
-        self,
-        values: Callable[[ImageTally], dict[str, object]],
-        judge: Callable[[ImageTally, int, int], tuple[StatusLevel, str]],
-    ) -> Status:
         tally, self.tally = self.tally, ImageTally()
         arrived, self._images.arrived = self._images.arrived, 0
-        level, text = judge(tally, arrived, self._dropped.count_new())
-        latency_ms = round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none"
+        lost = self._dropped.count_new()
+        level, text = StatusLevel.OK, "tracking"
+        if not tally.images:
+            level, text = self._judge_idle(arrived, lost, missing)
+        elif error:
+            level, text = StatusLevel.ERROR, error
+        elif warning or self._images.thinning.active:
+            level, text = StatusLevel.WARN, warning or THINNED
+        elif lost:
+            level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
         figures = {
             "images per second": arrived,
-            **values(tally),
-            "latency [ms]": latency_ms,
+            "tracked per second": tally.images,
+            **values,
+            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
             "images waiting": len(self._images),
             "restarts": self.restarts,
             **self._dropped.values,
         }
         return Status(f"camera {self._camera}", level, text, figures)
 
-    def _judge_idle(
-        self, arrived: int, lost: int, missing: MissingInput, verb: str, suffix: str = ""
-    ) -> tuple[StatusLevel, str]:
+    def _judge_idle(self, arrived: int, lost: int, missing: MissingInput) -> tuple[StatusLevel, str]:
         if len(self._images):
-            return StatusLevel.ERROR, f"no image is {verb}: {missing.waiting}"
+            return StatusLevel.ERROR, f"no image is tracked: {missing.waiting}"
         if arrived and lost:
             return StatusLevel.ERROR, f"none of the images can be used: {self._dropped.latest}"
         if arrived or missing.quiet_s < _PATIENCE_S:
             return StatusLevel.OK, "between two images"
-        return StatusLevel.ERROR, missing.no_image + suffix
-
-    def _judge_working(self, working: str, lost: int) -> tuple[StatusLevel, str]:
-        if self._images.thinning.active:
-            return StatusLevel.WARN, THINNED
-        if lost:
-            return StatusLevel.WARN, f"{working}, but some input was left out: {self._dropped.latest}"
-        return StatusLevel.OK, working
+        return StatusLevel.ERROR, missing.no_image

@@ -138,7 +138,7 @@ class LiveRegistration:
             "frames per second": frames,
             "time per frame [ms]": round(1e3 * work_s / frames, 1) if frames else "none",
             "cameras": len(self._registrars),
-            "cameras refused": ", ".join(sorted(cameras.refused)) or "none",
+            "cameras rejected": ", ".join(sorted(cameras.rejected)) or "none",
             "cameras without camera_info": ", ".join(missing) or "none",
             "camera_info changed": cameras.changes,
             "landmarks in the map": self._landmarks,
@@ -146,8 +146,8 @@ class LiveRegistration:
         }
         if unknown := [camera for camera in missing if camera in waiting]:
             level, text = StatusLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
-        elif cameras.refused:
-            level, text = StatusLevel.ERROR, f"no usable camera_info of {few(sorted(cameras.refused))}"
+        elif cameras.rejected:
+            level, text = StatusLevel.ERROR, f"no usable camera_info of {few(sorted(cameras.rejected))}"
         elif waiting:
             level, text = StatusLevel.WARN, f"waiting for more readers of the landmarks of {few(sorted(waiting))}"
         elif lost:

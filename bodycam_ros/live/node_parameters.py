@@ -257,7 +257,7 @@ GROUPS: Final = frozenset(
     """
     keypoints registrar growth extend direct pose_fit
     clock assembler smoother motion contact evidence coupling inertial region
-    motion_log joint_limits assessment frames features kept clocks shape retarget
+    motion_log joint_limits assessment frames features shape retarget
     """.split()
 )
 """Groups of settings of all nodes and commands: one file serves all of them."""

@@ -95,7 +95,7 @@ class SolverDiagnostics:
             "latency [ms]": round(1e3 * tally.latency_s / tally.solved) if tally.solved else "none",
             "cameras used per frame": round(tally.cameras_used / max(1, tally.solved), 1),
             "cameras known": len(cameras.models),
-            "cameras missing": ", ".join([*cameras.missing, *sorted(cameras.refused)]) or "none",
+            "cameras missing": ", ".join([*cameras.missing, *sorted(cameras.rejected)]) or "none",
             "camera_info changed": cameras.changes,
             "late registrations": late,
             "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
@@ -109,7 +109,7 @@ class SolverDiagnostics:
     def _judge(
         self, tally: _Tally, lost: int, rejected: Sequence[str], has_body: bool, is_solving: bool
     ) -> tuple[StatusLevel, str]:
-        missing = few([*self._cameras.missing, *sorted(self._cameras.refused)])
+        missing = few([*self._cameras.missing, *sorted(self._cameras.rejected)])
         if self.quiet_s > _PATIENCE_S:
             suffix = f", and no usable camera_info of {missing}" if missing else ""
             return StatusLevel.ERROR, f"no registration arrives{suffix}"

@@ -39,8 +39,65 @@ _PATIENCE_S = 2.0
 """The publisher of the wanted transport may take a while to be discovered."""
 
 
+class DriverTopic:
+    """A subscription to a topic of a driver, with the quality of service that its publishers offer.
+
+    It is reliable at first; ``adapt`` makes it best effort, or latched, if the driver offers no more.
+
+    Args:
+        stage: uses the messages.
+        kind, topic: type and name.
+        receive: called with each message.
+        depth: messages that may wait in the subscription.
+        overridable: whether users can override its quality of service.
+        even_inactive: whether messages are received while the node is inactive.
+    """
+
+    def __init__(
+        self,
+        stage: Stage[Any],
+        kind: str,
+        topic: str,
+        receive: Callable[[Message], None],
+        depth: int,
+        overridable: bool = False,
+        even_inactive: bool = False,
+    ) -> None:
+        self._stage, self.topic, self._quality = stage, topic, reliable
+        self._subscribe = partial(stage.subscription, kind, topic, receive, even_inactive=even_inactive, adapts=True)
+        self._depth = depth
+        self._subscription = self._subscribe(reliable(depth), overridable=overridable)
+
+    def adapt(self) -> bool:
+        """Subscribe anew if the publishers offer another quality; whether there are publishers."""
+        offers = offered_qualities(self._stage, self.topic)
+        if any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers):
+            quality = best_effort
+        elif offers and all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers):
+            quality = latched
+        else:
+            quality = reliable
+        if offers and quality is not self._quality:
+            if quality is best_effort:
+                self._stage.log.warning(f"{self.topic} is published with best effort: messages may get lost")
+            self.close()
+            # A user's override is for the first subscription: rclpy would apply it to the second too.
+            self._quality, self._subscription = quality, self._subscribe(quality(self._depth))
+        return bool(offers)
+
+    def close(self) -> None:
+        """End the subscription."""
+        self._stage.node.drop(self._subscription)
+
+
+def offered_qualities(stage: Stage[Any], topic: str) -> list[QoSProfile]:
+    """Quality of service of all publishers of a topic."""
+    node = stage.node
+    return [info.qos_profile for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))]
+
+
 class ImageSource:
-    """Subscribes to a camera's images: reliable, or best effort if the driver offers no more.
+    """Subscribes to a camera's images.
 
     Args:
         stage: uses the images.
@@ -62,12 +119,9 @@ class ImageSource:
         if not is_installed(TRANSPORTS[transport][1]):
             raise SettingsError(f"the transport '{transport}' needs the ROS package foxglove_msgs, which is missing")
         self._stage, self._camera, self._depth, self._on_image = stage, camera, depth, on_image
-        self._transport = transport
-        self._is_lossy = False
-        self._topics: set[str] = set()
-        self._subscription = self._subscribed()
-        self._latest_s = -_QUIET_S
+        self._source = self._subscribe(transport)
         self._started_s = time.monotonic()
+        self._latest_s = self._started_s - _QUIET_S
         stage.every(_POLL_S, self._poll)
 
     @property
@@ -77,103 +131,74 @@ class ImageSource:
 
     def explain(self) -> str:
         """Why no image arrives, as far as is known."""
-        if self._offers(self._transport):
-            return f"no image on {self._topic}, though it is published"
-        return f"no image: no node publishes {self._topic}"
+        topic = self._source.topic
+        if offered_qualities(self._stage, topic):
+            return f"no image on {topic}, though it is published"
+        return f"no image: no node publishes {topic}"
 
-    @property
-    def _topic(self) -> str:
-        return f"{self._camera}/{TRANSPORTS[self._transport][0]}"
+    def _subscribe(self, transport: str) -> DriverTopic:
+        ending, kind = TRANSPORTS[transport]
+        receive = partial(self._receive, transport)
+        return DriverTopic(self._stage, kind, f"{self._camera}/{ending}", receive, self._depth, overridable=True)
 
-    def _subscribed(self) -> Any:
-        kind = TRANSPORTS[self._transport][1]
-        quality = (best_effort if self._is_lossy else reliable)(self._depth)
-        # A user's override is for the first subscription: rclpy would apply it to the second too.
-        first = self._topic not in self._topics
-        self._topics.add(self._topic)
-        return self._stage.subscription(kind, self._topic, self._receive, quality, overridable=first, adapts=True)
-
-    def _receive(self, message: Message) -> None:
+    def _receive(self, transport: str, message: Message) -> None:
         self._latest_s = time.monotonic()
-        self._on_image(message, self._transport)
+        self._on_image(message, transport)
 
     def _poll(self) -> None:
         """Adapt to what is published while no image arrives."""
-        if self.quiet_s < _QUIET_S:
+        if self.quiet_s < _QUIET_S or self._source.adapt() or time.monotonic() - self._started_s < _PATIENCE_S:
             return
-        if offers := self._offers(self._transport):
-            lossy = any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers)
-            if lossy != self._is_lossy:
-                if lossy:
-                    self._stage.log.warning(f"{self._topic} is published with best effort: images may get lost")
-                self._take(self._transport, lossy)
-        elif time.monotonic() - self._started_s > _PATIENCE_S:
-            for other, (ending, kind) in TRANSPORTS.items():
-                # A bag of videos plays as raw images.
-                if is_installed(kind) and self._offers(other):
-                    self._stage.log.info(f"no node publishes {self._topic}; reads {self._camera}/{ending}")
-                    self._take(other, is_lossy=False)
-                    return
-
-    def _take(self, transport: str, is_lossy: bool) -> None:
-        self._stage.node.drop(self._subscription)
-        self._transport, self._is_lossy = transport, is_lossy
-        self._subscription = self._subscribed()
-
-    def _offers(self, transport: str) -> list[QoSProfile]:
-        return offered(self._stage, f"{self._camera}/{TRANSPORTS[transport][0]}")
+        for transport, (ending, kind) in TRANSPORTS.items():
+            # A bag of videos plays as raw images.
+            topic = f"{self._camera}/{ending}"
+            if is_installed(kind) and topic != self._source.topic and offered_qualities(self._stage, topic):
+                self._stage.log.info(f"no node publishes {self._source.topic}; reads {topic}")
+                self._source.close()
+                self._source = self._subscribe(transport)
+                return
 
 
 class CameraModels:
     """Models of some cameras by their camera_info; the latest counts.
 
-    The subscription is reliable; a second one follows what a driver offers, best effort or latched.
-
     Args:
         stage: uses the models.
         cameras: their names.
-        on_change: called when a camera's model is known, changes, or is refused.
+        on_change: called when a camera's model is known, changes, or is rejected.
         fatal: whether an unusable camera_info ends the node; otherwise the camera is not used.
 
     Attributes:
         models: camera -> its model.
-        refused: cameras whose camera_info is unusable.
+        rejected: cameras whose camera_info is unusable.
         changes: how often a model became another.
     """
 
     def __init__(
         self, stage: Stage[Any], cameras: Iterable[str], on_change: Callable[[str], None], fatal: bool = False
     ) -> None:
-        self._stage, self._log, self._on_change, self._fatal = stage, stage.log, on_change, fatal
-        self._cameras = tuple(cameras)
+        self._log, self._on_change, self._fatal = stage.log, on_change, fatal
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
-        self.refused: set[str] = set()
+        self.rejected: set[str] = set()
         self.changes = 0
-        self._adapted: set[tuple[str, str]] = set()
-        for camera in self._cameras:
-            self._subscribe(camera, reliable(_INFO_DEPTH))
+        self._sources = {
+            # While a node is inactive, too: a driver may publish it only once.
+            camera: DriverTopic(
+                stage, _INFO, f"{camera}/camera_info", partial(self._update, camera), _INFO_DEPTH, even_inactive=True
+            )
+            for camera in cameras
+        }
         stage.every(_POLL_S, self._poll, even_inactive=True)
 
     @property
     def missing(self) -> list[str]:
         """Cameras without camera_info so far."""
-        return [camera for camera in self._cameras if camera not in self._contents]
-
-    def _subscribe(self, camera: str, quality: QoSProfile) -> None:
-        # While a node is inactive, too: a driver may publish it only once.
-        update = partial(self._update, camera)
-        self._stage.subscription(_INFO, f"{camera}/camera_info", update, quality, even_inactive=True, adapts=True)
+        return [camera for camera in self._sources if camera not in self._contents]
 
     def _poll(self) -> None:
         for camera in self.missing:
-            for offer in offered(self._stage, f"{camera}/camera_info"):
-                is_lossy = offer.reliability == ReliabilityPolicy.BEST_EFFORT
-                is_latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL and not is_lossy
-                way = "lossy" if is_lossy else "latched" if is_latched else ""
-                if way and (camera, way) not in self._adapted:
-                    self._adapted.add((camera, way))
-                    self._subscribe(camera, (best_effort if is_lossy else latched)(_INFO_DEPTH))
+            self._sources[camera].adapt()
 
     def _update(self, camera: str, message: Message) -> None:
         content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))
@@ -187,20 +212,14 @@ class CameraModels:
             if self._fatal:
                 raise
             self.models.pop(camera, None)
-            self.refused.add(camera)
+            self.rejected.add(camera)
             self._log.error(f"{error}; the other cameras go on without this one")
         else:
-            self.refused.discard(camera)
+            self.rejected.discard(camera)
             if before is not None:
                 self.changes += 1
                 self._log.warning(f"camera {camera}: its camera_info has changed; restart")
         self._on_change(camera)
-
-
-def offered(stage: Stage[Any], topic: str) -> list[QoSProfile]:
-    """Quality of service of all publishers of a topic."""
-    node = stage.node
-    return [info.qos_profile for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))]
 
 
 _STAMPS_OF_RATE = 31

@@ -16,6 +16,7 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 P = TypeVar("P", bound=ImageParameters)
 
 _POLL_S = 0.25
+_BUSY = "images arrive faster than they are processed"
 
 
 class ImageStage(Stage[P]):
@@ -44,7 +45,7 @@ class ImageStage(Stage[P]):
             parameters.image_queue,
             parameters.longest_wait,
             lambda: self.call_later(self.process_next),
-            lambda: self.waiting_reason() or "images arrive faster than they are processed",
+            lambda: self.waiting_reason() or _BUSY,
         )
         self.diagnostics = ImageDiagnostics(self.camera, self.images, self.dropped)
         self._restarted_at: Ordered[QueuedImage] | None = None
@@ -83,7 +84,7 @@ class ImageStage(Stage[P]):
 
     def process_next(self) -> None:
         """Process the next image if there is one that need not wait."""
-        if not len(self.images) or not self.is_ready():
+        if not len(self.images):
             return
         following = self.images.oldest
         if following.restarts and following is not self._restarted_at:
@@ -103,13 +104,10 @@ class ImageStage(Stage[P]):
         # One image at a time, so that other messages are handled in between.
         self.call_later(self.process_next)
 
-    def is_ready(self) -> bool:
-        """Whether processing can restart at all."""
-        return True
-
-    def missing_input(self, waiting: str) -> MissingInput:
-        """Why images are not processed, with the reason why they wait."""
-        return MissingInput(self.source.quiet_s, self.source.explain(), waiting)
+    def missing_input(self) -> MissingInput:
+        """Why images are not processed."""
+        waiting = self.waiting_reason() if len(self.images) else ""
+        return MissingInput(self.source.quiet_s, self.source.explain(), waiting or _BUSY)
 
     def _poll(self) -> None:
         self.images.poll()

@@ -5,7 +5,8 @@ slowest reader may be.
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -17,21 +18,27 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.live.parameter_values import ParameterValues
+from bodycam_ros.live.node_parameters import ALL, GROUPS
 from bodycam_ros.messages.factory import MessageFactory, live_messages
-from bodycam_ros.settings import SettingDescription, SettingsGroups, describe
+from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, settings_from_mapping
 from bodycam_ros.shown import shown
 
 P = TypeVar("P")
 S = TypeVar("S", bound=SettingsGroups)
 
+_SOURCE = "parameters"
+_FIXED_AT_START = ("autostart", "frame_prefix", "moments")
+"""Own parameters that are read when a node is made, before it is configured."""
+
 
 class NodeParameters(Generic[P]):
-    """The parameters of a node.
+    """The parameters of a node: its own, and the groups of settings that its stage uses.
 
     Args:
         node: made with ``automatically_declare_parameters_from_overrides``.
-        own_type, settings, names: as of ``ParameterValues``.
+        own_type: dataclass of the node's own parameters.
+        settings_types: types of groups of settings, of which ``groups`` are used.
+        groups: names of these groups.
 
     Attributes:
         is_configured: whether a configuration has read those that cannot change any more.
@@ -41,28 +48,43 @@ class NodeParameters(Generic[P]):
     """
 
     def __init__(
-        self, node: Node, own_type: type[P], settings: Sequence[SettingsGroups] = (), names: Iterable[str] = ()
+        self,
+        node: Node,
+        own_type: type[P],
+        settings_types: Sequence[type[SettingsGroups]] = (),
+        groups: Collection[str] = (),
     ) -> None:
         self.is_configured = False
         self._on_change: Callable[[], None] = lambda: None
-        self._values = values = ParameterValues(own_type, settings, names, _given(node))
-        self._pending: ParameterValues[P] | None = None
-        for name in values.unknown:
-            node.get_logger().warning(f"there is no parameter '{name}'; it changes nothing")
-        _declare(node, values.own)
-        for group, kind in values.of_group.items():
-            _declare(node, getattr(values.settings[kind], group), f"{group}.")
+        self._types = settings_types
+        # Group -> its settings; without a name the node's own.
+        values: dict[str, Any] = {_OWN: own_type()}
+        for each in settings_types:
+            values |= {name: kind() for name, kind in each.groups().items() if name in groups}
+        plain, known_groups = {f.name for each in ALL for f in fields(each)}, GROUPS | {_OWN}
+        for full_name, value in _given(node).items():
+            group, _, name = full_name.rpartition(".")
+            if group in values and hasattr(values[group], name):
+                values[group] = _replaced(values[group], group, name, value)
+            elif group in values and not (group == _OWN and name in plain) or group not in known_groups:
+                node.get_logger().warning(f"there is no parameter '{full_name}'; it changes nothing")
+        self._use(values)
+        for group, settings in values.items():
+            _declare(node, settings, f"{group}." if group else "")
+        self._pending: dict[str, Any] | None = None
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
 
     @property
     def own(self) -> P:
         """The node's own parameters, as they are now."""
-        return self._values.own
+        own: P = self._values[_OWN]
+        return own
 
     def of(self, settings_type: type[S]) -> S:
-        """The settings of one kind, as they are now."""
-        return self._values.of(settings_type)
+        """The settings of one type, as they are now."""
+        settings: S = self._settings[settings_type]  # type: ignore[assignment]  # keyed by its type
+        return settings
 
     def on_change(self, changed: Callable[[], None]) -> None:
         """Call back after values have changed."""
@@ -80,18 +102,51 @@ class NodeParameters(Generic[P]):
             raise SettingsError(f"the parameter '{name}' is missing ({reason}); give it with --ros-args -p {name}:=...")
         return value
 
+    def _use(self, values: dict[str, Any]) -> None:
+        self._values = values
+        self._settings: dict[type[SettingsGroups], SettingsGroups] = {
+            each: each(**{name: values[name] for name in each.groups() if name in values}) for each in self._types
+        }
+
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse what cannot change now, or not to this."""
+        """Reject what cannot change now, or not to this; names that are not of the node are rclpy's."""
+        values = dict(self._values)
         try:
-            self._pending = self._values.changed({each.name: each.value for each in parameters}, self.is_configured)
+            for each in parameters:
+                group, _, name = each.name.rpartition(".")
+                if group in values and hasattr(values[group], name):
+                    self._check_changeable(values[group], each.name, name)
+                    values[group] = _replaced(values[group], group, name, each.value)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        self._pending = values
         return SetParametersResult(successful=True)
+
+    def _check_changeable(self, settings: Any, full_name: str, name: str) -> None:
+        description = next(each for each in describe(type(settings)) if each.name == name)
+        at_start = full_name in _FIXED_AT_START
+        if not description.is_live and (self.is_configured or at_start):
+            raise SettingsError(
+                f"{_SOURCE}: {full_name} is read when the node is {'started' if at_start else 'configured'}; "
+                f"restart it with -p {full_name}:=VALUE"
+            )
 
     def _take(self, parameters: list[Parameter]) -> None:
         if self._pending is not None:
-            self._values, self._pending = self._pending, None
+            self._use(self._pending)
+            self._pending = None
             self._on_change()
+
+
+_OWN = ""
+"""In place of a group: the node's own parameters."""
+
+
+def _replaced(settings: Any, group: str, name: str, value: Any) -> Any:
+    """Settings with another value; an empty list of ROS comes as one of an empty word."""
+    value = tuple(each for each in value if each != "") if isinstance(value, (list, tuple)) else value
+    values = {f.name: getattr(settings, f.name) for f in fields(settings)} | {name: value}
+    return settings_from_mapping(type(settings), values, f"{_SOURCE}: {group}" if group else _SOURCE)
 
 
 def _given(node: Node) -> dict[str, Any]:

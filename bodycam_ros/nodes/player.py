@@ -59,34 +59,28 @@ class Player(Node):
         )
 
     def bring_up(self) -> None:
-        """Read the parameters and open the bag.
-
-        Raises:
-            SettingsError: a parameter is wrong.
-            RecordingError: the bag cannot be played.
-        """
+        """Read the parameters; raises SettingsError if one is wrong."""
         parameters: NodeParameters[PlayerParameters] = NodeParameters(self, PlayerParameters)
         self._given = given = parameters.own
-        path = Path(parameters.required("bagfile"))
+        self._path = Path(parameters.required("bagfile"))
         parameters.is_configured = True
-        prefix = frame_prefix(self, given.frame_prefix)
-        self._make = node_messages(prefix)
+        self._prefix = frame_prefix(self, given.frame_prefix)
+        self._make = node_messages(self._prefix)
         self._diagnostics = Diagnostics(self, self._make)
         self._moments = Moments(Path(given.moments) if given.moments else None)
-        warn = self.get_logger().warning
-        has_video = is_installed(COMPRESSED_VIDEO)
-        self._playback = Playback(path, given, prefix, has_video, DroppedMessages(warn), warn)
-        self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._playback.played.items()}
         self._state, self._wanted = "waiting for readers", given.readers
         self._lacking_since_s: float | None = None
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_REPORT_S, self._report, clock=steady)
-        if given.clock > 0.0:
-            clock = self.create_publisher(message_class(_CLOCK), "/clock", reliable(1))
-            self.create_timer(1.0 / given.clock, lambda: clock.publish(self._clock_message()), clock=steady)
 
     def work(self, stopped: Callable[[], bool]) -> None:
         """Wait for readers, play the bag, and wait until all is acknowledged."""
+        warn, has_video = self.get_logger().warning, is_installed(COMPRESSED_VIDEO)
+        self._playback = Playback(self._path, self._given, self._prefix, has_video, DroppedMessages(warn), warn)
+        self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._playback.played.items()}
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_REPORT_S, self._report, clock=steady)
+        if self._given.clock > 0.0:
+            clock = self.create_publisher(message_class(_CLOCK), "/clock", reliable(1))
+            self.create_timer(1.0 / self._given.clock, lambda: clock.publish(self._clock_message()), clock=steady)
         is_over = threading.Event()
         server = threading.Thread(target=spin, args=(self, is_over.is_set))
         server.start()

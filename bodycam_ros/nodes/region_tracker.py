@@ -157,9 +157,15 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
-        waiting = self.waiting_reason() if len(self.images) else ""
-        missing = self.missing_input(waiting or "the one before takes long")
-        return [self.diagnostics.report_region_tracker(missing, tuple(self._body.segments))]
+        tally = self.diagnostics.tally
+        observed = tally.segments.total()
+        values = {
+            "segments per image": tally.mean(observed),
+            "confidence": round(tally.confidence / observed, 2) if observed else "none",
+            "unobserved": ", ".join(s for s in self._body.segments if not tally.segments[s]) or "none",
+        }
+        error = "" if observed else "no segment of the body is observed; is it in front of the camera?"
+        return [self.diagnostics.report(self.missing_input(), values, error)]
 
 
 make = partial(StageNode, RegionStage)

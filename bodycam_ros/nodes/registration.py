@@ -138,7 +138,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self.dropped.add("track messages dropped", f"{camera}/tracks: malformed message ({error})")
             return
         self.moments.note(Moment.TRACKS_HEARD, camera, frame.stamp_ns)
-        if camera in self._cameras.refused:
+        if camera in self._cameras.rejected:
             return
         waiting = self._waiting[camera]
         waiting.append(frame)

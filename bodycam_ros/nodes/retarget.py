@@ -11,9 +11,8 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.live.joint_state_synchronizer import JointStateSynchronizer
 from bodycam_ros.live.node_parameters import RetargetParameters
-from bodycam_ros.live.robot_diagnostics import RobotDiagnostics
 from bodycam_ros.messages.body import joint_state_message, transforms_message
-from bodycam_ros.messages.diagnostics import Status, text_message
+from bodycam_ros.messages.diagnostics import Status, StatusLevel, text_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
@@ -43,11 +42,11 @@ class RetargetStage(Stage[RetargetParameters]):
         self._body: BodyModel | None = None
         self._input = JointStateSynchronizer(self._follow, partial(self.dropped.add, _DROPPED))
         self._followed_ns = -1
-        self._diagnostics = RobotDiagnostics(self.dropped)
+        self._states: list[RobotState] = []  # since the last report
         description, states = f"{of.robot}/robot_description", f"{of.robot}/joint_states"
         often = partial(reliable, OUTPUT_DEPTH)
         self._described = self.publisher("std_msgs/msg/String", description, latched())
-        self._states = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
+        self._joints = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
         self._tf = self.publisher(TRANSFORMS, "/tf", often(), overridable=True) if is_installed(TRANSFORMS) else None
         self.subscription("std_msgs/msg/String", "robot_description", self._set_body, latched(), even_inactive=True)
         self.subscription(
@@ -93,16 +92,30 @@ class RetargetStage(Stage[RetargetParameters]):
         self._publish(self._following.follow(stamp_ns, world_T_segment))
 
     def _publish(self, state: RobotState) -> None:
-        self._diagnostics.add(state)
+        self._states.append(state)
         names = self._robot.joint_names
-        self._states.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
+        self._joints.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
         if self._tf is not None:
             root = f"{self.parameters.robot}/{self._robot.tree_root}"
             self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
 
     def report(self) -> list[Status]:
-        """Status of the robot."""
-        return [self._diagnostics.report(self._body is not None)]
+        """Status of the robot since the last report."""
+        states, self._states = self._states, []
+        limited = sum(state.blocked for state in states)
+        farthest_m = max((error_m for state in states for error_m in state.errors_m.values()), default=0.0)
+        values: dict[str, object] = {
+            "frames per second": len(states),
+            "farthest hand or foot [cm]": round(100.0 * farthest_m, 1),
+            "frames at joint limits": limited,
+            **self.dropped.values,
+        }
+        dropped = self.dropped.count_new()
+        level, text = (StatusLevel.WARN, "at its joint limits") if limited else (StatusLevel.OK, "follows")
+        if not states:
+            reason = self.dropped.latest if dropped or self._body is None else ""
+            level, text = StatusLevel.WARN, reason or "nothing to follow: no body is solved"
+        return [Status("robot", level, text, values)]
 
 
 make = partial(StageNode, RetargetStage)

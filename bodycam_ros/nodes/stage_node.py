@@ -220,8 +220,7 @@ class StageNode(LifecycleNode, Generic[P]):
             BodycamError: a parameter is of the wrong type or out of its range, or the stage cannot start.
         """
         of = self._stage_type
-        settings = [each() for each in of.settings_types]
-        self.parameters: NodeParameters[P] = NodeParameters(self, of.parameters_type, settings, of.groups)
+        self.parameters: NodeParameters[P] = NodeParameters(self, of.parameters_type, of.settings_types, of.groups)
         self.parameters.on_change(self._changed)
         own = self.parameters.own
         self.make = node_messages(frame_prefix(self, own.frame_prefix))

@@ -1,6 +1,7 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -35,6 +36,9 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
         self._lens: LensMonitor | None = None
+        self._is_lens_reported = False
+        self._lens_worker = ThreadPoolExecutor(1, "lens")
+        self._lens_check: Future[object] = self._lens_worker.submit(bool)
         self._readers = 0
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         self.subscription(LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH))
@@ -47,24 +51,26 @@ class TrackerStage(ImageStage[TrackerParameters]):
     def pause(self) -> None:
         """Drop the images; the first one afterwards has no predecessor."""
         self.images.clear()
-        if self._tracker is not None:
-            self.restart()
+        self.restart()
+
+    def finish(self) -> None:
+        """End the thread that compares the lens."""
+        self._lens_worker.shutdown(wait=False, cancel_futures=True)
 
     def restart(self) -> None:
         """Forget all images so far; the next is a keyframe without a predecessor."""
-        self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
+        if self.camera in self._models.models:
+            self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
         self.unanswered.clear()
         self.images.thinning.forget()
-
-    def is_ready(self) -> bool:
-        """Whether there is a model, a reader, and not too many frames without an answer."""
-        return self._tracker is not None and self._has_reader() and not self.unanswered.must_wait()
 
     def waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
         if self._tracker is None:
             return f"there is no {self.camera}/camera_info"
-        return "" if self._has_reader() else f"no node reads {self.camera}/tracks"
+        if not self._has_reader():
+            return f"no node reads {self.camera}/tracks"
+        return "the registration has not answered yet" if self.unanswered.must_wait() else ""
 
     def processing_since_s(self) -> float:
         """Images that wait for the start of the registration do not count as waiting for a slow machine."""
@@ -86,9 +92,10 @@ class TrackerStage(ImageStage[TrackerParameters]):
         tally = self.diagnostics.tally
         tally.add_image(arrival_s)
         tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
-        # The lens is checked only while no image waits.
-        if self._lens is not None and not len(self.images) and self._lens.add_image(grey) and self._lens.remark:
-            self.log.warning(self._lens.remark)
+        lens = self._lens
+        if lens is not None and lens.is_needed and not len(self.images) and self._lens_check.done():
+            # A comparison takes 70 ms.
+            self._lens_check = self._lens_worker.submit(lens.add_image, grey)
 
     def _reset(self) -> tuple[bool, str]:
         if self._tracker is None:
@@ -98,7 +105,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         return True, f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
 
     def _set_model(self, camera: str) -> None:
-        self._lens = LensMonitor(self._models.models[camera])
+        self._lens, self._is_lens_reported = LensMonitor(self._models.models[camera]), False
         self.restart()
         self.call_later(self.process_next)
 
@@ -131,9 +138,18 @@ class TrackerStage(ImageStage[TrackerParameters]):
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
-        lens = (self._lens.state, self._lens.remark) if self._lens is not None else ("unknown", "")
-        missing = self.missing_input(self.waiting_reason() or "images arrive faster than they are processed")
-        return [self.diagnostics.report_tracker(missing, self._tracker is not None, lens, self._models.changes)]
+        tally, remark = self.diagnostics.tally, "" if self._lens is None else self._lens.remark
+        if remark and not self._is_lens_reported:
+            self._is_lens_reported = True
+            self.log.warning(remark)
+        values: dict[str, object] = {
+            "tracks per image": tally.mean(tally.tracks),
+            "keyframes": tally.keyframes,
+            "camera_info changed": self._models.changes,
+            "lens": "unknown" if self._lens is None else self._lens.state,
+        }
+        error = "" if tally.tracks else "the images show nothing that can be tracked; is the lens covered?"
+        return [self.diagnostics.report(self.missing_input(), values, error, remark)]
 
 
 make = partial(StageNode, TrackerStage)

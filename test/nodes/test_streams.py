@@ -28,7 +28,7 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
     def reports(text: str = "") -> list[dict[str, Any]]:
         return [r for r in graph.all_diagnostics("tracker_left: camera left") if text in r["text"]]
 
-    graph.until(lambda: reports("and no left/camera_info"), _SOON_S, "what is missing is told")
+    graph.until(lambda: reports("no image on left/image_raw, though"), _SOON_S, "what is missing is told")
     assert reports("no image")[-1]["level"] == _ERROR
     camera.show([0] * 5)
     graph.until(lambda: reports()[-1].get("images without a stamp") == "5", _SOON_S, "zeros are named")

@@ -72,7 +72,7 @@ def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
     assert left()[-1]["level"] == _ERROR
     of_left = graph.all_diagnostics("registration: camera left")
     assert _ERROR in {report["level"] for report in of_left}, "grey images cannot be registered"
-    assert graph.diagnostics("registration: all cameras")["cameras refused"] == "odd"
+    assert graph.diagnostics("registration: all cameras")["cameras rejected"] == "odd"
 
     graph.listen({"/map/points": "sensor_msgs/msg/PointCloud2", "/robot_description": "std_msgs/msg/String"})
     graph.until(lambda: graph.heard["/map/points"] and graph.heard["/robot_description"], _SOON_S, "latched topics")
