@@ -10,7 +10,7 @@ from told_pose import told_pose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
-from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.verdict import Verdict
@@ -67,9 +67,9 @@ class KnownMotion:
             yield told_pose(name, stamp_ns, previous_ns.get(name, 0), self._registered(camera, time, random))
             previous_ns[name] = stamp_ns
 
-    def log(self) -> AgreementLog:
+    def log(self) -> CameraPoseLog:
         """All of it, heard in the order in which a replay hears it: bodies some frames behind."""
-        log = AgreementLog(BODY, {}, inlier_px=2.5)
+        log = CameraPoseLog(BODY, {}, inlier_px=2.5)
         states = [(self._stamp_ns(time), time) for time in np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ]
         for matches in self.registrations():
             while states and states[0][0] < matches.stamp_ns - 5e9 / RATE_HZ:
@@ -82,7 +82,7 @@ class KnownMotion:
 
     def verdict(self) -> Verdict:
         """What comes of it."""
-        return judge(self.log().agreement(), BODY)
+        return judge(self.log().poses())
 
     def _registered(self, camera: str, time: float, random: np.random.Generator) -> Array | None:
         mount = BODY.mounts[camera]

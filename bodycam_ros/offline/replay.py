@@ -37,7 +37,7 @@ from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.recording.bag_reader import Recording, open_recording
@@ -109,7 +109,7 @@ def replay(
             cameras = _mounted_cameras(recording, body, stations) if map_path else {}
             readouts = known_readouts(recording, body, cameras)
             summary = ReplaySummary(recording.duration_s, rounds=rounds)
-        log = AgreementLog(body, cameras, settings.pose_fit.inlier_px)
+        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
         static_cameras = None
         if outside is not None:
@@ -174,12 +174,12 @@ def replay(
             camera: history.with_readout(summary.readouts.get(camera)) for camera, history in clocks.histories.items()
         }
         out.write_timings(summary.timings)
-        agreement = log.agreement()
-        summary.speeds = agreement.speeds()
+        poses = log.poses()
+        summary.speeds = poses.speeds()
         summary.equipment = out.coupled.record()
         # Hands that the body file does not have were added here, and need not be observed.
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
-        findings = judge(agreement, body).findings
+        findings = judge(poses).findings
         findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.static.findings(bare))
         summary.verdict = Verdict.from_findings(findings)
         out.write_verdict(item.stamp_ns, summary.verdict)

@@ -23,7 +23,7 @@ from bodycam_ros.messages.timing import TIMING, timing_messages
 from bodycam_ros.messages.tracks import map_points_message
 from bodycam_ros.offline.camera_worker import RegisteredImage
 from bodycam_ros.offline.replay_summary import ReplaySummary
-from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.static_camera_findings import StaticCameraLog
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
@@ -49,7 +49,7 @@ class ReplayOutput:
         body: BodyModel,
         diagnostics: RegistrationDiagnostics,
         summary: ReplaySummary,
-        log: AgreementLog,
+        log: CameraPoseLog,
         clocks: ClockEstimator,
         equipment: Equipment | None,
     ) -> None:

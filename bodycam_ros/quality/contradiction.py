@@ -1,130 +1,129 @@
-"""Which cameras contradict the others, as the fewest that explain what does not fit.
+"""Cameras that contradict the others: the fewest that explain what does not fit.
 
-Two cameras on one segment keep their place to each other. Two on neighbouring segments see the joint between them at
-one point of the world. Where segments without a camera lie between them, the first and the last joint on the way are as
+Two cameras on one segment keep their pose relative to each other. Two on neighbouring segments have the joint between
+them at one point of the world. Where segments without a camera lie between them, the first and the last joint are as
 far apart as those segments allow. A camera that contradicts its links is wrong even if the solver followed it.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.quality.agreement import Agreement
-from bodycam_ros.quality.thresholds import DOUBTFUL_GAP_M, LEAST_STAY_S
+from bodycam_ros.quality.camera_poses import CameraPoses
 
 LEVER_M = 0.3
-"""From a camera to the joint of its segment that is next: what a wrong turn of the segment costs."""
+"""From a camera to the next joint of its segment: a turn of the segment counts as the motion of that joint."""
+
+DOUBTFUL_GAP_M = 0.06
+"""Gap between two cameras that is doubtful; good recordings stay below 0.045 in their worst second."""
+
+LEAST_STAY_S = 1.0
+"""Half of this time must disagree; a wrong registration or blur passes sooner, and the solver interpolates it."""
+
+_MIN_ROWS = 3  # states at which a link must be known
 
 
 @dataclass(frozen=True, eq=False)
 class CameraLink:
-    """Two cameras and what lies between them on the body.
+    """Two cameras and the joints between them.
 
     Attributes:
-        first, second: cameras.
-        first_mount, second_mount: where they sit.
-        way: joints from the segment of the first to that of the second; none if they share a segment.
+        mounts: camera -> its mount; the first and the second camera.
+        joints: from the segment of the first to that of the second; none if they share a segment.
         lengths: (K) of the segments in between, from joint to joint [m]; of one joint there are none.
     """
 
-    first: str
-    second: str
-    first_mount: CameraMount
-    second_mount: CameraMount
-    way: tuple[Joint, ...]
+    mounts: Mapping[str, CameraMount]
+    joints: tuple[Joint, ...]
     lengths: Array
 
-    @cached_property
-    def reach(self) -> tuple[float, float]:
-        """Least and greatest distance of the first and the last joint on the way [m]."""
-        if not len(self.lengths):
-            return 0.0, 0.0
-        longest, total = float(self.lengths.max()), float(self.lengths.sum())
-        return max(0.0, 2.0 * longest - total), total
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The first and the second camera."""
+        first, second = self.mounts
+        return first, second
 
     @property
     def is_exact(self) -> bool:
-        """Whether both cameras say where one and the same point is, not only how far two points are apart."""
+        """Whether both cameras give one and the same point, not only the distance of two."""
         return not len(self.lengths)
 
-    def gap(self, world_T_first: Array, world_T_second: Array) -> Array:
-        """By how much poses (T, 4, 4) of the two cameras contradict the body (T,) [m]; NaN where one is unknown.
+    def other(self, camera: str) -> str:
+        """The camera beside one of the two."""
+        return next(name for name in self.mounts if name != camera)
 
-        Cameras on one segment that turned against each other are as wrong as the turn moves what is an arm's length
-        away, since that is where the next joint of a limb is.
+    @cached_property
+    def ends(self) -> dict[str, Array]:
+        """Camera -> (3,) the joint nearest to it in its own frame [m]; without joints the middle of both cameras."""
+        middle = sum((mount.segment_T_camera[:3, 3] for mount in self.mounts.values()), np.zeros(3)) / 2.0
+        nearest = (self.joints[0], self.joints[-1]) if self.joints else (None, None)
+        ends = {}
+        for (camera, mount), joint in zip(self.mounts.items(), nearest, strict=True):
+            point = middle if joint is None else _joint_on(joint, mount.segment)
+            camera_T_segment = inverse(mount.segment_T_camera)
+            ends[camera] = camera_T_segment[:3, :3] @ point + camera_T_segment[:3, 3]
+        return ends
+
+    def place(self, camera: str, world_T_camera: Array) -> Array:
+        """(T, 3) its end in the world [m] by poses (T, 4, 4) of one of the two."""
+        place: Array = world_T_camera[..., :3, :3] @ self.ends[camera] + world_T_camera[..., :3, 3]
+        return place
+
+    def gap(self, poses: CameraPoses) -> Array:
+        """(T,) by how much the two registrations contradict the body [m]; NaN where one is unknown.
+
+        Cameras on one segment that turned against each other are as wrong as the turn moves a point at an arm's length,
+        the next joint of a limb.
         """
-        distance = np.linalg.norm(self.offset(world_T_first, world_T_second), axis=-1)
-        low, high = self.reach
-        outside: Array = np.maximum(np.maximum(low - distance, distance - high), 0.0)
-        if self.way:
+        first, second = (poses.registered[camera] for camera in self.pair)
+        places = (self.place(camera, poses.registered[camera]) for camera in self.pair)
+        distance = np.linalg.norm(np.subtract(*places), axis=-1)
+        longest, total = float(self.lengths.max(initial=0.0)), float(self.lengths.sum())
+        outside: Array = np.maximum(np.maximum(max(0.0, 2.0 * longest - total) - distance, distance - total), 0.0)
+        if self.joints:
             return outside
-        first_R_second = np.swapaxes(self._segment_R(world_T_first, self.first_mount), -1, -2) @ self._segment_R(
-            world_T_second, self.second_mount
+        first_R, second_R = (
+            world_T_camera[..., :3, :3] @ mount.segment_T_camera[:3, :3].T
+            for world_T_camera, mount in zip((first, second), self.mounts.values(), strict=True)
         )
         known = np.isfinite(outside)
         turned = np.full(len(outside), np.nan)
-        turned[known] = np.linalg.norm(log_so3(first_R_second[known]), axis=-1)
+        turned[known] = np.linalg.norm(log_so3(np.swapaxes(first_R[known], -1, -2) @ second_R[known]), axis=-1)
         return np.maximum(outside, LEVER_M * turned)
 
-    def offset(self, world_T_first: Array, world_T_second: Array) -> Array:
-        """(T, 3) from where the first camera has the first joint to where the second has the last, in the world [m]."""
-        return self.place(self.second, world_T_second) - self.place(self.first, world_T_first)
 
-    def place(self, camera: str, world_T_camera: Array) -> Array:
-        """(T, 3) where one of the two has its end of the way in the world [m]."""
-        camera_point = self.end(camera)
-        place: Array = world_T_camera[..., :3, :3] @ camera_point + world_T_camera[..., :3, 3]
-        return place
-
-    def end(self, camera: str) -> Array:
-        """(3,) its end of the way in the frame of one of the two cameras [m]; the middle of both if there is no way."""
-        mount = self.first_mount if camera == self.first else self.second_mount
-        camera_T_segment = inverse(mount.segment_T_camera)
-        return camera_T_segment[:3, :3] @ self._point(camera) + camera_T_segment[:3, 3]
-
-    def _point(self, camera: str) -> Array:
-        """(3,) the end of the way in the frame of the camera's segment [m]."""
-        if not self.way:
-            return (self.first_mount.segment_T_camera[:3, 3] + self.second_mount.segment_T_camera[:3, 3]) / 2.0
-        joint = self.way[0] if camera == self.first else self.way[-1]
-        mount = self.first_mount if camera == self.first else self.second_mount
-        return _joint_on(joint, mount.segment)
-
-    @staticmethod
-    def _segment_R(world_T_camera: Array, mount: CameraMount) -> Array:
-        rotations: Array = world_T_camera[..., :3, :3] @ mount.segment_T_camera[:3, :3].T
-        return rotations
-
-
-def camera_links(body: BodyModel, mounts: Mapping[str, CameraMount], cameras: Sequence[str]) -> tuple[CameraLink, ...]:
-    """The links between cameras that no other camera's segment lies between.
+def camera_links(
+    body: BodyModel, cameras: Sequence[str], mounts: Mapping[str, CameraMount] | None = None, of: str | None = None
+) -> tuple[CameraLink, ...]:
+    """The links between cameras without the segment of another camera between them.
 
     Args:
         body: segments and joints.
-        mounts: camera -> where it is taken to sit.
-        cameras: those that there are.
+        cameras: names.
+        mounts: camera -> its mount; by default that of the body.
+        of: only links of this camera.
     """
+    mounts = body.mounts if mounts is None else mounts
     carried = {mounts[camera].segment for camera in cameras}
-    ways = {segment: _ways(body, segment, carried) for segment in carried}
+    paths = {segment: _paths(body, segment, carried) for segment in carried}
     links = []
-    for number, first in enumerate(cameras):
-        for second in cameras[number + 1 :]:
-            way = ways[mounts[first].segment].get(mounts[second].segment)
-            if way is not None:
-                lengths = _lengths(way, mounts[first].segment)
-                links.append(CameraLink(first, second, mounts[first], mounts[second], way, lengths))
+    for first, second in combinations(cameras, 2):
+        start = mounts[first].segment
+        joints = paths[start].get(mounts[second].segment)
+        if joints is not None and (of is None or of in (first, second)):
+            links.append(CameraLink({c: mounts[c] for c in (first, second)}, joints, _lengths(joints, start)))
     return tuple(links)
 
 
-def _ways(body: BodyModel, start: str, carried: set[str]) -> dict[str, tuple[Joint, ...]]:
-    """Segment with a camera -> the joints on the way there, over segments without one."""
-    ways: dict[str, tuple[Joint, ...]] = {start: ()}
+def _paths(body: BodyModel, start: str, carried: set[str]) -> dict[str, tuple[Joint, ...]]:
+    """Segment with a camera -> the joints to it, over segments without one."""
+    paths: dict[str, tuple[Joint, ...]] = {start: ()}
     pending = [start]
     while pending:
         segment = pending.pop(0)
@@ -133,29 +132,25 @@ def _ways(body: BodyModel, start: str, carried: set[str]) -> dict[str, tuple[Joi
         for joint in body.tree_joints:
             if joint.type != "free" and segment in (joint.parent, joint.child):
                 other = joint.child if segment == joint.parent else joint.parent
-                if other not in ways:
-                    ways[other] = (*ways[segment], joint)
+                if other not in paths:
+                    paths[other] = (*paths[segment], joint)
                     pending.append(other)
-    return {segment: way for segment, way in ways.items() if segment in carried}
+    return {segment: joints for segment, joints in paths.items() if segment in carried}
 
 
-def _lengths(way: Sequence[Joint], start: str) -> Array:
-    """(K) lengths of the segments between the joints of a way [m]."""
+def _lengths(joints: Sequence[Joint], start: str) -> Array:
+    """(K) lengths of the segments between the joints of a path [m]."""
     lengths, segment = [], start
-    for joint, following in pairwise(way):
+    for joint, following in pairwise(joints):
         segment = joint.child if segment == joint.parent else joint.parent
         lengths.append(np.linalg.norm(_joint_on(following, segment) - _joint_on(joint, segment)))
     return np.array(lengths)
 
 
 def _joint_on(joint: Joint, segment: str) -> Array:
-    """(3,) where a joint is in the frame of one of its segments [m]."""
+    """(3,) position of a joint in the frame of one of its segments [m]."""
     place: Array = (joint.parent_T_joint if segment == joint.parent else joint.child_T_joint)[:3, 3]
     return place
-
-
-_LEAST_ROWS = 3
-"""Fewest times at which a link must be known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,28 +168,27 @@ class Contradiction:
     rivals: Mapping[str, str]
 
 
-def contradiction(agreement: Agreement, body: BodyModel, cameras: Sequence[str]) -> Contradiction:
-    """Find the cameras whose own poses contradict the body that the others agree on.
+def find_contradiction(poses: CameraPoses, cameras: Sequence[str]) -> Contradiction:
+    """Find the cameras whose registrations contradict the body that the others agree on.
 
     Args:
-        agreement: poses over time.
-        body: segments, joints and mounts.
+        poses: over time.
         cameras: those that were registered at all.
     """
-    limit = DOUBTFUL_GAP_M
-    gaps = lasting_gaps(agreement, camera_links(body, body.mounts, cameras))
-    blamed, rivals = blame(gaps, limit, lambda camera: _registration_rank(agreement, camera))
-    core = [camera for camera in cameras if camera not in blamed]
+
+    def rank(camera: str) -> float:
+        lens = poses.lens_errors.get(camera)
+        return poses.counts[camera].share - (0.0 if lens is None else abs(lens.scale) + lens.centre)
+
+    gaps: dict[tuple[str, str], float] = {}
+    rivals: dict[str, str] = {}
+    core, blamed = list(cameras), [""]
     # Without the blamed, cameras on either side of them are linked over more joints: another may not fit.
-    while len(core) > 1:
-        gaps = gaps | lasting_gaps(agreement, camera_links(body, body.mounts, core))
-        of_core = {pair: gap for pair, gap in gaps.items() if set(pair) <= set(core)}
-        more, more_rivals = blame(of_core, limit, lambda camera: _registration_rank(agreement, camera))
-        if not more:
-            break
-        blamed, rivals = [*blamed, *more], rivals | more_rivals
-        core = [camera for camera in core if camera not in more]
-    worst = {camera: max(gap for pair, gap in gaps.items() if camera in pair) for camera in blamed}
+    while blamed and core:
+        gaps |= lasting_gaps(poses, camera_links(poses.body, core))
+        blamed, more = blame({pair: gap for pair, gap in gaps.items() if set(pair) <= set(core)}, DOUBTFUL_GAP_M, rank)
+        core, rivals = [camera for camera in core if camera not in blamed], rivals | more
+    worst = {c: max(gap for pair, gap in gaps.items() if c in pair) for c in cameras if c not in core}
     return Contradiction(tuple(core), worst, rivals)
 
 
@@ -205,54 +199,45 @@ def blame(
 
     Args:
         gaps: (camera, camera) -> by how much the two disagree.
-        limit: what is too much.
+        limit: of a gap.
         rank: how well a camera is registered; of two that are alike the worse is blamed.
 
     Returns:
         The cameras, and for each whose opposite could be blamed as well, that one.
     """
-    bad = {pair: gap for pair, gap in gaps.items() if gap > limit}
-    good = set(gaps) - set(bad)
+    bad = {pair for pair, gap in gaps.items() if gap > limit}
+    good = set(gaps) - bad
     blamed: list[str] = []
     rivals: dict[str, str] = {}
     while bad:
-        weights = {camera: _weight(camera, bad, good) for camera in {camera for pair in bad for camera in pair}}
+        weights = {
+            camera: sum(camera in pair for pair in bad) - sum(camera in pair for pair in good)
+            for camera in {camera for pair in bad for camera in pair}
+        }
         worst = max(weights, key=lambda camera: (weights[camera], -rank(camera), camera))
-        own = [pair for pair in bad if worst in pair]
-        opposite = own[0][0] if own[0][1] == worst else own[0][1]
-        if len(own) == 1 and weights[opposite] == weights[worst]:
-            rivals[worst] = opposite
+        opposites = [camera for pair in bad if worst in pair for camera in pair if camera != worst]
+        if len(opposites) == 1 and weights[opposites[0]] == weights[worst]:
+            rivals[worst] = opposites[0]
         blamed.append(worst)
-        bad = {pair: gap for pair, gap in bad.items() if worst not in pair}
         # Agreement with a blamed camera does not count.
-        good = {pair for pair in good if worst not in pair}
+        bad, good = ({pair for pair in pairs if worst not in pair} for pairs in (bad, good))
     return blamed, rivals
 
 
-def _weight(camera: str, bad: Iterable[tuple[str, str]], good: Iterable[tuple[str, str]]) -> int:
-    """How many more cameras a camera contradicts than it agrees with."""
-    return sum(camera in pair for pair in bad) - sum(camera in pair for pair in good)
+def lasting_gaps(poses: CameraPoses, links: Iterable[CameraLink]) -> dict[tuple[str, str], float]:
+    """(camera, camera) -> the gap that the two keep in their worst time [m], of known links."""
+    gaps = {link.pair: lasting(link.gap(poses), poses.seconds) for link in links}
+    return {pair: gap for pair, gap in gaps.items() if np.isfinite(gap)}
 
 
-def lasting_gaps(agreement: Agreement, links: Iterable[CameraLink]) -> dict[tuple[str, str], float]:
-    """(camera, camera) -> the gap that the two keep for ``min_stay`` in their worst time [m], of known links."""
-    found = {}
-    for link in links:
-        gaps = link.gap(agreement.registered(link.first), agreement.registered(link.second))
-        worst = lasting(gaps, agreement.seconds, LEAST_STAY_S)
-        if np.isfinite(worst):
-            found[link.first, link.second] = worst
-    return found
-
-
-def lasting(values: Array, seconds: Array, min_stay_s: float) -> float:
-    """The largest median of values (T,) over a stretch of time; NaN of too few. Shorter recordings are one stretch."""
+def lasting(values: Array, seconds: Array) -> float:
+    """The largest median of values (T,) over ``LEAST_STAY_S``; NaN of too few. Shorter recordings are one stretch."""
     known = np.isfinite(values)
     values, seconds = values[known], seconds[known]
-    if len(values) < _LEAST_ROWS:
+    if len(values) < _MIN_ROWS:
         return float("nan")
     step_s = float(np.median(np.diff(seconds)))
-    rows = max(_LEAST_ROWS, round(min_stay_s / step_s))
+    rows = max(_MIN_ROWS, round(LEAST_STAY_S / step_s))
     if len(values) <= rows:
         return float(np.median(values))
     # A stretch with a pause in it is none.
@@ -261,23 +246,11 @@ def lasting(values: Array, seconds: Array, min_stay_s: float) -> float:
     return float(medians.max()) if len(medians) else float(np.median(values))
 
 
-def gaps_over_time(agreement: Agreement, body: BodyModel, core: Sequence[str], camera: str) -> Array:
+def gaps_over_time(poses: CameraPoses, core: Sequence[str], camera: str) -> Array:
     """(T,) by how much a camera contradicts the core [m], the median of its links; NaN where unknown."""
     others = [name for name in core if name != camera]
-    links = [link for link in camera_links(body, body.mounts, [*others, camera]) if camera in (link.first, link.second)]
-    gaps = [link.gap(agreement.registered(link.first), agreement.registered(link.second)) for link in links]
-    return median_of(np.array(gaps)) if gaps else np.full(len(agreement.seconds), np.nan)
-
-
-def median_of(values: Array) -> Array:
-    """Medians (T,) of columns of values (K, T); NaN of a column that is all NaN."""
-    medians = np.full(values.shape[1], np.nan)
-    known = np.isfinite(values).any(axis=0)
-    medians[known] = np.nanmedian(values[:, known], axis=0)
+    links = camera_links(poses.body, [*others, camera], of=camera)
+    gaps = np.array([link.gap(poses) for link in links]).reshape(-1, len(poses.seconds))
+    medians, known = np.full(gaps.shape[1], np.nan), np.isfinite(gaps).any(axis=0)
+    medians[known] = np.nanmedian(gaps[:, known], axis=0)
     return medians
-
-
-def _registration_rank(agreement: Agreement, camera: str) -> float:
-    """How well a camera is registered: where nothing else tells, the lens and the share of images do."""
-    lens = agreement.lens_errors.get(camera)
-    return agreement.counts[camera].share - (0.0 if lens is None else abs(lens.scale) + lens.centre)

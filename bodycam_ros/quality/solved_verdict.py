@@ -9,7 +9,7 @@ from operator import itemgetter
 import numpy as np
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.quality.agreement import AgreementLog
+from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.pose_fit import PoseFitSettings
@@ -41,7 +41,7 @@ def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
 def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:
     body = solved.body
     body = replace(body, joints=body.tree_joints)  # what closes loops is of the equipment
-    log = AgreementLog(body, models, PoseFitSettings().inlier_px)
+    log = CameraPoseLog(body, models, PoseFitSettings().inlier_px)
     world_T_segment = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)
     states: Iterator[_Event] = (
         (stamp_ns, 1, partial(log.add_state, stamp_ns, poses))
@@ -49,10 +49,10 @@ def _judge_cameras(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
     )
     for _, _, add in heapq.merge(_registrations(solved, models, log), states, key=itemgetter(0, 1)):
         add()
-    return judge(log.agreement(), body)
+    return judge(log.poses())
 
 
-def _registrations(solved: SolvedRecording, models: Mapping[str, CameraModel], log: AgreementLog) -> Iterator[_Event]:
+def _registrations(solved: SolvedRecording, models: Mapping[str, CameraModel], log: CameraPoseLog) -> Iterator[_Event]:
     """Registrations, in the order of time."""
     if models:
         for matches in solved.landmarks({record.camera for record in solved.cameras}):
