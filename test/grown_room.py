@@ -88,7 +88,7 @@ def keyframe(
         world_T_camera=world_T_camera,
         position_sigma=0.001,
         focal_length=FOCAL_PX,
-        bearings=bearings,
+        rays_world=bearings @ world_T_camera[:3, :3].T,
         descriptors=np.clip(looks, 0, 255).astype(np.uint8),
         sizes=_SIZE_M / np.linalg.norm(points_camera[seen], axis=1),
         landmark_ids=np.full(len(seen), NO_LANDMARK, np.uint32),
@@ -107,8 +107,9 @@ def walk(
 
 def named(one: BodyKeyframe, grown_map: ReferenceMap) -> BodyKeyframe:
     """The keyframe with the landmarks that its features show, as a registrar names them."""
-    pixels, _ = CAMERA.project(one.bearings)
-    scales = one.sizes * scales_at(CAMERA, one.bearings[:, 2])
+    bearings = one.rays_world @ one.world_T_camera[:3, :3]
+    pixels, _ = CAMERA.project(bearings)
+    scales = one.sizes * scales_at(CAMERA, bearings[:, 2])
     features, landmarks = match_near_prediction(
         grown_map, CAMERA, one.world_T_camera, pixels, one.descriptors, scales, RADIUS_PX
     )
@@ -121,7 +122,7 @@ def matches_of(one: BodyKeyframe, grown_map: ReferenceMap) -> LandmarkMatches:
     """What the registrar says of the landmarks that a keyframe shows."""
     shown = np.flatnonzero(one.landmark_ids != NO_LANDMARK)
     rows, _ = grown_map.rows_of(one.landmark_ids[shown])
-    pixels, _ = CAMERA.project(one.bearings[shown])
+    pixels, _ = CAMERA.project(one.rays_world[shown] @ one.world_T_camera[:3, :3])
     return LandmarkMatches(
         camera=one.camera,
         stamp_ns=one.stamp_ns,

@@ -123,7 +123,7 @@ def keyframes(
                 world_T_camera=world_T_camera,
                 position_sigma=0.002,
                 focal_length=camera.fx,
-                bearings=seen / np.linalg.norm(seen, axis=1, keepdims=True),
+                rays_world=seen / np.linalg.norm(seen, axis=1, keepdims=True) @ world_T_camera[:3, :3].T,
                 descriptors=descriptors_of(len(points), seed),
                 sizes=np.full(len(points), 2.0 / camera.fx),
                 landmark_ids=np.full(len(points), NO_LANDMARK, np.uint32),

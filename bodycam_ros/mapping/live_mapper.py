@@ -11,8 +11,6 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-_REQUEST_GAP_NS = 300_000_000  # between two requests of a camera: the answer takes the tracker some images
-
 
 class LiveMapper:
     """One extendable map for some cameras.
@@ -43,7 +41,6 @@ class LiveMapper:
         self._request_keyframe, self._defer = request_keyframe, defer
         self._cameras: dict[str, CameraModel] = {}
         self._selections: dict[str, KeyframeSelection] = {}
-        self._requested_ns: dict[str, int] = {}
         self._pending: dict[str, BodyKeyframe] = {}
         self._mapper = LocalMapper(self.map, self._cameras)
 
@@ -61,7 +58,6 @@ class LiveMapper:
         """Start, or restart, the tracks of a camera."""
         self._cameras[camera] = model
         self._selections[camera] = KeyframeSelection(model)
-        self._requested_ns.pop(camera, None)
 
     def update(self, frame: TrackFrame, matches: LandmarkMatches) -> None:
         """Process one registered image of a camera that was started."""
@@ -69,7 +65,6 @@ class LiveMapper:
             return
         camera, selection = matches.camera, self._selections[matches.camera]
         self._mapper.update(matches)
-        self._mapper.remove_unobserved()
         self._take_changes()
         keyframe = selection.take_keyframe(frame, matches)
         if keyframe is not None:
@@ -77,10 +72,7 @@ class LiveMapper:
             self._pending[camera] = keyframe
             self._defer(self._add_keyframe)
         elif selection.is_due(matches):
-            passed_ns = matches.stamp_ns - self._requested_ns.get(camera, matches.stamp_ns + 1)
-            if not 0 <= passed_ns < _REQUEST_GAP_NS:
-                self._requested_ns[camera] = matches.stamp_ns
-                self._request_keyframe(camera)
+            self._request_keyframe(camera)
 
     def clear(self) -> int:
         """Remove all added landmarks; returns how many there were."""

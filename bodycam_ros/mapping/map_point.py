@@ -6,15 +6,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
-from bodycam_ros.mapping.triangulation import Triangulation, triangulate
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-
-Array = NDArray[np.float64]
+from bodycam_ros.mapping.triangulation import Triangulation, spread_directions, triangulate
 
 _MAX_SIGHTINGS = 10  # rays that a point keeps: those farthest from each other, which constrain it most
 
-NO_SLOT = -1
+NO_SLOT, REMOVED = -1, -2
 
 Descriptors = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]
 """Descriptors (N, 128); unit directions (N, 3) to their cameras; sizes (N,) as ``ReferenceMap.descriptor_size``."""
@@ -22,11 +20,10 @@ Descriptors = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class Sighting:
-    """One feature of one keyframe: a ray and its descriptor; ``time_ns`` is in the time of all cameras."""
+    """One feature of one keyframe: a ray and its descriptor."""
 
     camera: str
     stamp_ns: int
-    time_ns: int
     centre: Array
     direction: Array
     focal_px: float
@@ -34,48 +31,41 @@ class Sighting:
     size: float
 
 
-def make_sighting(keyframe: BodyKeyframe, feature: int, time_ns: int) -> Sighting:
+def make_sighting(keyframe: BodyKeyframe, feature: int) -> Sighting:
     """The sighting of a keyframe's feature, by its row."""
-    world_T_camera = keyframe.world_T_camera
     return Sighting(
         camera=keyframe.camera,
         stamp_ns=keyframe.stamp_ns,
-        time_ns=time_ns,
-        centre=world_T_camera[:3, 3].copy(),
-        direction=world_T_camera[:3, :3] @ keyframe.bearings[feature],
+        centre=keyframe.world_T_camera[:3, 3].copy(),
+        direction=keyframe.rays_world[feature].copy(),  # a view would keep all of the keyframe
         focal_px=keyframe.focal_length,
-        descriptor=keyframe.descriptors[feature].copy(),  # a view would keep all of the keyframe
+        descriptor=keyframe.descriptors[feature].copy(),
         size=float(keyframe.sizes[feature]),
     )
 
 
-@dataclass
+@dataclass(eq=False)
 class MapPoint:
     """A point and its sightings.
 
     Attributes:
         sightings: up to some, in order of time.
-        seen_ns: latest sighting, in the time of all cameras [ns].
         position: (3,) [m].
-        slot: of the extendable map; ``NO_SLOT`` until it is a landmark.
+        slot: of the extendable map; ``NO_SLOT`` until it is a landmark, ``REMOVED`` once it is none any more.
         landmark_id: its id in the map then.
         strikes: images in which it was an outlier, minus those in which it was an inlier.
-        inliers: images in which it was an inlier.
         saved: descriptors of a landmark of an earlier run, which has no sightings and is never refined.
     """
 
-    sightings: list[Sighting]
-    seen_ns: int
+    sightings: list[Sighting] = field(default_factory=list)
     position: Array = field(default_factory=lambda: np.zeros(3))
     slot: int = NO_SLOT
     landmark_id: int = 0
     strikes: int = 0
-    inliers: int = 0
     saved: Descriptors | None = None
 
     def add(self, sighting: Sighting) -> bool:
         """Add a sighting; whether it is kept. An image counts once, however many of its features show the point."""
-        self.seen_ns = max(self.seen_ns, sighting.time_ns)
         image = sighting.camera, sighting.stamp_ns
         if self.saved is not None or any((own.camera, own.stamp_ns) == image for own in self.sightings):
             return False
@@ -89,23 +79,17 @@ class MapPoint:
         return True
 
     def descriptors(self, count: int) -> Descriptors:
-        """``count`` descriptors from directions far from each other, the nearest sighting first; may repeat some."""
+        """``count`` descriptors from directions far from each other, the nearest sighting first."""
         if self.saved is not None:
             return self.saved
-        descriptors = np.zeros((count, DESCRIPTOR_LENGTH), np.uint8)
-        views, sizes = np.zeros((count, 3), np.float32), np.zeros(count, np.float32)
         towards = np.array([s.centre for s in self.sightings]) - self.position
         distances = np.linalg.norm(towards, axis=1)
         towards /= distances[:, None]
-        which = int(distances.argmin())
-        cosines = np.full(len(towards), -np.inf)
-        for row in range(count):
-            chosen = self.sightings[which]
-            descriptors[row], views[row] = chosen.descriptor, towards[which]
-            sizes[row] = chosen.size * distances[which]
-            cosines = np.maximum(cosines, towards @ towards[which])
-            which = int(cosines.argmin())
-        return descriptors, views, sizes
+        order = np.argsort(distances, kind="stable")
+        rows = order[spread_directions(towards[order], count)]
+        chosen = [self.sightings[row] for row in rows.tolist()]
+        sizes = distances[rows] * [s.size for s in chosen]
+        return np.array([s.descriptor for s in chosen]), towards[rows].astype(np.float32), sizes.astype(np.float32)
 
 
 def triangulate_points(points: Sequence[MapPoint]) -> Triangulation:

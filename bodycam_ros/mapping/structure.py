@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.mapping.features import ImageFeatures
+from bodycam_ros.mapping.triangulation import spread_directions
 
 _DESCRIPTORS_PER_POINT = 4  # from directions far from each other: SIFT holds for some 30 degrees around each
 
@@ -130,7 +131,11 @@ def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) 
     order = np.lexsort((distances, structure.observation_points))
     landmarks = structure.observation_points[order]
     starts = np.flatnonzero(np.diff(landmarks, prepend=-1))
-    kept = [group[_spread(to_camera[group])] for group in np.split(order, starts[1:]) if len(group)]
+    kept = [
+        group[spread_directions(to_camera[group], _DESCRIPTORS_PER_POINT)]
+        for group in np.split(order, starts[1:])
+        if len(group)
+    ]
     chosen = np.concatenate(kept) if kept else np.zeros(0, dtype=np.int64)
 
     views, rows = structure.observation_views[chosen], structure.observation_features[chosen]
@@ -155,15 +160,3 @@ def _local_scales(structure: Structure, points_camera: NDArray[np.float64]) -> N
     for camera, rows in structure.observations_by_camera():
         scales[rows] = scales_at(camera, cosines[rows])
     return scales
-
-
-def _spread(directions: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Rows of some of the unit directions (N, 3), each the farthest from those before it."""
-    chosen = [0]
-    cosines = directions @ directions[0]
-    while len(chosen) < min(_DESCRIPTORS_PER_POINT, len(directions)):
-        following = int(cosines.argmin())
-        chosen.append(following)
-        cosines = np.maximum(cosines, directions @ directions[following])
-        cosines[chosen] = np.inf
-    return np.array(chosen, dtype=np.int64)

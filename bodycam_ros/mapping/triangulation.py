@@ -1,4 +1,4 @@
-"""Points from rays of known cameras."""
+"""Points from rays of known cameras, and rays from directions far from each other."""
 
 from dataclasses import dataclass
 
@@ -60,3 +60,15 @@ def triangulate(centres: Array, directions: Array, focal_px: Array) -> Triangula
     return Triangulation(
         points + middle, np.where(behind, np.inf, focal_px * sines), np.arccos(np.clip(narrowest, -1.0, 1.0))
     )
+
+
+def spread_directions(directions: Array, count: int) -> NDArray[np.int64]:
+    """Rows of up to ``count`` unit directions (N, 3): the first, then each the farthest from those before it."""
+    chosen = [0]
+    cosines = directions @ directions[0]
+    while len(chosen) < min(count, len(directions)):
+        following = int(cosines.argmin())
+        chosen.append(following)
+        cosines = np.maximum(cosines, directions @ directions[following])
+        cosines[chosen] = np.inf
+    return np.array(chosen, dtype=np.int64)

@@ -17,8 +17,7 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, make_keyframe
-from bodycam_ros.mapping.extendable_map import make_extendable
-from bodycam_ros.mapping.extended_map import KeptImage, make_extended_map
+from bodycam_ros.mapping.extendable_map import KeptImage, add_images, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.mapping.progress import in_parallel
 from bodycam_ros.mapping.registration_record import ExtensionRound, RegisteredImagePose, RegistrationRecord
@@ -104,7 +103,7 @@ def extend_map(
                 images.append(KeptImage(keyframe.camera, keyframe.stamp_ns, keyframe.world_T_camera, jpeg))
                 on_progress(f"triangulation {len(rounds)}", len(images) / total)
             mapper.take_changes()
-            extended = make_extended_map(reference_map, mapper.added_points(), images, models)
+            extended = add_images(mapper.map.compact(), mapper.added_points(), images, models)
             map_path = scratch / f"round_{len(rounds)}"
             extended.save(map_path)
     return Extension(extended, tuple(rounds), time.monotonic() - started_s)

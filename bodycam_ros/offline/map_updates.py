@@ -64,7 +64,6 @@ class MapUpdateSource:
             if keyframe is not None:
                 self.mapper.add_keyframe(keyframe)
         self._pending.clear()
-        self.mapper.remove_unobserved()
         self._send(MapUpdate(epoch - 1, self.mapper.take_changes()))
 
     def add(self, matches: LandmarkMatches, keyframe: BodyKeyframe | None) -> None:

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 from grown_room import CAMERA, cameras, elsewhere, unlike, walk, walls
 
-from bodycam_ros.mapping.extendable_map import make_extendable
-from bodycam_ros.mapping.extended_map import KeptImage, make_extended_map
+from bodycam_ros.mapping.extendable_map import VIEWS, KeptImage, add_images, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
-from bodycam_ros.mapping.map_point import MapPoint
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
-
-VIEWS = 4
 
 
 def grey(seed: int) -> bytes:
@@ -40,26 +36,28 @@ def with_photograph(reference_map: ReferenceMap) -> ReferenceMap:
 
 
 @pytest.fixture(scope="module")
-def grown() -> tuple[list[MapPoint], list[KeptImage]]:
+def grown() -> tuple[ReferenceMap, LocalMapper, list[KeptImage]]:
+    """A map before it grows, its mapper afterwards, and the images."""
     random = np.random.default_rng(0)
     keyframes = list(walk(walls(200, random), unlike(200, random), 10, random))
-    growth = LocalMapper(make_extendable(elsewhere(random), 1000), cameras())
+    before = with_photograph(elsewhere(random))
+    growth = LocalMapper(make_extendable(before, 1000), cameras())
     images = []
     for number, one in enumerate(keyframes):
         growth.add_keyframe(one)
         images.append(KeptImage(one.camera, one.stamp_ns, one.world_T_camera, grey(number)))
     blind = KeptImage("chest", 5, np.eye(4), grey(99))
-    return growth.added_points(), [*images, blind]
+    growth.take_changes()
+    return before, growth, [*images, blind]
 
 
-def extended(reference_map: ReferenceMap, points: list[MapPoint], images: list[KeptImage]) -> ReferenceMap:
-    return make_extended_map(reference_map, points, images, cameras())
+def extended(growth: LocalMapper, images: list[KeptImage]) -> ReferenceMap:
+    return add_images(growth.map.compact(), growth.added_points(), images, cameras())
 
 
 def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:
-    points, images = grown
-    reference_map = with_photograph(elsewhere(np.random.default_rng(1)))
-    whole = extended(reference_map, points, images)
+    reference_map, growth, images = grown
+    points, whole = growth.added_points(), extended(growth, images)
     whole.save(tmp_path / "map")
     loaded = ReferenceMap.load(tmp_path / "map")
     settled = len(reference_map.landmark_ids)
@@ -74,9 +72,8 @@ def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:
 
 
 def test_every_landmark_is_in_the_images_that_saw_it_and_looks_as_it_did(grown) -> None:
-    points, images = grown
-    reference_map = with_photograph(elsewhere(np.random.default_rng(1)))
-    whole = extended(reference_map, points, images)
+    reference_map, growth, images = grown
+    points, whole = growth.added_points(), extended(growth, images)
     photographs, settled = whole.photographs, len(reference_map.landmark_ids)
     assert photographs is not None
     assert np.all(np.diff(photographs.observation_landmark.astype(int)) >= 0)
@@ -86,7 +83,7 @@ def test_every_landmark_is_in_the_images_that_saw_it_and_looks_as_it_did(grown) 
         views = photographs.observation_view[photographs.observation_landmark == row]
         assert {whole.image_names[view] for view in views} == {f"{s.camera}/{s.stamp_ns}" for s in point.sightings}
         looks = whole.descriptors[whole.descriptor_landmark == row]
-        assert len(looks) == min(VIEWS, len(point.sightings))
+        assert len(looks) == VIEWS
         assert {look.tobytes() for look in looks} <= {s.descriptor.tobytes() for s in point.sightings}
         for view in views:
             camera = photographs.cameras[photographs.camera_of_view[view]]
