@@ -101,7 +101,7 @@ class ExtendableMap(ReferenceMap):
     def visual_index(self) -> VisualIndex:
         """The index of all descriptors, for all cameras."""
         first = self._first_slot_descriptor
-        index = self.index_descriptors(first)
+        index = VisualIndex(self.descriptors, self.descriptor_landmark, self.index_words(first))
         index.add(first + np.flatnonzero(self.descriptor_size[first:] > 0.0))
         return index
 

@@ -23,7 +23,7 @@ def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, rows: W
     return squared
 
 
-@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1], b1[::1])")
+@kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1])")
 def search_lists(
     descriptors: Bytes,
     lists: Whole,
@@ -31,7 +31,6 @@ def search_lists(
     rows: Whole,
     known: Bytes,
     landmark_of_row: NDArray[np.uint32],
-    allowed: NDArray[np.bool_],
 ) -> tuple[Whole, Whole, Whole]:
     """The landmark most similar to each descriptor, by some of the lists.
 
@@ -42,7 +41,6 @@ def search_lists(
         rows: (N,) of the table, list by list.
         known: (D, 128) the table.
         landmark_of_row: (D,) their landmarks.
-        allowed: (L,) landmarks that may be found.
 
     Returns:
         Landmarks (M,), or -1, and the squared distances (M,) to them and to the next landmark.
@@ -54,8 +52,6 @@ def search_lists(
             for j in range(first_of_list[lists[i, p]], first_of_list[lists[i, p] + 1]):
                 row = rows[j]
                 landmark = np.int64(landmark_of_row[row])
-                if not allowed[landmark]:
-                    continue
                 squared = _squared_distance(descriptors, i, known, row, rival[i])
                 if landmark == nearest[i]:
                     best[i] = min(best[i], squared)

@@ -102,22 +102,10 @@ class ReferenceMap:
     @cached_property
     def visual_index(self) -> VisualIndex:
         """Search by descriptors alone, for all cameras."""
-        return self.index_descriptors(len(self.descriptors))
+        return VisualIndex(self.descriptors, self.descriptor_landmark, self.index_words(len(self.descriptors)))
 
-    def index_descriptors(self, count: int) -> VisualIndex:
-        """The search of so many of the first descriptors; others may be added."""
-        nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        seen = self.photographs
-        return VisualIndex(
-            self.descriptors,
-            self.descriptor_landmark,
-            self._words(count),
-            len(self.landmark_ids),
-            nothing if seen is None else (seen.observation_landmark, seen.observation_view),
-            len(self.world_T_camera) if seen is not None else 0,
-        )
-
-    def _words(self, count: int) -> VisualWords:
+    def index_words(self, count: int) -> VisualWords:
+        """Visual words of so many of the first descriptors."""
         if self.words is not None and len(self.words.word_of_descriptor) == count:
             return self.words
         return cluster_words(self.descriptors[:count])
@@ -176,7 +164,7 @@ class ReferenceMap:
             OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
-        words = self._words(len(self.descriptors))
+        words = self.index_words(len(self.descriptors))
         arrays |= dict(zip(_WORDS_DTYPES, (words.centres, words.word_of_descriptor), strict=True))
         summary = {
             "version": VERSION,

@@ -160,13 +160,12 @@ class Registrar:
             tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX)
         if pose is None:
             # Here, as whoever knows the settings alone need not load pycolmap.
-            from bodycam_ros.registration.relocalisation import find_poses
+            from bodycam_ros.registration.relocalisation import find_pose
 
             pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
-            for candidate in find_poses(self.camera, self.map, pixels, frame.descriptors):
+            candidate = find_pose(self.camera, self.map, pixels, frame.descriptors)
+            if candidate is not None:
                 tracks, pose = self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX)
-                if pose is not None:
-                    break
         if pose is None:
             return tracks, None
         better_tracks, better_pose = self._match_near(frame, tracks, pose.world_T_camera, RADIUS_PX)

@@ -1,13 +1,13 @@
-"""Search of a map by descriptors alone: an inverted file of visual words, and similar photographs.
+"""Search of a map by descriptors alone: an inverted file of visual words (Sivic and Zisserman 2003).
 
-An inverted file (Sivic and Zisserman 2003): descriptors are listed by their visual word, and a query is compared with
-those in the lists of the words nearest to it, byte by byte. Photographs are compared by their words, weighted by how
-rare each is (tf-idf).
+Descriptors are listed by their visual word, and a query is compared with those in the lists of the words nearest to it,
+byte by byte.
 
 ``bodycam map`` makes the words once and saves them with the map; a map without them makes them when a camera is lost
 for the first time. The same map always gives the same words.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,6 @@ _SAMPLES_PER_WORD = 16  # descriptors that a mean is made of
 _ROUNDS = 6  # of k-means
 _BLOCK = 16384  # descriptors assigned together
 _PROBED = 8  # lists searched for a descriptor; they contain 56 of the 60 landmarks that all lists give
-_SIMILAR = 20  # photographs; with 10 a camera in 60 is found only in the whole map
 
 Vectors = NDArray[np.float32]
 
@@ -48,16 +47,14 @@ class VisualWords:
 
 def cluster_words(descriptors: NDArray[np.uint8]) -> VisualWords:
     """Visual words of descriptors (D, 128), by k-means on a sample."""
+    from scipy.cluster.vq import kmeans2
+
     count = max(1, min(len(descriptors) // _DESCRIPTORS_PER_WORD, _MOST_WORDS))
     rows = np.linspace(0, len(descriptors) - 1, min(len(descriptors), _SAMPLES_PER_WORD * count)).astype(np.int64)
     sample = descriptors[rows].astype(np.float32)
-    centres = sample[np.linspace(0, len(sample) - 1, count).astype(np.int64)]
-    for _ in range(_ROUNDS):
-        word = _distances(sample, centres).argmin(axis=1)
-        order = np.argsort(word, kind="stable")
-        present, first = np.unique(word[order], return_index=True)
-        sums = np.add.reduceat(sample[order], first, axis=0)
-        centres[present] = sums / np.diff(first, append=len(sample))[:, None]
+    start = sample[np.linspace(0, len(sample) - 1, count).astype(np.int64)]
+    with warnings.catch_warnings(action="ignore"):  # of words without descriptors, which stay where they are
+        centres, _ = kmeans2(sample, start, iter=_ROUNDS, minit="matrix")
     rounded = np.rint(centres).astype(np.uint8)
     return VisualWords(rounded, assign_words(descriptors, rounded))
 
@@ -66,15 +63,16 @@ def assign_words(descriptors: NDArray[np.uint8], centres: NDArray[np.uint8]) -> 
     """(M,) uint16 the word (W, 128) nearest to each descriptor (M, 128)."""
     vectors = centres.astype(np.float32)
     blocks = [
-        _distances(descriptors[first : first + _BLOCK].astype(np.float32), vectors).argmin(axis=1)
+        _distances(descriptors[first : first + _BLOCK], vectors).argmin(axis=1)
         for first in range(0, len(descriptors), _BLOCK)
     ]
     return np.concatenate([np.zeros(0, np.int64), *blocks]).astype(np.uint16)
 
 
-def _distances(vectors: Vectors, centres: Vectors) -> Vectors:
-    """(N, W) squared distances, less the squared length of the vectors."""
-    return np.asarray(np.einsum("ij,ij->i", centres, centres) - 2.0 * (vectors @ centres.T), np.float32)
+def _distances(descriptors: NDArray[np.uint8], centres: Vectors) -> Vectors:
+    """(N, W) squared distances, less the squared length of the descriptors."""
+    products = descriptors.astype(np.float32) @ centres.T
+    return np.asarray(np.einsum("ij,ij->i", centres, centres) - 2.0 * products, np.float32)
 
 
 class VisualIndex:
@@ -84,60 +82,28 @@ class VisualIndex:
         descriptors: (D, 128) uint8 table that is read at every search.
         landmark_of_descriptor: (D,) uint32.
         words: of the first descriptors of the table; later rows are listed once they are added.
-        landmarks: number of landmarks.
-        observations: (O,) landmarks and (O,) photographs that show them; empty for a map without photographs.
-        photographs: number of photographs.
     """
 
     def __init__(
-        self,
-        descriptors: NDArray[np.uint8],
-        landmark_of_descriptor: NDArray[np.uint32],
-        words: VisualWords,
-        landmarks: int,
-        observations: tuple[NDArray[np.integer], NDArray[np.integer]],
-        photographs: int,
+        self, descriptors: NDArray[np.uint8], landmark_of_descriptor: NDArray[np.uint32], words: VisualWords
     ) -> None:
         self._descriptors = as_bytes(descriptors)
         self._landmark_of_descriptor = np.require(landmark_of_descriptor, np.uint32, ("C", "A", "W", "E"))
-        self._centres, self._landmarks = words.centres, landmarks
-        self._vectors = words.centres.astype(np.float32)
+        self._centres, self._vectors = words.centres, words.centres.astype(np.float32)
         self._unlisted = len(words.centres)
         self._word_of_descriptor = np.full(len(descriptors), self._unlisted, np.int32)
         self._word_of_descriptor[: len(words.word_of_descriptor)] = words.word_of_descriptor
         self._lists: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
-        self._observations = observations
-        self._bags, self._rarity = self._describe_photographs(photographs)
 
     def add(self, rows: NDArray[np.int64]) -> None:
         """List rows (N,) of the table whose descriptors are new."""
         self._word_of_descriptor[rows] = assign_words(self._descriptors[rows], self._centres)
         self._lists = None
 
-    def find_similar(self, descriptors: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
-        """(L,) which landmarks are in the photographs most similar to an image with these descriptors (M, 128).
-
-        None where there are no more photographs than are compared.
-        """
-        if len(self._bags) <= _SIMILAR:
-            return None
-        bag = np.bincount(assign_words(descriptors, self._centres), minlength=self._unlisted)
-        likeness = self._bags @ _unit_rows(np.sqrt(bag)[None] * self._rarity)[0]
-        similar = np.zeros(len(self._bags), bool)
-        similar[np.argsort(-likeness, kind="stable")[:_SIMILAR]] = True
-        allowed = np.zeros(self._landmarks, bool)
-        landmarks, photographs = self._observations
-        allowed[landmarks[similar[photographs]]] = True
-        return allowed
-
     def find_nearest(
-        self, descriptors: NDArray[np.uint8], allowed: NDArray[np.bool_] | None = None
+        self, descriptors: NDArray[np.uint8]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """The landmark most similar to each descriptor.
-
-        Args:
-            descriptors: (M, 128) uint8.
-            allowed: (L,) landmarks that may be found; None: all.
+        """The landmark most similar to each descriptor (M, 128).
 
         Returns:
             Landmarks (M,), -1 where there is none, and the distances (M,) to each and to the next landmark; absent
@@ -147,10 +113,9 @@ class VisualIndex:
             order = np.argsort(self._word_of_descriptor, kind="stable")
             first = np.searchsorted(self._word_of_descriptor[order], np.arange(self._unlisted + 1))
             self._lists = order, first.astype(np.int64)
-        distances = _distances(descriptors.astype(np.float32), self._vectors)
         probed = np.tile(np.arange(self._unlisted), (len(descriptors), 1))
         if self._unlisted > _PROBED:
-            probed = np.argpartition(distances, _PROBED, axis=1)[:, :_PROBED]
+            probed = np.argpartition(_distances(descriptors, self._vectors), _PROBED, axis=1)[:, :_PROBED]
         landmarks, nearest, second = search_lists(
             as_bytes(descriptors),
             np.ascontiguousarray(probed, np.int64),
@@ -158,24 +123,5 @@ class VisualIndex:
             self._lists[0],
             self._descriptors,
             self._landmark_of_descriptor,
-            np.ones(self._landmarks, bool) if allowed is None else allowed,
         )
         return landmarks, np.sqrt(nearest), np.sqrt(second)
-
-    def _describe_photographs(self, count: int) -> tuple[Vectors, Vectors]:
-        """Unit rows (K, W) of weighted words of the photographs, and the weight (W,) of each word."""
-        landmarks, photographs = self._observations
-        present = np.flatnonzero(self._word_of_descriptor < self._unlisted)
-        # Each observation has all words of its landmark; a map's descriptors ascend by landmark.
-        owner = self._landmark_of_descriptor[present]
-        first, last = np.searchsorted(owner, landmarks), np.searchsorted(owner, landmarks, side="right")
-        counts = last - first
-        rows = present[np.arange(counts.sum()) + np.repeat(first - (np.cumsum(counts) - counts), counts)]
-        cells = np.repeat(photographs.astype(np.int64), counts) * self._unlisted + self._word_of_descriptor[rows]
-        bags = np.bincount(cells, minlength=count * self._unlisted).reshape(count, self._unlisted)
-        rarity = np.log((1.0 + count) / (1.0 + (bags > 0).sum(axis=0))).astype(np.float32)
-        return _unit_rows(np.sqrt(bags) * rarity), rarity
-
-
-def _unit_rows(rows: NDArray[np.floating]) -> Vectors:
-    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-9), np.float32)
