@@ -3,7 +3,7 @@
 How they are registered in the map, how they agree in time, and the verdict on the result.
 """
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -14,7 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.registration.landmark_matches import CameraSight, LandmarkMatches, camera_sight
-from bodycam_ros.registration.readout_time import DOUBTFUL_S, TypicalSpeed, doubt
+from bodycam_ros.registration.readout_time import DOUBTFUL_S, doubt
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.verdict import Level, Verdict
 
@@ -57,7 +57,6 @@ class RegistrationDiagnostics:
 
     def __init__(self, cameras: Iterable[str]) -> None:
         self._tallies = {camera: _Tally() for camera in cameras}
-        self._speeds: defaultdict[str, TypicalSpeed] = defaultdict(TypicalSpeed)
 
     def add(self, matches: LandmarkMatches) -> None:
         """Count one frame."""
@@ -66,7 +65,6 @@ class RegistrationDiagnostics:
         tally.landmarks += len(matches.landmark_ids)
         tally.sights[camera_sight(matches)] += 1
         tally.readout = matches.readout
-        self._speeds[matches.camera].add(matches)
         if matches.world_T_camera is not None:
             tally.sigma_mm = 1e3 * float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
 
@@ -96,7 +94,7 @@ class RegistrationDiagnostics:
         if tally.readout is not None:
             values["read-out time [ms]"] = tally.readout.milliseconds
             if tally.readout.sigma > DOUBTFUL_S:
-                values["read-out time"] = doubt(tally.readout, self._speeds[camera])
+                values["read-out time"] = doubt(tally.readout)
         if registered == 0:
             return Status(name, StatusLevel.ERROR, "not registered in the map", values)
         share = registered / frames

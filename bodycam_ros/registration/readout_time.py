@@ -6,7 +6,6 @@ that hardly moved then shares the estimate of those that did; one that contradic
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,6 @@ _CONFIRMATION, _CHECKED_S = 2.0, 0.0005  # sigmas and [s] within which the image
 _SPREAD_S = 0.0001  # between units of one make: their clocks differ by some ppm, the rest is the lens' share
 _AGREE = 3.0  # [sigma] cameras whose read-out times differ by more are of two makes
 _EXACT_S = 1e-9  # no read-out time is known better
-_TURNS = 5  # the set of agreeing cameras settles within two or three
 
 
 class ReadoutTime:
@@ -137,18 +135,12 @@ def pooled(readouts: Mapping[str, Readout], sizes: Mapping[str, tuple[int, int]]
 
 
 def _agreeing(readouts: list[Readout]) -> NDArray[np.bool_]:
-    """Which of them (N,) share the best known read-out time; at least one."""
+    """Which of them (N,) share the read-out time of the one that the best known ones agree with; at least one."""
     means = np.array([readout.seconds for readout in readouts])
     variances = np.array([readout.sigma**2 + _SPREAD_S**2 for readout in readouts])
-    weights = 1.0 / np.maximum(variances, _EXACT_S**2)
-    agree = np.abs(means[:, None] - means) <= _AGREE * np.sqrt(variances)
-    members: NDArray[np.bool_] = agree[np.argmax(agree @ weights)]
-    for _ in range(_TURNS):
-        mean = np.average(means[members], weights=weights[members])
-        now = np.abs(means - mean) <= _AGREE * np.sqrt(variances + 1.0 / weights[members].sum())
-        if not now.any() or np.array_equal(now, members):
-            break
-        members = now
+    apart = np.abs(means[:, None] - means)
+    best = np.argmax((apart <= _AGREE * np.sqrt(variances)) @ (1.0 / np.maximum(variances, _EXACT_S**2)))
+    members: NDArray[np.bool_] = apart[best] <= _AGREE * np.sqrt(variances[best] + variances)
     return members
 
 
@@ -166,38 +158,6 @@ def _with_others(own: Readout, others: list[Readout]) -> Readout:
     return Readout((own.seconds * own.sigma**-2 + mean / variance) / information, math.sqrt(1.0 / information))
 
 
-@dataclass
-class TypicalSpeed:
-    """Mean speed of a camera while it is registered.
-
-    Attributes:
-        latest: the last registered image; None before the first.
-        angle_rad, distance_m, seconds: sums over pairs of images.
-    """
-
-    latest: LandmarkMatches | None = None
-    angle_rad: float = 0.0
-    distance_m: float = 0.0
-    seconds: float = 0.0
-
-    def add(self, matches: LandmarkMatches) -> None:
-        """The next image."""
-        if matches.world_T_camera is None:
-            return
-        before, self.latest = self.latest, matches
-        if before is None or before.world_T_camera is None or before.stamp_ns != matches.previous_stamp_ns:
-            return
-        cosine = 0.5 * (float(np.vdot(before.world_T_camera[:3, :3], matches.world_T_camera[:3, :3])) - 1.0)
-        self.angle_rad += math.acos(min(1.0, max(-1.0, cosine)))
-        self.distance_m += math.dist(before.world_T_camera[:3, 3], matches.world_T_camera[:3, 3])
-        self.seconds += 1e-9 * (matches.stamp_ns - before.stamp_ns)
-
-    def within(self, seconds: float) -> tuple[float, float]:
-        """Mean turn [rad] and distance [m] in some time [s]; 0 of a camera that never moved."""
-        share = seconds / self.seconds if self.seconds else 0.0
-        return share * self.angle_rad, share * self.distance_m
-
-
 class ReadoutLog:
     """Collects the read-out times of all cameras.
 
@@ -210,13 +170,11 @@ class ReadoutLog:
         self._known = known
         self._sizes = {camera: (model.width, model.height) for camera, model in cameras.items()}
         self._latest: dict[str, Readout] = {}
-        self._speeds = {camera: TypicalSpeed() for camera in cameras}
 
     def add(self, matches: LandmarkMatches) -> None:
         """The next registration of a camera; its estimate replaces the one before."""
         if matches.readout is not None:
             self._latest[matches.camera] = matches.readout
-        self._speeds[matches.camera].add(matches)
 
     def readouts(self) -> dict[str, Readout]:
         """Camera -> its read-out time, pooled with those of its make."""
@@ -226,17 +184,15 @@ class ReadoutLog:
     def doubts(self) -> dict[str, str]:
         """Camera -> message about its read-out time, of those that are not known well."""
         return {
-            camera: f"camera {camera}: {doubt(readout, self._speeds[camera])}"
+            camera: f"camera {camera}: {doubt(readout)}"
             for camera, readout in sorted(self.readouts().items())
             if readout.sigma > DOUBTFUL_S
         }
 
 
-def doubt(readout: Readout, speed: TypicalSpeed) -> str:
-    """Message about a read-out time that is not known well, with the error that it may cause."""
-    angle_rad, distance_m = speed.within(readout.sigma)
+def doubt(readout: Readout) -> str:
+    """Message about a read-out time that is not known well."""
     return (
-        f"it moved too little to tell how long its rows are read out ({readout}); at its usual speed that may leave "
-        f"{1e3 * distance_m:.1f} mm and {np.degrees(angle_rad):.2f} deg. Give readout_time in its lens YAML, or turn "
-        "it more"
+        f"it moved too little to tell how long its rows are read out ({readout}). Give readout_time in its lens YAML, "
+        "or turn it more"
     )

@@ -54,3 +54,9 @@ def test_sigmas_of_the_pool_are_honest() -> None:
         found = pooled(readouts, dict.fromkeys(readouts, SIZE))
         square += [((found[str(k)].seconds - truth[k]) / found[str(k)].sigma) ** 2 for k in range(6)]
     assert np.mean(square) == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_camera_that_hardly_moved_joins_no_two_makes() -> None:
+    short, long = Readout(0.0050, 0.0002), Readout(0.0160, 0.0002)
+    found = pool(a=short, b=short, c=long, d=long, still=Readout(0.0, 0.015))
+    assert found["a"].seconds == pytest.approx(0.005, abs=2e-4) and found["c"].seconds == pytest.approx(0.016, abs=2e-4)
