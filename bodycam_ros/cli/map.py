@@ -100,12 +100,10 @@ def _tables(built: "BuiltMap") -> Iterator[Table]:
     )
     if (residual := built.residual) is not None:
         rows: list[tuple[object, ...]] = [
-            (tag, views, f"{residual.rms_of_tag_px[tag]:.3f}")
-            + (f"{residual.rms_of_tag_mm[tag]:.2f}" if tag in residual.rms_of_tag_mm else "",)
-            for tag, views in residual.views_of_tag.items()
+            (tag, views, f"{residual.rms_of_tag_px[tag]:.3f}") for tag, views in residual.views_of_tag.items()
         ]
-        rows.append(("all", "", f"{residual.rms_px:.3f}", f"{residual.rms_mm:.2f}"))
-        yield make_table(("tag", "photographs", "residual [px]", "residual [mm]"), rows, title="board")
+        rows.append(("all", "", f"{residual.rms_px:.3f} ({residual.rms_mm:.2f} mm)"))
+        yield make_table(("tag", "photographs", "residual [px]"), rows, title="board")
 
 
 def _scale_line(built: "BuiltMap") -> str:

@@ -8,21 +8,25 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.geometry import exp_so3, transform_points, umeyama
+from bodycam_ros.geometry import Array, exp_so3, inverse, transform_points, umeyama
 from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.board import Board, CornerViews, collect_corners, triangulate_corners
+from bodycam_ros.mapping.board import Board
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.structure import distinct
-
-Array = NDArray[np.float64]
+from bodycam_ros.mapping.triangulation import triangulate
 
 _MIN_CORNERS = 4  # one tag
+_MIN_ANGLE = 1e-3  # [rad] between the rays of a corner
 _CORNER_NOISE_PX = 0.05  # of a large tag, as measured; errors beyond twice it count linearly
 _LARGE_BREADTH_PX = 50.0  # below it a tag's noise grows with the square, as measured
 _MAX_CORNER_ERROR_PX = 2.0  # views of a corner beyond it are outliers of its triangulation
 _MAX_MISFIT_MRAD = 1.2  # median error of the corners beyond which there is no map; 0.05 to 1.0 with the right
 # camera.yaml, 1.3 and more with another lens model or a focal length 20 % off
 _FINE_MISFIT_PX = 0.5  # median error that is never refused: a fisheye's pixels are wider than the limit above
+
+# Corners run from the upper left clockwise: where they lie along a tag's width and height.
+_WIDTH_SIGNS = np.array([[-1.0], [1.0], [1.0], [-1.0]])
+_HEIGHT_SIGNS = np.array([[-1.0], [-1.0], [1.0], [1.0]])
 
 
 @dataclass(frozen=True)
@@ -32,15 +36,14 @@ class BoardResidual:
     Attributes:
         views_of_tag: tag -> number of photographs that measure it.
         rms_of_tag_px: tag -> root mean square distance of its corners from where the board projects [px].
-        rms_of_tag_mm: tag -> root mean square distance of its triangulated corners from the board's [mm].
-        rms_px, rms_mm: the same over all tags.
-        median_px: median of those distances in the photographs, which a single wrong tag does not move.
+        rms_px: the same over all tags.
+        rms_mm: root mean square distance of triangulated corners from the board's [mm].
+        median_px: median of the distances in the photographs, which a single wrong tag does not move.
         inset_px: how far blur moves each edge inwards; estimated with the alignment [px].
     """
 
     views_of_tag: Mapping[int, int]
     rms_of_tag_px: Mapping[int, float]
-    rms_of_tag_mm: Mapping[int, float]
     rms_px: float
     rms_mm: float
     median_px: float
@@ -61,6 +64,29 @@ class BoardAlignment:
     residual: BoardResidual
 
 
+@dataclass(frozen=True)
+class _TagViews:
+    """V views of tags of the board.
+
+    Attributes:
+        tags: (V,) numbers.
+        corners_board: (V, 4, 3) [m].
+        pixels: (V, 4, 2) of the corners.
+        breadths: (V, 2) of the tag in the photograph [px]; see ``TagView``.
+        camera_T_world: (V, 4, 4) of the photograph.
+        by_camera: each camera with the rows that it took.
+        focal_px: (V,) focal length of that camera [px], by which pixels become angles.
+    """
+
+    tags: NDArray[np.int64]
+    corners_board: Array
+    pixels: Array
+    breadths: Array
+    camera_T_world: Array
+    by_camera: tuple[tuple[CameraModel, NDArray[np.int64]], ...]
+    focal_px: Array
+
+
 def align_to_board(
     world_T_camera: Array,
     tag_views: Sequence[Sequence[TagView]],
@@ -71,31 +97,35 @@ def align_to_board(
 
     Args:
         world_T_camera: (K, 4, 4) poses of the registered photographs, in any frame and scale.
-        tag_views: for each of them the tags that it shows.
+        tag_views: for each of them the tags that it shows; those of other boards are ignored.
         taken_by: the camera of each of them.
         board: what was printed.
 
     Raises:
         MapError: too few views of the board to place it, or it does not fit, as with the intrinsics of another camera.
     """
-    views = collect_corners(world_T_camera, tag_views, taken_by, board)
-    triangulated = triangulate_corners(views, _MAX_CORNER_ERROR_PX)
-    seen = list(triangulated)
-    if len(seen) < _MIN_CORNERS:
+    views = _collect(world_T_camera, tag_views, taken_by, board)
+    board_points, world_points = _triangulate_corners(views)
+    if len(board_points) < _MIN_CORNERS:
         raise MapError(
-            f"board: only {len(seen)} of its corners can be placed from {len(tag_views)} registered photographs; "
-            "take more photographs of it from different sides, near enough that a tag is 30 px or broader. If there "
-            f"are enough: {wrong_camera(*distinct(taken_by)[0])}"
+            f"board: only {len(board_points)} of its corners can be placed from {len(tag_views)} registered "
+            "photographs; take more photographs of it from different sides, near enough that a tag is 30 px or "
+            f"broader. If there are enough: {wrong_camera(*distinct(taken_by)[0])}"
         )
-    world_points = np.array([triangulated[row] for row in seen])
-    board_points = np.concatenate(list(board.corners_board.values()))[seen]
-    scale, R, t = umeyama(board_points, world_points, with_scale=True)
-    scale, R, t, inset_px = _refine(views, scale, R, t)
-    residuals = _residuals(views, scale, R, t, inset_px)
-    offsets = (world_points - t) @ R / scale - board_points
-    residual = _report(views, residuals, np.array(seen), offsets, inset_px)
+    scale, R, t, inset_px = _refine(views, *umeyama(board_points, world_points, with_scale=True))
+    errors_px = np.linalg.norm(_residuals(views, scale, R, t, inset_px), axis=2)
+    offsets_m = (world_points - t) @ R / scale - board_points
+    tags = np.unique(views.tags).tolist()
+    residual = BoardResidual(
+        views_of_tag={tag: int(np.sum(views.tags == tag)) for tag in tags},
+        rms_of_tag_px={tag: _rms(errors_px[views.tags == tag]) for tag in tags},
+        rms_px=_rms(errors_px),
+        rms_mm=1e3 * _rms(np.linalg.norm(offsets_m, axis=1)),
+        median_px=float(np.median(errors_px)),
+        inset_px=inset_px,
+    )
     # An angle, since pixels are finer in larger photographs.
-    misfit_mrad = 1e3 * float(np.median(np.linalg.norm(residuals, axis=1) / views.focal_px))
+    misfit_mrad = 1e3 * float(np.median(errors_px / views.focal_px[:, None]))
     if misfit_mrad > _MAX_MISFIT_MRAD and residual.median_px > _FINE_MISFIT_PX:
         raise MapError(
             f"board: its corners are {residual.median_px:.1f} px ({misfit_mrad:.1f} mrad, median) from where the "
@@ -107,7 +137,58 @@ def align_to_board(
     return BoardAlignment(1.0 / scale, map_R_world, -map_R_world @ t / scale, map_R_board, residual)
 
 
-def _refine(views: CornerViews, scale: float, R: Array, t: Array) -> tuple[float, Array, Array, float]:
+def _collect(
+    world_T_camera: Array, tag_views: Sequence[Sequence[TagView]], taken_by: Sequence[CameraModel], board: Board
+) -> _TagViews:
+    rows = [
+        (view, pose, camera)
+        for pose, views, camera in zip(inverse(world_T_camera), tag_views, taken_by, strict=True)
+        for view in views
+        if view.tag in board.corners_board
+    ]
+    if not rows:
+        raise MapError(
+            f"board: none of its tags ({board.family}: {', '.join(map(str, board.corners_board))}) is seen in the "
+            "registered photographs; photograph it from near by, or leave the board out for a map without scale"
+        )
+    views, poses, cameras = zip(*rows, strict=True)
+    different, camera_of_view = distinct(cameras)
+    return _TagViews(
+        tags=np.array([view.tag for view in views]),
+        corners_board=np.array([board.corners_board[view.tag] for view in views]),
+        pixels=np.array([view.corners for view in views]),
+        breadths=np.array([view.breadths for view in views]),
+        camera_T_world=np.array(poses),
+        by_camera=tuple((camera, np.flatnonzero(camera_of_view == row)) for row, camera in enumerate(different)),
+        focal_px=np.array([camera.fx for camera in cameras]),
+    )
+
+
+def _triangulate_corners(views: _TagViews) -> tuple[Array, Array]:
+    """Corners (N, 3) of the board and in the world, each from all photographs that agree on it."""
+    bearings = np.empty((len(views.tags), 4, 3))
+    for camera, at in views.by_camera:
+        bearings[at] = camera.unproject(views.pixels[at].reshape(-1, 2))[0].reshape(-1, 4, 3)
+    world_T_camera = inverse(views.camera_T_world)
+    centres = world_T_camera[:, :3, 3]
+    directions = bearings @ np.swapaxes(world_T_camera[:, :3, :3], 1, 2)
+    on_board, in_world = [], []
+    for tag in np.unique(views.tags):
+        for corner in range(4):
+            kept = np.flatnonzero(views.tags == tag)
+            while len(kept) >= 2:
+                found = triangulate(centres[None, kept], directions[None, kept, corner], views.focal_px[None, kept])
+                worst = int(found.errors_px[0].argmax())
+                if found.errors_px[0, worst] <= _MAX_CORNER_ERROR_PX:
+                    if found.angles[0] > _MIN_ANGLE:
+                        on_board.append(views.corners_board[kept[0], corner])
+                        in_world.append(found.points[0])
+                    break
+                kept = np.delete(kept, worst)
+    return np.array(on_board).reshape(-1, 3), np.array(in_world).reshape(-1, 3)
+
+
+def _refine(views: _TagViews, scale: float, R: Array, t: Array) -> tuple[float, Array, Array, float]:
     """Least squares of the corners' pixels over the board's seven parameters and the inset of the tags' edges.
 
     The inset shows in the gaps between tags, which blur widens as much as it shrinks the tags.
@@ -118,7 +199,7 @@ def _refine(views: CornerViews, scale: float, R: Array, t: Array) -> tuple[float
         return scale * float(np.exp(x[0])), R @ exp_so3(x[1:4]), t + scale * x[4:7], float(x[7])
 
     growth = np.maximum(1.0, _LARGE_BREADTH_PX / views.breadths.min(axis=1)) ** 2
-    noise = _CORNER_NOISE_PX * growth[:, None]
+    noise = _CORNER_NOISE_PX * growth[:, None, None]
 
     def cost(x: Array) -> Array:
         weighted: Array = _residuals(views, *unpack(x)) / noise
@@ -128,34 +209,22 @@ def _refine(views: CornerViews, scale: float, R: Array, t: Array) -> tuple[float
     return unpack(solution.x)
 
 
-def _residuals(views: CornerViews, scale: float, R: Array, t: Array, inset_px: float) -> Array:
-    """Pixels (N, 2) from where the board projects, its tags shrunk by the inset, to where the corners were found."""
-    shrink = 1.0 - 2.0 * inset_px / views.breadths[:, :, None]
-    points_board = views.centre_board + shrink[:, 0] * views.half_width_board + shrink[:, 1] * views.half_height_board
-    points_camera = transform_points(views.camera_T_world, (scale * points_board @ R.T + t)[:, None])[:, 0]
+def _residuals(views: _TagViews, scale: float, R: Array, t: Array, inset_px: float) -> Array:
+    """Pixels (V, 4, 2) from where the board projects, its tags shrunk by the inset, to where the corners were found."""
+    # A corner is its tag's centre and half of its width and height, exactly for any parallelogram.
+    corners = views.corners_board
+    shrink = (1.0 - 2.0 * inset_px / views.breadths)[:, :, None, None]
+    points_board = corners.mean(axis=1, keepdims=True)
+    for column, signs in enumerate((_WIDTH_SIGNS, _HEIGHT_SIGNS)):
+        points_board = points_board + shrink[:, column] * signs * (signs * corners).mean(axis=1, keepdims=True)
+    points_camera = transform_points(views.camera_T_world, scale * points_board @ R.T + t)
     residuals = np.zeros_like(views.pixels)
     for camera, rows in views.by_camera:
-        projected, valid = camera.project(points_camera[rows])
-        residuals[rows[valid]] = (views.pixels[rows] - projected)[valid]
+        projected, valid = camera.project(points_camera[rows].reshape(-1, 3))
+        errors = views.pixels[rows] - projected.reshape(-1, 4, 2)
+        residuals[rows] = np.where(valid.reshape(-1, 4, 1), errors, 0.0)
     return residuals
 
 
-def _report(
-    views: CornerViews, residuals: Array, corner_rows: NDArray[np.int64], offsets: Array, inset_px: float
-) -> BoardResidual:
-    squares_px = np.sum(residuals**2, axis=1)
-    squares_mm = np.sum((1e3 * offsets) ** 2, axis=1)
-    tags = np.unique(views.tags).tolist()
-    tag_of_corner = {int(row): int(tag) for row, tag in zip(views.corner_rows, views.tags, strict=True)}
-    corner_tags = np.array([tag_of_corner[row] for row in corner_rows.tolist()])
-    return BoardResidual(
-        views_of_tag={tag: int(np.sum(views.tags == tag)) // 4 for tag in tags},
-        rms_of_tag_px={tag: float(np.sqrt(squares_px[views.tags == tag].mean())) for tag in tags},
-        rms_of_tag_mm={
-            tag: float(np.sqrt(squares_mm[corner_tags == tag].mean())) for tag in tags if np.any(corner_tags == tag)
-        },
-        rms_px=float(np.sqrt(squares_px.mean())),
-        rms_mm=float(np.sqrt(squares_mm.mean())),
-        median_px=float(np.sqrt(np.median(squares_px))),
-        inset_px=inset_px,
-    )
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
