@@ -77,7 +77,6 @@ def run(arguments: argparse.Namespace) -> int:
     lines = (
         f"{sum(r.registered for r in built.registrations)} of {len(built.registrations)} photographs registered",
         f"{len(reference_map.landmark_ids)} landmarks with {len(reference_map.descriptors)} descriptors",
-        ", ".join(f"{step} {took:.0f} s" for step, took in built.seconds.items()),
         _scale_line(built),
         _vertical_line(built),
         *coverage,

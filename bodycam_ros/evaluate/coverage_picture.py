@@ -68,7 +68,7 @@ def _draw_directions(axes: Axes, coverage: Coverage, reference_map: ReferenceMap
         axes.contour(x, y, blocks, levels=[0.5], colors=WARNING, linewidths=1.6, zorder=3)
         if not gap.all_around:
             axes.plot(gap.azimuth_deg, gap.elevation_deg, "x", color=WARNING, markersize=9.0, markeredgewidth=2.0)
-    forward = reference_map.world_T_camera[:, :3, 2] @ coverage.level_R_world.T
+    forward = reference_map.world_T_camera[:, :3, 2]
     azimuths = np.degrees(np.arctan2(forward[:, 1], forward[:, 0]))
     elevations = np.degrees(np.arcsin(np.clip(forward[:, 2], -1.0, 1.0)))
     axes.plot(azimuths, elevations, "o", color=INK, markersize=3.2, markeredgecolor="white", markeredgewidth=0.5)
@@ -82,11 +82,10 @@ def _draw_directions(axes: Axes, coverage: Coverage, reference_map: ReferenceMap
 
 def _draw_plan(axes: Axes, coverage: Coverage, reference_map: ReferenceMap, gaps: list[Gap]) -> None:
     """From above: landmarks, photographs with their directions, places in the colour of their coverage."""
-    level = coverage.level_R_world.T
-    points = reference_map.points_world[:: max(1, len(reference_map.points_world) // _MOST_POINTS)] @ level
-    centres = reference_map.world_T_camera[:, :3, 3] @ level
-    forward = reference_map.world_T_camera[:, :3, 2] @ level
-    places = coverage.places_world @ level
+    points = reference_map.points_world[:: max(1, len(reference_map.points_world) // _MOST_POINTS)]
+    centres = reference_map.world_T_camera[:, :3, 3]
+    forward = reference_map.world_T_camera[:, :3, 2]
+    places = coverage.places_world
     low, high = _extent(points, np.concatenate([centres, places]))
     axes.plot(points[:, 0], points[:, 1], ".", color=QUIET, markersize=1.2, alpha=0.35, zorder=0)
     floor, at_floor = np.unique(np.round(places[:, :2], 3), axis=0, return_inverse=True)

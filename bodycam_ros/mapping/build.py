@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros import __version__
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
 from bodycam_ros.inertial.map_alignment import InertialAlignment
 from bodycam_ros.mapping import colmap
@@ -22,7 +21,7 @@ from bodycam_ros.mapping.floor import Floor, find_floor, upright_axes
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
-from bodycam_ros.mapping.progress import Progress, TimedProgress
+from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.mapping.reconstruction import reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure, choose_descriptors
@@ -67,7 +66,6 @@ class BuiltMap:
         known_scale: by known distances, or of known distances in a map that the board has scaled; None without any.
         floor: that gives origin and vertical, where no board does.
         inertial: scale and vertical by inertial sensors; None without any.
-        seconds: step -> time that it took.
     """
 
     reference_map: ReferenceMap
@@ -77,7 +75,6 @@ class BuiltMap:
     known_scale: KnownScale | None
     floor: Floor | None
     inertial: InertialAlignment | None
-    seconds: dict[str, float]
 
     def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
         """Write the map folder with its COLMAP model and PLY, whole or not at all.
@@ -123,11 +120,10 @@ def build_map(
         MapError: the photographs do not make a map, or do not show the board.
     """
     board = None if board_path is None else read_board(board_path)
-    timed = TimedProgress(progress)
     camera_of_name = photographs.camera_of_name
 
     # Features, with the detector that body cameras use.
-    features, tags = _features(photographs, settings.features.max_features, board, workers, timed)
+    features, tags = _features(photographs, settings.features.max_features, board, workers, progress)
     # Before structure from motion: a board that no photograph shows should cost seconds.
     if board is not None and not any(tags.values()):
         problem = (
@@ -140,7 +136,7 @@ def build_map(
         _LOG.warning("%s. The known distance or inertial sensors scale the map", problem)
         board = None
     # Poses and points, kept by the criteria of A 4.1.
-    structure = reconstruct(features, camera_of_name, workers, timed)
+    structure = reconstruct(features, camera_of_name, workers, progress)
 
     # Scale, origin and upward direction.
     alignment, known_scale, floor, inertial = None, None, None, None
@@ -159,15 +155,15 @@ def build_map(
     if alignment is None and len({origin.camera for origin in photographs.origins.values()}) > 1:
         structure, floor = _align_to_floor(structure, photographs, known_scale, align is not None)
         if align is not None:
-            with timed.step("registering images for inertial sensors", 1) as advance:
+            with progress.step("registering images for inertial sensors", 1) as advance:
                 inertial = align(_make_map(structure, features, None, metric=True, gravity_aligned=False, summary={}))
                 advance()
             scale = 1.0 if known_scale is not None else inertial.scale
             # The origin stays on the floor.
             structure = structure.transformed(scale, upright_axes(inertial.up), np.zeros(3))
 
-    kept = small_photographs(photographs.folder, structure, workers, timed)
-    with timed.step("describing landmarks", 1) as advance:
+    kept = small_photographs(photographs.folder, structure, workers, progress)
+    with progress.step("describing landmarks", 1) as advance:
         registrations = _registrations([image.name for image in features], structure, tags)
         reference_map = _make_map(
             structure,
@@ -177,11 +173,11 @@ def build_map(
             gravity_aligned=inertial is not None
             or floor is not None
             or (board is not None and board.map_R_board is not None),
-            summary=_summary(photographs, structure, settings, alignment, known_scale, floor, inertial, registrations),
+            summary=_summary(photographs, structure, settings, alignment, known_scale, floor, inertial),
         )
         advance()
     residual = None if alignment is None else alignment.residual
-    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, inertial, timed.seconds)
+    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, inertial)
 
 
 def _make_map(
@@ -295,7 +291,6 @@ def _summary(
     known_scale: KnownScale | None,
     floor: Floor | None,
     inertial: InertialAlignment | None,
-    registrations: Sequence[Registration],
 ) -> dict[str, Any]:
     """What ``map.yaml`` documents, as plain values."""
     errors = structure.reprojection_errors()
@@ -308,7 +303,15 @@ def _summary(
         "landmarks": len(structure.points_world),
         "observations": len(errors),
         "mean_reprojection_error_px": round(float(errors.mean()), 4),
-        **_cameras_summary(structure.cameras),
+        "cameras": {
+            camera.name: {
+                "distortion_model": camera.distortion_model,
+                "size": [camera.width, camera.height],
+                "k": [camera.fx, camera.fy, camera.cx, camera.cy],
+                "d": list(camera.distortion),
+            }
+            for camera in structure.cameras
+        },
         "board_residual": None if alignment is None else asdict(alignment.residual),
         MAP_R_BOARD: None if alignment is None else alignment.map_R_board.tolist(),
         "known_distance": known_scale
@@ -321,24 +324,4 @@ def _summary(
             "cameras": inertial.cameras,
         },
         "settings": settings.as_mapping(),
-        "registrations": [
-            {"name": r.name, "registered": r.registered, "landmarks": r.landmarks}
-            | ({"error_px": round(r.error_px, 3), "tags": r.tags} if r.registered else {})
-            for r in registrations
-        ],
     }
-
-
-def _cameras_summary(cameras: Sequence[CameraModel]) -> dict[str, Any]:
-    documents = [
-        {
-            "distortion_model": camera.distortion_model,
-            "size": [camera.width, camera.height],
-            "k": [camera.fx, camera.fy, camera.cx, camera.cy],
-            "d": list(camera.distortion),
-        }
-        for camera in cameras
-    ]
-    if len(cameras) == 1:
-        return {"camera": documents[0]}
-    return {"cameras": {camera.name: document for camera, document in zip(cameras, documents, strict=True)}}

@@ -221,7 +221,9 @@ def write_and_verify(database: Path, pairs: Sequence[tuple[str, str]], matches: 
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.random_seed = _RANDOM_SEED
     options.ransac.max_num_trials = _MAX_TRIALS
-    pycolmap.verify_matches(database, _list_pairs(database, pairs), options)
+    listed = database.with_name("pairs.txt")
+    listed.write_text("".join(f"{first} {second}\n" for first, second in pairs))
+    pycolmap.verify_matches(database, listed, options)
 
 
 def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:
@@ -235,22 +237,6 @@ def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Se
             geometry.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
             geometry.inlier_matches = rows
             opened.write_two_view_geometry(ids[first], ids[second], geometry)
-
-
-def match_in_full(database: Path, pairs: Sequence[tuple[str, str]], workers: int) -> None:
-    """Let COLMAP match pairs of photographs in full, and verify them by their epipolar geometry."""
-    pycolmap.match_image_pairs(
-        database,
-        matching_options=pycolmap.FeatureMatchingOptions(num_threads=workers, use_gpu=False),
-        pairing_options=pycolmap.ImportedPairingOptions(match_list_path=_list_pairs(database, pairs)),
-    )
-
-
-def _list_pairs(database: Path, pairs: Sequence[tuple[str, str]]) -> Path:
-    """Write pairs of photographs as COLMAP reads them, beside the database."""
-    path = database.with_name("pairs.txt")
-    path.write_text("".join(f"{first} {second}\n" for first, second in pairs))
-    return path
 
 
 def _ids(database: pycolmap.Database) -> dict[str, int]:

@@ -49,17 +49,14 @@ class Coverage:
     Attributes:
         places_world: (P, 3) in the map's unit.
         elevations_deg: (E,) of the optical axis, ascending.
-        azimuths_deg: (A,) of the optical axis, counter-clockwise from the x axis of ``level_R_world``, all around.
+        azimuths_deg: (A,) of the optical axis, counter-clockwise from the map's x axis, all around.
         visible: (P, E, A) landmarks in view.
-        level_R_world: (3, 3) whose z is up: the map's own axes if these are upright, else up is where the photographs
-            have it on average.
     """
 
     places_world: Array
     elevations_deg: Array
     azimuths_deg: Array
     visible: NDArray[np.int64]
-    level_R_world: Array
 
     @cached_property
     def registers(self) -> NDArray[np.bool_]:
@@ -90,40 +87,23 @@ class Coverage:
 
 def measure_coverage(reference_map: ReferenceMap, progress: Progress) -> Coverage:
     """Count the landmarks in view from places in a map, in all directions."""
-    level_R_world = _level(reference_map)
     places = _places(reference_map)
     elevations = np.arange(-_MAX_ELEVATION_DEG, _MAX_ELEVATION_DEG + 1e-6, _STEP_DEG)
     azimuths = np.linspace(-180.0, 180.0, round(360.0 / _STEP_DEG), endpoint=False)
-    world_R_camera = level_R_world.T @ _axes_towards(*np.meshgrid(elevations, azimuths, indexing="ij"))
+    world_R_camera = _axes_towards(*np.meshgrid(elevations, azimuths, indexing="ij"))
     visible = np.zeros((len(places), *world_R_camera.shape[:2]), np.int64)
     with progress.step("checking the coverage", len(places)) as advance:
         for row, place in enumerate(places):
             visible[row] = _counts(_offsets(reference_map, place), world_R_camera)
             advance()
-    return Coverage(places, elevations, azimuths, visible, level_R_world)
+    return Coverage(places, elevations, azimuths, visible)
 
 
-def directions_level(elevations_deg: Array, azimuths_deg: Array) -> Array:
-    """(..., 3) unit vectors in axes whose z is up."""
+def directions_world(elevations_deg: Array, azimuths_deg: Array) -> Array:
+    """(..., 3) unit vectors in the map's axes."""
     elevation, azimuth = np.radians(elevations_deg), np.radians(azimuths_deg)
     flat = np.cos(elevation)
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation) + 0.0 * azimuth], axis=-1)
-
-
-def _level(reference_map: ReferenceMap) -> Array:
-    """Rotation of the map's axes to some whose z is up."""
-    if reference_map.gravity_aligned:
-        return np.eye(3)
-    # People hold cameras upright on average.
-    up = -reference_map.world_T_camera[:, :3, 1].mean(axis=0)
-    if np.linalg.norm(up) < 0.1:
-        return np.eye(3)
-    up /= np.linalg.norm(up)
-    x = np.eye(3)[0] - up[0] * up
-    if np.linalg.norm(x) < 0.1:
-        x = np.eye(3)[1] - up[1] * up
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(up, x), up])
 
 
 def _places(reference_map: ReferenceMap) -> Array:
@@ -150,8 +130,8 @@ def _places(reference_map: ReferenceMap) -> Array:
 
 
 def _axes_towards(elevations_deg: Array, azimuths_deg: Array) -> Array:
-    """(..., 3, 3) level_R_camera of upright cameras that point in directions."""
-    forward = directions_level(elevations_deg, azimuths_deg)
+    """(..., 3, 3) world_R_camera of upright cameras that point in directions."""
+    forward = directions_world(elevations_deg, azimuths_deg)
     azimuth = np.radians(azimuths_deg)
     right = np.stack([np.sin(azimuth), -np.cos(azimuth), 0.0 * azimuth], axis=-1)
     return np.stack([right, np.cross(forward, right), forward], axis=-1)
@@ -217,7 +197,7 @@ def find_gaps(coverage: Coverage) -> list[Gap]:
 def _gap(coverage: Coverage, cells: NDArray[np.bool_]) -> Gap:
     elevations, azimuths = np.nonzero(cells)
     weights = coverage.weights[cells] * (1.0 - coverage.share_by_direction[cells])
-    mean = weights @ directions_level(coverage.elevations_deg[elevations], coverage.azimuths_deg[azimuths])
+    mean = weights @ directions_world(coverage.elevations_deg[elevations], coverage.azimuths_deg[azimuths])
     elevation = float(weights @ coverage.elevations_deg[elevations] / weights.sum())
     at_middle = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
     covered = at_middle if at_middle.any() else np.any(cells, axis=0)

@@ -27,7 +27,6 @@ Rows = NDArray[np.int64]
 _FEWEST = 60  # frames of all cameras: of a short recording frames are taken closer to each other
 _FEWEST_OF_CAMERA = 8
 _MIN_STEP_DEG = 3.0  # between frames of a camera: closer ones show the same from the same place
-_MAX_STEP_DEG = 25.0  # frames of a carried camera that are farther apart may have too little in common
 _MIN_SHARPNESS = 0.7  # relative to the better frames nearby; blur over 5 of 1280 px gives 0.78, over 9 px 0.6
 _NEARBY_S = 1.0  # before and after: the scene is still much the same
 _SHARP_PERCENTILE = 80
@@ -127,8 +126,6 @@ def choose_frames(motions: Mapping[str, FrameMotion], name: str, settings: Frame
     for camera, motion in motions.items():
         wanted = max(round(lengths[camera] / max(step_deg, 1e-9)), fewest)
         chosen = _sharp_rows(motion, max(lengths[camera] / max(1, wanted - 1), _MIN_STEP_DEG))
-        if len(motions) == 1 and len(chosen):
-            _warn_of_gaps(name, chosen, motion)
         # A camera that hardly moved gives its sharpest frame.
         rows[camera] = chosen if len(chosen) > 1 else np.argmax(motion.sharpness, keepdims=True).astype(np.int64)
     count = sum(map(len, rows.values()))
@@ -166,23 +163,6 @@ def _usual_sharpness(motion: FrameMotion) -> NDArray[np.float64]:
         motion.sharpness, _SHARP_PERCENTILE, size=2 * max(1, reach) + 1, mode="mirror"
     )
     return np.maximum(usual, _MIN_USUAL * np.percentile(motion.sharpness, _SHARP_PERCENTILE))
-
-
-def _warn_of_gaps(name: str, rows: Rows, motion: FrameMotion) -> None:
-    steps_deg = np.diff(motion.path_deg[rows], append=motion.path_deg[-1])
-    usual, widest = float(np.median(steps_deg)), int(np.argmax(steps_deg))
-    if usual > _MAX_STEP_DEG:
-        _LOG.warning(
-            "%s: is so long that its %d frames are %.0f deg apart, and may not connect; raise frames.most, or give a "
-            "shorter recording",
-            *(name, len(rows), usual),
-        )
-    elif steps_deg[widest] > max(2.0 * usual, _MAX_STEP_DEG):
-        _LOG.warning(
-            "%s: after %.1f s the view changes by %.0f deg without a sharp frame; the map may fall apart there. Walk "
-            "and turn more slowly, in more light",
-            *(name, motion.seconds[rows[widest]] - motion.seconds[0], steps_deg[widest]),
-        )
 
 
 def _straightened(frame: Frame, source: MovingCamera, angular_velocity: NDArray[np.float64]) -> tuple[str, bytes]:

@@ -1,9 +1,8 @@
 """How a long computation tells what it is doing."""
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from typing import Protocol, TypeVar
 
 T = TypeVar("T")
@@ -22,22 +21,6 @@ class Progress(Protocol):
 
     def step(self, name: str, total: int) -> AbstractContextManager[Advance]:
         """Begin a step of ``total`` units; leaving the context ends it."""
-
-
-class TimedProgress:
-    """Progress that also takes the time of each step: ``seconds``."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        """Pass the step on and note its time."""
-        start = time.monotonic()
-        with self._progress.step(name, total) as advance:
-            yield advance
-        self.seconds[name] = time.monotonic() - start
 
 
 def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:

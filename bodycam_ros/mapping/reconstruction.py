@@ -31,7 +31,6 @@ _MIN_FITTING = 0.22  # share of the matches that must fit, or there is no map; 0
 # 0.19 to 0.30 with a focal length 20 % off
 _DOUBTFUL_FITTING = 0.45  # share below which a warning is given; 0.13 to 0.32 with another lens model, with fx, fy 5 %
 # off 0.38 in a hundred photographs, 0.7 in thirty
-_PAIRS_AT_ONCE = 40  # between two steps of the progress bar
 
 
 def reconstruct(
@@ -139,10 +138,11 @@ def _match_in_full(
             advance,
         )
         colmap.write_verified(database, known, matches)
-        for start in range(0, len(unknown), _PAIRS_AT_ONCE):
-            block = unknown[start : start + _PAIRS_AT_ONCE]
-            colmap.match_in_full(database, block, workers)
-            advance(len(block))
+        if unknown:
+            described = {image.name: image.descriptors.astype(np.float32) for image in features}
+            matches = [mutual_matches(described[first], described[second]) for first, second in unknown]
+            colmap.write_and_verify(database, unknown, matches)
+            advance(len(unknown))
     return database
 
 
