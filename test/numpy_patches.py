@@ -57,7 +57,6 @@ def choose_in_numpy(
     normals: Array,
     sizes: Array,
     trust: Array,
-    trust_scale: float,
     per_cell: int,
 ) -> NDArray[np.int64]:
     offsets = points_world - world_T_camera[:3, 3]
@@ -75,7 +74,7 @@ def choose_in_numpy(
         & (v < camera.height - 1 - BORDER_PX)
         & np.isin(np.arange(len(points_world)), candidates)
     )
-    merits = trust_scale * trust - 0.05 * np.abs(np.log2(sigmas_px / 2.0))
+    merits = trust - 0.05 * np.abs(np.log2(sigmas_px / 2.0))
     cell = (v * CELLS / camera.height).astype(int) * CELLS + (u * CELLS / camera.width).astype(int)
     rows = [
         row

@@ -1,7 +1,7 @@
 """Arrays of an npz file of which nothing is believed until it was checked against the file's size.
 
-What compresses badly is stored as it is, where a processor can reach it: such arrays are mapped, and shared by all
-processes that read the file.
+What compresses badly is stored as it is: such arrays of bytes are mapped, and shared by all processes that read the
+file; wider numbers are copied to where a processor can reach them.
 """
 
 import io
@@ -26,10 +26,7 @@ _MOST_INFLATED = 100  # times its compressed size; descriptors shrink by a fifth
 _SMALL = 10_000_000  # [bytes] what needs no such check
 _LONGEST_HEADER = 100_000  # [bytes] of an array; numpy's own limit is below it
 _WORTH_COMPRESSING = 0.7  # of its size
-_ALIGNMENT = 64  # [bytes] of numpy's headers and of a cache line
 _LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip file: lengths of name and extra field
-_PADDING = struct.Struct("<HH")  # of an extra field: an identifier, and its length
-_PADDING_ID = 0xBC0D  # nobody's
 
 
 def read_arrays(
@@ -79,8 +76,6 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
             entry.compress_type = zipfile.ZIP_DEFLATED
             if len(zlib.compress(content)) > _WORTH_COMPRESSING * len(content):
                 entry.compress_type = zipfile.ZIP_STORED
-                padding = -(file.tell() + _LOCAL_HEADER.size + len(entry.filename) + _PADDING.size) % _ALIGNMENT
-                entry.extra = _PADDING.pack(_PADDING_ID, padding) + bytes(padding)
             archive.writestr(entry, content)
 
 

@@ -170,8 +170,7 @@ class DirectRegistration:
             self._points,
             photographs.normals,
             self._sizes,
-            self._trust.scaled,
-            self._trust.scale,
+            self._trust.values,
             self._per_cell,
         )
         views = best_views(

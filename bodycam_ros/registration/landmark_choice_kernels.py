@@ -28,7 +28,7 @@ _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale
 
 
 @kernel(
-    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], f8, i8)",
+    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], i8)",
 )
 def choose_landmarks(
     lens: Array,
@@ -41,7 +41,6 @@ def choose_landmarks(
     normals: NDArray[np.float32],
     sizes: NDArray[np.float32],
     trust: NDArray[np.float32],
-    trust_scale: float,
     per_cell: int,
 ) -> Whole:
     """Rows (N,) of the landmarks in view, cell by cell.
@@ -54,7 +53,7 @@ def choose_landmarks(
         points_world: (L, 3) [m].
         normals: (L, 3) of their surfaces.
         sizes: (L,) of their features [m].
-        trust, trust_scale: (L,) and a factor of all of them, see ``LandmarkTrust``.
+        trust: (L,) see ``LandmarkTrust``.
         per_cell: landmarks of each cell, the most trusted.
     """
     width, height = lens[1], lens[2]
@@ -81,7 +80,7 @@ def choose_landmarks(
         if not (u > _BORDER and v > _BORDER and u < width - 1 - _BORDER and v < height - 1 - _BORDER):
             continue
         cell = int(v * CELLS / height) * CELLS + int(u * CELLS / width)
-        merit, k = trust_scale * trust[i], per_cell - 1
+        merit, k = trust[i], per_cell - 1
         if merit <= score[cell, k]:
             continue
         merit -= 0.05 * abs(math.log2(0.5 * lens[3] * sizes[i] / distance))

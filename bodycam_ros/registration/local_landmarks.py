@@ -44,30 +44,23 @@ class LocalLandmarks:
 
 
 _FADES = 0.998  # share of a judgement that is left an image later
-_LEAST_SCALE = 1e-12  # far from the smallest float32
 _LATEST_SHARE = 0.2  # of the latest image in a judgement
 
 
 class LandmarkTrust:
-    """How often each landmark of a map was found, fading; an image costs as much as the landmarks that it looks for.
+    """How often each landmark of a map was found, fading.
 
     Args:
         count: of landmarks.
 
     Attributes:
-        scaled: (L,) float32; times ``scale`` it is from -0.5 (never found) to 0.5 (always), 0 where unknown.
-        scale: the same for all landmarks.
+        values: (L,) float32 from -0.5 (never found) to 0.5 (always), 0 where unknown.
     """
 
     def __init__(self, count: int) -> None:
-        self.scaled = np.zeros(count, np.float32)
-        self.scale = 1.0
+        self.values = np.zeros(count, np.float32)
 
     def update(self, rows: NDArray[np.int64], found: NDArray[np.bool_]) -> None:
         """An image in which landmarks (N,) were looked for, and which of them were found; all others fade."""
-        self.scale *= _FADES
-        if self.scale < _LEAST_SCALE:
-            self.scaled *= np.float32(self.scale)
-            self.scale = 1.0
-        judged = np.where(found, 0.5, -0.5) / self.scale
-        self.scaled[rows] += _LATEST_SHARE * (judged - self.scaled[rows])
+        self.values *= np.float32(_FADES)
+        self.values[rows] += np.float32(_LATEST_SHARE) * (np.where(found, 0.5, -0.5) - self.values[rows])

@@ -1,8 +1,7 @@
 """The photographs of a reference map, small and grey, for alignment by pixels.
 
-A map without them registers cameras by descriptors alone.
-
-Arrays of a single camera have no leading axis, and ``camera_of_view`` and ``distortion_ends`` are left out.
+A map without them registers cameras by descriptors alone. Files of older versions have arrays of a single camera
+without ``camera_of_view`` and ``distortion_ends``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,16 +26,14 @@ SEVERAL_CAMERAS_DTYPES = {"camera_of_view": "u2", "distortion_ends": "i8"}
 
 def camera_arrays(cameras: Sequence[CameraModel], camera_of_view: NDArray[np.uint16]) -> dict[str, NDArray[Any]]:
     """The arrays of cameras and of which of them took each photograph."""
-    arrays: dict[str, NDArray[Any]] = dict(
+    return dict(
         distortion_model=np.array([camera.distortion_model for camera in cameras]),
         size=np.array([[camera.width, camera.height] for camera in cameras], np.int64),
         intrinsics=np.array([[camera.fx, camera.fy, camera.cx, camera.cy] for camera in cameras]),
         distortion=np.concatenate([np.array(camera.distortion, np.float64) for camera in cameras]),
+        distortion_ends=np.cumsum([len(camera.distortion) for camera in cameras], dtype=np.int64),
+        camera_of_view=camera_of_view,
     )
-    if len(cameras) == 1:
-        return arrays | {name: arrays[name][0] for name in ("distortion_model", "size", "intrinsics")}
-    counts = [len(camera.distortion) for camera in cameras]
-    return arrays | dict(distortion_ends=np.cumsum(counts, dtype=np.int64), camera_of_view=camera_of_view)
 
 
 def cameras_from(
@@ -50,11 +47,10 @@ def cameras_from(
     models = arrays["distortion_model"].ravel()
     of_view = arrays.get("camera_of_view", np.zeros(photographs, np.uint16))
     ends = arrays.get("distortion_ends", np.array([arrays["distortion"].size]))
-    several = (len(models),) if "camera_of_view" in arrays else ()
     sound = (
-        arrays["distortion_model"].shape == several != (0,)
-        and arrays["size"].shape == (*several, 2)
-        and arrays["intrinsics"].shape == (*several, 4)
+        len(models) > 0
+        and arrays["size"].size == 2 * len(models)
+        and arrays["intrinsics"].size == 4 * len(models)
         and arrays["distortion"].ndim == 1
         and ends.shape == (len(models),)
         and bool(np.all(np.diff(ends, prepend=0) >= 0))

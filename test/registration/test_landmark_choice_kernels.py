@@ -42,7 +42,7 @@ def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float
     trust = np.random.default_rng(1).uniform(0.0, 1.0, len(points)).astype(np.float32)
     some = np.flatnonzero(np.arange(len(points)) % 7)
     for per_cell in (1, 2, 5):
-        arguments = (POSE, twist, readout_time, some, points, normals, sizes, trust, 0.7, per_cell)
+        arguments = (POSE, twist, readout_time, some, points, normals, sizes, trust, per_cell)
         rows = choose_landmarks(camera.parameters, radial_gains(camera), *arguments)
         np.testing.assert_array_equal(rows, choose_in_numpy(camera, *arguments))
         assert len(rows) > 8
