@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, log_so3
 from bodycam_ros.inertial.bias_filter import BiasFilter, turned
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.inertial.preintegration import MotionSums
 
+_AROUND_NS = 10_000_000  # half the time that an angular velocity is the mean of: about what rows are read out in
 _BLOCK_NS = 10_000_000_000  # samples are integrated in blocks: of long recordings the sums would be large
 
 
@@ -33,6 +34,17 @@ class CameraTurn:
         is_confirmed = self._bias.agreeing > self._bias.contradicting
         moved = self._sums.between(start_ns, end_ns) if is_confirmed else None
         return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
+
+    def angular_velocity(self, stamp_ns: int) -> Array | None:
+        """(3,) of the camera around a stamp [ns], along its own axes [rad/s].
+
+        Up to the stamp where later samples are yet to come; None as of ``between``.
+        """
+        for end_ns in (stamp_ns + _AROUND_NS, stamp_ns):
+            later_R_camera = self.between(stamp_ns - _AROUND_NS, end_ns)
+            if later_R_camera is not None:
+                return log_so3(later_R_camera.T) / (1e-9 * (end_ns - stamp_ns + _AROUND_NS))
+        return None
 
     def observe(self, stamp_ns: int, world_T_camera: Array) -> None:
         """Follow the bias by the pose (4, 4) of a registered image, later than the one before."""

@@ -138,7 +138,9 @@ class LandmarkTracker:
         before = self._before
         if before is None:
             return None
-        motion = self._motion.in_image(stamp_ns, before.stamp_ns, None, self._readout.in_use)
+        readout_time = self._readout.in_use
+        angular_velocity = self._turn.angular_velocity(stamp_ns) if self._turn is not None and readout_time else None
+        motion = self._motion.in_image(stamp_ns, before.stamp_ns, None, readout_time, angular_velocity)
         for turn in (None,) if current_R_previous is None else (current_R_previous, None):
             predicted = self._motion.predict(stamp_ns - before.stamp_ns, turn)
             if predicted is None:

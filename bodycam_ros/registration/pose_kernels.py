@@ -58,7 +58,7 @@ _DAMPING = 1e-9
 _LEAST = 1e-9
 
 # The camera's motion as a vector.
-_READOUT_TIME, _READOUT_SIGMA, _GAIN, _TWIST, _SIGMAS = 0, 1, 2, 3, 9
+_READOUT_TIME, _READOUT_SIGMA, _GAIN, _TWIST, _SIGMAS = 0, 1, 2, 8, 14
 
 
 @kernel("(f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8, f8, i8, f8[::1], f8[::1], f8[:, ::1])")
@@ -84,7 +84,7 @@ def fit_kernel(
         world_T_start: (4, 4) initial pose.
         pixel_sigma, inlier_px, start_px, iterations: of ``fit_pose``.
         shares: (N,) place of the pixels' rows in the read-out, ``row_shares``.
-        motion: (15,) read-out time and its sigma, gain, twist and sigmas of ``ImageMotion``; empty where all rows are
+        motion: (20,) read-out time and its sigma, gain, twist and sigmas of ``ImageMotion``; empty where all rows are
             exposed together.
         world_T_previous: (4, 4) of ``ImageMotion``.
 
@@ -204,8 +204,8 @@ def _linearise(
                 by_u[12] += shares[i] * by_u[k] * twist[k]
                 by_v[12] += shares[i] * by_v[k] * twist[k]
                 by_u[6 + k], by_v[6 + k] = time_s * by_u[k], time_s * by_v[k]
-                by_u[k] *= 1.0 + motion[_GAIN] * time_s
-                by_v[k] *= 1.0 + motion[_GAIN] * time_s
+                by_u[k] *= 1.0 + motion[_GAIN + k] * time_s
+                by_v[k] *= 1.0 + motion[_GAIN + k] * time_s
         weight = 1.0 / (1.0 + (errors_px[i] / scale_px) ** 2) ** 2
         for j in range(unknowns):
             weighted_u, weighted_v = weight * by_u[j], weight * by_v[j]
@@ -236,7 +236,7 @@ def _twist(pose: Array, bend: Array, motion: Array, world_T_previous: Array) -> 
     if len(motion):
         since = log_se3(compose(inverse(world_T_previous), pose))
         for k in range(6):
-            twist[k] = motion[_GAIN] * since[k] + motion[_TWIST + k] + bend[k]
+            twist[k] = motion[_GAIN + k] * since[k] + motion[_TWIST + k] + bend[k]
     return twist
 
 

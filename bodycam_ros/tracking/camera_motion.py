@@ -22,6 +22,7 @@ LONGEST_NS: Final = 500_000_000
 TWIST_SIGMAS: Final = np.repeat([0.5, 0.15], 3)
 """[rad/s, m/s] difference of the twist in an image from the one that the images before predict."""
 
+_GYROSCOPE_SIGMA = 0.05  # [rad/s] of a twist that a gyroscope measured: its change while rows are read out
 _UNKNOWN = 4.0  # times wider sigmas where only one image precedes
 _BOTH_SIDES = 0.2  # times narrower sigmas between two images
 _UNEVEN = 0.4  # share of the change between two steps that may come at once, such as of a foot that lands
@@ -58,7 +59,7 @@ class ImageMotion:
         readout_time: from the exposure of the first row to that of the last [s]; negative from the bottom up.
         readout_sigma: its standard deviation [s]; zero if it is given.
         world_T_previous: (4, 4) pose of the image before.
-        gain: what a step since then adds to the twist [1/s].
+        gain: (6,) what a step since then adds to the twist [1/s].
         twist: (6,) the constant part of the twist, rotation [rad/s] then translation [m/s] in camera axes.
         sigmas: (6,) standard deviation of the true twist from this [rad/s, m/s].
         turning: (3,) angular velocity without a pose, from the tracks or the images before [rad/s].
@@ -67,7 +68,7 @@ class ImageMotion:
     readout_time: float
     readout_sigma: float
     world_T_previous: Array
-    gain: float
+    gain: Array
     twist: Array
     sigmas: Array
     turning: Array
@@ -79,8 +80,8 @@ class ImageMotion:
 
     @property
     def as_vector(self) -> Array:
-        """As ``pose_kernels`` take it (15,): read-out time and its sigma, gain, twist, sigmas."""
-        return np.concatenate([[self.readout_time, self.readout_sigma, self.gain], self.twist, self.sigmas])
+        """As ``pose_kernels`` take it (20,): read-out time and its sigma, gain, twist, sigmas."""
+        return np.concatenate([[self.readout_time, self.readout_sigma], self.gain, self.twist, self.sigmas])
 
     def twist_of(self, world_T_camera: Array) -> Array:
         """(6,) twist at a pose (4, 4) [rad/s, m/s]."""
@@ -119,13 +120,18 @@ class CameraMotion:
         return predict_pose(self.world_T_camera, self._velocity, passed_ns, later_R_camera)
 
     def in_image(
-        self, stamp_ns: int, previous_stamp_ns: int, later_R_camera: Array | None, readout_time: float
+        self,
+        stamp_ns: int,
+        previous_stamp_ns: int,
+        later_R_camera: Array | None,
+        readout_time: float,
+        angular_velocity: Array | None = None,
     ) -> ImageMotion | None:
         """The motion while the next image is read out; None if it is unknown, or all rows are exposed together.
 
         From the mean twists of the last two steps, if equally long, the twist at the end of the second is 3/2 of the
         second less 1/2 of the first; one step alone gives its mean; without any the measured rotation gives the
-        turning.
+        turning. A gyroscope's angular velocity (3,) [rad/s] takes the place of all of these.
         """
         if readout_time == 0.0:
             return None
@@ -135,17 +141,21 @@ class CameraMotion:
         turning = np.zeros(3) if before is None else before[:3]
         if later_R_camera is not None:
             turning = log_so3(later_R_camera.T) / dt_s
+        world_T_previous = poses[-1][1] if poses else np.eye(4)
+        gain, rest, sigmas = np.zeros(6), np.zeros(6), _UNKNOWN * TWIST_SIGMAS
         if before is not None:
             bend = dt_s / (dt_s + 1e-9 * (poses[-1][0] - poses[-2][0]))
-            gain, rest = (1.0 + bend) / dt_s, -bend * before
-            return ImageMotion(readout_time, 0.0, poses[-1][1], gain, rest, TWIST_SIGMAS, turning)
-        wide = _UNKNOWN * TWIST_SIGMAS
-        if poses:
-            return ImageMotion(readout_time, 0.0, poses[-1][1], 1.0 / dt_s, np.zeros(6), wide, turning)
-        if later_R_camera is None:
+            gain, rest, sigmas = np.full(6, (1.0 + bend) / dt_s), -bend * before, TWIST_SIGMAS.copy()
+        elif poses:
+            gain = np.full(6, 1.0 / dt_s)
+        elif later_R_camera is None and angular_velocity is None:
             return None
-        rest = np.concatenate([turning, np.zeros(3)])
-        return ImageMotion(readout_time, 0.0, np.eye(4), 0.0, rest, wide, turning)
+        else:
+            rest[:3] = turning
+        if angular_velocity is not None:
+            turning = rest[:3] = angular_velocity
+            gain[:3], sigmas[:3] = 0.0, _GYROSCOPE_SIGMA
+        return ImageMotion(readout_time, 0.0, world_T_previous, gain, rest, sigmas, turning)
 
     def in_middle_image(self, readout_time: float, readout_sigma: float) -> ImageMotion | None:
         """The motion in the image before the latest, from both neighbours; None without three images in a row.
@@ -160,7 +170,7 @@ class CameraMotion:
         first, second = _twist(before, middle), _twist(middle, after)
         twist = (second_s * first + first_s * second) / (first_s + second_s)
         sigmas = _BOTH_SIDES * TWIST_SIGMAS + _UNEVEN * np.abs(second - first)
-        return ImageMotion(readout_time, readout_sigma, np.eye(4), 0.0, twist, sigmas, twist[:3])
+        return ImageMotion(readout_time, readout_sigma, np.eye(4), np.zeros(6), twist, sigmas, twist[:3])
 
 
 def _twist(earlier: tuple[int, Array], later: tuple[int, Array]) -> Array:

@@ -7,6 +7,7 @@ from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
+from bodycam_ros.tracking.camera_motion import CameraMotion
 
 START_NS, SECONDS, RATE_HZ, STEP_S = 10**9, 30.0, 200, 0.0005
 IMAGE_NS = 200_000_000
@@ -78,3 +79,25 @@ def test_no_turn_without_samples_or_of_a_sensor_that_contradicts_the_images(orie
         pose[:3, :3] = orientations[round(1e-9 * number * IMAGE_NS / STEP_S)]
         turn.observe(START_NS + number * IMAGE_NS, pose)
     assert turn.between(START_NS + 60 * IMAGE_NS, START_NS + 61 * IMAGE_NS) is None
+
+
+def test_the_twist_inside_an_image_is_the_gyroscopes(orientations: Array) -> None:
+    """Poses a tenth of a second apart do not tell how fast a limb turns while rows are read out."""
+    turn, motion = CameraTurn(CALIBRATION, readings()), CameraMotion()
+    errors = []
+    for number in range(1, 100):
+        stamp_ns, passed_ns = START_NS + number * IMAGE_NS // 2, IMAGE_NS // 2
+        pose = np.eye(4)
+        pose[:3, :3] = orientations[round(1e-9 * (stamp_ns - START_NS) / STEP_S)]
+        by_turn = turn.angular_velocity(stamp_ns)
+        if number > 5:
+            assert by_turn is not None
+            in_image = [
+                motion.in_image(stamp_ns, stamp_ns - passed_ns, None, 0.012, measured) for measured in (by_turn, None)
+            ]
+            true = rates(1e-9 * np.array([stamp_ns - START_NS]))[0]
+            errors.append([np.linalg.norm(each.twist_of(pose)[:3] - true) for each in in_image if each])
+        motion.add(stamp_ns, pose, stamp_ns - passed_ns)
+        turn.observe(stamp_ns, pose)
+    by_gyroscope, by_poses = np.mean(errors, axis=0)
+    assert by_gyroscope < 0.02 < 0.2 < by_poses

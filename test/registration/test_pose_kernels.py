@@ -28,7 +28,9 @@ def motion(readout_time: float, readout_sigma: float) -> ImageMotion:
     """Of a camera that moves a little differently than it did before."""
     sigmas = np.repeat([0.5, 0.2], 3)
     previous = WORLD_T_CAMERA @ exp_se3(-0.03 * TWIST)
-    return ImageMotion(readout_time, readout_sigma, previous, 20.0, 0.35 * TWIST, sigmas, TWIST[:3])
+    return ImageMotion(
+        readout_time, readout_sigma, previous, np.repeat([12.0, 20.0], 3), 0.35 * TWIST, sigmas, TWIST[:3]
+    )
 
 
 def measured(camera: CameraModel, count: int, readout_time: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

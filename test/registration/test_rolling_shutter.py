@@ -19,7 +19,7 @@ CAMERA = wide_camera()
 
 
 def motion(readout_s: float, sigma_s: float, twist: np.ndarray = TWIST, share: float = 1.0) -> ImageMotion:
-    return ImageMotion(readout_s, sigma_s, np.eye(4), 0.0, twist, share * SIGMAS, twist[:3])
+    return ImageMotion(readout_s, sigma_s, np.eye(4), np.zeros(6), twist, share * SIGMAS, twist[:3])
 
 
 def scene(count: int, twist: np.ndarray = TWIST, readout_s: float = READOUT_S) -> tuple[np.ndarray, np.ndarray]:
