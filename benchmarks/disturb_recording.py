@@ -70,6 +70,27 @@ def disturb_bag(source: Path, target: Path, blur: float, darkest: float) -> None
                 writer.write(written[connection.id], stamp, typestore.serialize_cdr(message, connection.msgtype))
 
 
+def blur_bag(source: Path, target: Path, share: float, start_s: float, end_s: float) -> Path:
+    """Write a bag whose images from start to end [s] are exposed for a share of their interval; return it."""
+    typestore = recording_typestore()
+    with (
+        AnyReader([source], default_typestore=typestore) as reader,
+        Writer(target, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP) as writer,
+    ):
+        for connection in reader.connections:
+            written = writer.add_connection(connection.topic, connection.msgtype, typestore=typestore)
+            if not connection.topic.endswith("/compressed"):
+                for _, stamp, data in reader.messages([connection]):
+                    writer.write(written, stamp, data)
+                continue
+            for stamp, message, triple in _triples(reader, connection):
+                if start_s <= 1e-9 * (stamp - reader.start_time) < end_s:
+                    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+                    message.data = cv2.imencode(".jpg", blurred(*triple, share), quality)[1].ravel()
+                writer.write(written, stamp, typestore.serialize_cdr(message, connection.msgtype))
+    return target
+
+
 def _triples(
     reader: AnyReader, connection: Connection
 ) -> Iterator[tuple[int, object, tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]]]:

@@ -91,6 +91,8 @@ def measurements(mode: str) -> Iterator[Measurement]:
         yield Measurement("bicycle", equipment.bicycle)
         yield Measurement("legs gone", equipment.without_leg_cameras)
         yield Measurement("inertial sensors", inertial_sensors.sensors)
+        yield Measurement("sensors and blur", inertial_sensors.blur)
+        yield Measurement("sensors and map", inertial_sensors.map_without_board)
         for name in ("dev_outside_cycle", "dev_outside_board"):
             for surface in ("scan", "capsules"):
                 yield Measurement(f"{name} {surface}", partial(static_cameras.rendered, name=name, surface=surface))

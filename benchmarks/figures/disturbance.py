@@ -28,6 +28,11 @@ def every_third(camera: str, seconds: float, number: int) -> str | None:
     return GONE if number % 3 else None
 
 
+def every_sixth(camera: str, seconds: float, number: int) -> str | None:
+    """Keep every sixth image: five a second."""
+    return GONE if number % 6 else None
+
+
 def quarter_in_turn(cameras: Collection[str], each_s: float = 0.5) -> Disturbance:
     """Every fourth camera at a time is dark, for so long each [s]."""
     order = {camera: place % 4 for place, camera in enumerate(sorted(cameras))}
