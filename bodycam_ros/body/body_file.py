@@ -1,10 +1,10 @@
-"""A body in a file: YAML, which keeps all of it (``body_yaml``), or URDF, which keeps less (``urdf_reader``)."""
+"""A body in a file: YAML, which keeps all of it (``body_yaml``), or URDF, which carries it for other programs (``urdf``)."""
 
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
-from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError
 from bodycam_ros.whole_file import write_whole
 from bodycam_ros.yaml_file import read_text

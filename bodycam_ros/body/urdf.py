@@ -11,7 +11,7 @@ readers pass over it.
 
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations_with_replacement, pairwise, repeat
 
@@ -19,14 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
-from bodycam_ros.body.body_yaml import yaml_text
-from bodycam_ros.body.urdf_document import BODY, UrdfDocument
+from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
+from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, Joint
 
 CAMERA_SUFFIX = "_optical_frame"
 """End of the name of a camera's link."""
+
+BODY = "bodycam_body"
+"""Tag of the element whose text is the body, as a body file has it."""
 
 _FARTHEST_M = 100_000.0  # of what stands beside the body, along an axis: no map is so large
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
@@ -75,29 +78,33 @@ def urdf_text(body: BodyModel, masses: Mapping[str, Mass] | None = None) -> str:
         _add_visual(
             _add_link(robot, optical_frame(camera)), "box", "camera", np.eye(4), size=xml_numbers(_CAMERA_SIZE_M)
         )
-        _add_fixed(robot, f"{camera}_mount", mount.segment, optical_frame(camera), mount.segment_T_camera)
+        ends = mount.segment, optical_frame(camera)
+        _add_connection(robot, f"{camera}_mount", "fixed", ends, mount.segment_T_camera)
     _check_names(robot)
     ET.SubElement(robot, BODY).text = f"\n{yaml_text(replace(body, report={}))}"
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
 
-def _add_joint(robot: ET.Element, joint: Joint) -> None:
-    """The joint's chain from parent to child: three revolute joints or one, a fixed one, or six of a free joint."""
-    aligned = np.array_equal(joint.child_T_joint, np.eye(4))
-    last_link = joint.child if aligned else f"{joint.name}_joint_frame"
-    links = [joint.parent, *(f"{name}_link" for name in joint.angle_names[:-1]), last_link]
-    origin = joint.parent_T_joint
-    for name, motion, ends in zip(joint.angle_names, _motions(joint), pairwise(links), strict=False):
-        _add_moving(robot, name, ends, origin, motion)
-        origin = np.eye(4)
-    if joint.type == "weld":
-        _add_fixed(robot, joint.name, joint.parent, last_link, origin)
-    for link in links[1:]:
-        if link != joint.child:
-            _add_link(robot, link)
-    if not aligned:
-        _add_fixed(robot, f"{joint.name}_to_{joint.child}", last_link, joint.child, joint.joint_T_child)
+def body_from_urdf(text: str) -> BodyModel:
+    """The body that a URDF document carries; its joints come in the order of the tree, those that close loops last.
+
+    Raises:
+        BodyError: not a URDF, or not of a body; the message names the place in it.
+    """
+    robot = xml_elements(text)
+    if robot.tag != "robot":
+        raise BodyError(f"a URDF begins with <robot>, not <{robot.tag}>")
+    written = robot.findtext(BODY, default="")
+    if not written.strip():
+        raise BodyError(f"this URDF has no <{BODY}>: it is of a robot, or of an earlier version; give the body as YAML")
+    try:
+        body = body_from_yaml(written)
+    except BodyError as error:
+        raise BodyError(f"<{BODY}>: {error}") from error
+    if missing := set(body.segments) - {link.get("name", "") for link in robot.iterfind("link")}:
+        raise BodyError(f"<{BODY}>: the URDF has no links {', '.join(sorted(missing))}; write it anew from the body")
+    return replace(body, joints=(*body.tree_joints, *body.loop_joints))
 
 
 _Range = tuple[float, float] | None
@@ -118,6 +125,35 @@ def _motions(joint: Joint) -> list[_Motion]:
     return [*(("prismatic", axis, (-_FARTHEST_M, _FARTHEST_M), None) for axis in _AXES.values()), *turning]
 
 
+_Connection = tuple[str, tuple[str, str], Array, _Motion | None]
+"""Name, parent and child link, parent_T_child (4, 4) at zero [m], and how it moves; None: it is fixed."""
+
+
+def _connections(joint: Joint) -> Iterator[_Connection]:
+    """The joint's chain from parent to child: three revolute joints or one, a fixed one, or six of a free joint."""
+    aligned = np.array_equal(joint.child_T_joint, np.eye(4))
+    last_link = joint.child if aligned else f"{joint.name}_joint_frame"
+    links = [joint.parent, *(f"{name}_link" for name in joint.angle_names[:-1]), last_link]
+    origin = joint.parent_T_joint
+    for name, motion, ends in zip(joint.angle_names, _motions(joint), pairwise(links), strict=False):
+        yield name, ends, origin, motion
+        origin = np.eye(4)
+    if joint.type == "weld":
+        yield joint.name, (joint.parent, last_link), origin, None
+    if not aligned:
+        yield f"{joint.name}_to_{joint.child}", (last_link, joint.child), joint.joint_T_child, None
+
+
+def _add_joint(robot: ET.Element, joint: Joint) -> None:
+    for name, ends, origin, motion in _connections(joint):
+        if motion is None:
+            _add_connection(robot, name, "fixed", ends, origin)
+        else:
+            _add_moving(robot, name, ends, origin, motion)
+        if ends[1] != joint.child:
+            _add_link(robot, ends[1])
+
+
 def _add_moving(robot: ET.Element, name: str, links: tuple[str, str], origin: Array, motion: _Motion) -> None:
     kind, axis, limits, range_of_motion = motion
     element = _add_connection(robot, name, kind, links, origin)
@@ -133,10 +169,6 @@ def _bounds(name: str, limits: Sequence[float] | NDArray[np.floating] | None) ->
     """Attributes of limits, whose name has ``lower`` or ``upper`` in it."""
     pairs = () if limits is None else zip(("lower", "upper"), limits, strict=True)
     return {name.format(end): xml_numbers(np.array([limit])) for end, limit in pairs}
-
-
-def _add_fixed(robot: ET.Element, name: str, parent: str, child: str, parent_T_child: Array) -> None:
-    _add_connection(robot, name, "fixed", (parent, child), parent_T_child)
 
 
 def _add_connection(
@@ -213,26 +245,29 @@ LinkTransform = tuple[str, str, Array]
 
 
 class LinkTransforms:
-    """The links of a URDF, apart from its root.
+    """The links of a body's URDF, apart from its root.
 
     Args:
-        text: the document.
+        body: that it is of.
 
     Attributes:
         fixed: those that never move in their parent: cameras, and what is welded.
-
-    Raises:
-        BodyError: it is not a URDF.
     """
 
-    def __init__(self, text: str) -> None:
-        joints = UrdfDocument.parse(text).joints
-        self.fixed: tuple[LinkTransform, ...] = tuple(
-            (joint.parent, joint.child, joint.parent_T_joint) for joint in joints if joint.axis is None
+    def __init__(self, body: BodyModel) -> None:
+        connections = [each for joint in body.tree_joints for each in _connections(joint)]
+        self.fixed: tuple[LinkTransform, ...] = (
+            *((*ends, origin) for _, ends, origin, motion in connections if motion is None),
+            *((m.segment, optical_frame(camera), m.segment_T_camera) for camera, m in body.mounts.items()),
         )
-        self._joints = tuple(joint for joint in joints if joint.axis is not None)
-        self._twists = np.array([joint.twist for joint in self._joints]).reshape(-1, 6)
-        self._parent_T_joint = np.array([joint.parent_T_joint for joint in self._joints]).reshape(-1, 4, 4)
+        moving = [(name, ends, origin, motion) for name, ends, origin, motion in connections if motion is not None]
+        self._names, self._ends = [each[0] for each in moving], [each[1] for each in moving]
+        self._parent_T_joint = np.array([each[2] for each in moving]).reshape(-1, 4, 4)
+        twists = [
+            np.concatenate([np.zeros(3), axis] if kind == "prismatic" else [axis, np.zeros(3)])
+            for *_, (kind, axis, _, _) in moving
+        ]
+        self._twists = np.array(twists).reshape(-1, 6)
 
     def moving(self, names: Sequence[str], positions: NDArray[np.float64]) -> list[LinkTransform]:
         """Those that move.
@@ -245,6 +280,6 @@ class LinkTransforms:
             KeyError: a joint that moves is not among them.
         """
         row = {name: number for number, name in enumerate(names)}
-        rows = np.array([row[joint.name] for joint in self._joints], dtype=int)
+        rows = np.array([row[joint] for joint in self._names], dtype=int)
         parent_T_child = self._parent_T_joint @ exp_se3(positions[rows, None] * self._twists)
-        return [(joint.parent, joint.child, pose) for joint, pose in zip(self._joints, parent_T_child, strict=True)]
+        return [(*ends, pose) for ends, pose in zip(self._ends, parent_T_child, strict=True)]

@@ -7,9 +7,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.body.urdf_document import BODY
-from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.body.urdf import BODY, body_from_urdf, urdf_text
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint import Joint, default_sigmas
 from bodycam_ros.recording.bag_file import BagFile

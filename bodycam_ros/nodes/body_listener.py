@@ -13,7 +13,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, ViewError
 from bodycam_ros.geometry import Array
 from bodycam_ros.live.joint_state_synchronizer import JointStateSynchronizer

@@ -101,8 +101,7 @@ class BodyTopics:
         text = urdf_text(body, person_masses(body, mass_kg) if mass_kg > 0.0 else None)
         self._description.publish(text_message(self._make, text))
         if self._fixed_links is not None:
-            # From the published text, so that all readers have the same links.
-            self._links = LinkTransforms(text)
+            self._links = LinkTransforms(body)
             now_ns = self._stage.node.get_clock().now().nanoseconds
             self._fixed_links.publish(transforms_message(self._make, now_ns, self._links.fixed))
 

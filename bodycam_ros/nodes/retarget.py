@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.urdf_reader import body_from_urdf
+from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, has_clock
 from bodycam_ros.messages.tracks import landmark_matches

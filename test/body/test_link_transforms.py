@@ -17,7 +17,7 @@ class _Said:
 
 def test_links_are_where_pinocchio_has_them(body: BodyModel) -> None:
     text, names = urdf_text(body), JointAngles(body).names
-    links, angles = LinkTransforms(text), np.random.default_rng(8).uniform(-6.0, 6.0, len(names))
+    links, angles = LinkTransforms(body), np.random.default_rng(8).uniform(-6.0, 6.0, len(names))
     # In any order, and of others as well, as joint states may be.
     order = np.random.default_rng(9).permutation(len(names))
     said = links.moving([*(names[row] for row in order), "antenna"], np.append(angles[order], 1.0))
