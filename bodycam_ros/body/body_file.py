@@ -1,4 +1,4 @@
-"""A body in a file: YAML, which keeps all of it (``body_yaml``), or URDF, which carries it for other programs (``urdf``)."""
+"""A body in a file: YAML (``body_yaml``), or URDF, which carries it beside what other programs read (``urdf``)."""
 
 from pathlib import Path
 

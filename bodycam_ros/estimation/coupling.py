@@ -81,6 +81,7 @@ class Coupling:
 
     def reset(self) -> None:
         """After a pause: the equipment is searched again, its lengths are known as well as before."""
+        self.motion.reset()
         self.placed = self._was_placed = False
         self._first_shifts, self._first_sigmas = self._shifts, self._sigmas
         self.attachments.set_length_sigmas(self._sigmas)

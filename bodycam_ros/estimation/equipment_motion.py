@@ -4,12 +4,15 @@ Forwards such a hinge goes on at its speed. Over a whole recording its trajector
 before and after a gap, by as many turns as fit best between them.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
+from bodycam_ros.estimation.estimate import Coordinates
 from bodycam_ros.estimation.measurements import JointRotations
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionPrior, MotionSettings
 from bodycam_ros.geometry import Array
@@ -53,6 +56,12 @@ class EquipmentMotion:
             if joint.type == "hinge" and joint.child in self._row and equipment.segments[joint.child].keeps_speed
         ]
 
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget which hinges were driven."""
+        self._driven: set[int] = set()
+
     def _held_below(self, joint: Joint) -> list[str]:
         """Attachments to a joint's child and to what hangs on it."""
         below = self._body.moves[:, self._body.joint_row[joint.name]]
@@ -88,10 +97,17 @@ class EquipmentMotion:
                         led[tangent.columns[above]] = True
         return led
 
+    def coasting(self, at: Coordinates, active: ActiveAttachments | None) -> JointRotations:
+        """Hinges that were driven and are not now, where the prediction has them; nothing where ``active`` is None."""
+        driven = {row for row in self.coasting_rows if self.is_driven(row, active)}
+        self._driven |= driven
+        rows = sorted(self._driven - driven) if active is not None else []
+        return coasting(rows, at.motion[rows, :3, :3])
 
-def coasting(row: int, rotation: Array) -> JointRotations:
-    """A hinge, by its row in ``tree_joints``, that is at a rotation (3, 3) of its trajectory."""
-    return JointRotations(np.array([row], np.int64), rotation[None], np.full((1, 3), _COAST_RAD))
+
+def coasting(rows: Sequence[int], rotations: Array) -> JointRotations:
+    """Hinges, by their rows in ``tree_joints``, that are at rotations (U, 3, 3) of their trajectories."""
+    return JointRotations(np.array(rows, np.int64), rotations, np.full((len(rows), 3), _COAST_RAD))
 
 
 def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Array:

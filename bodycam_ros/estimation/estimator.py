@@ -283,7 +283,7 @@ class BodyEstimator:
         step = self._restart_columns(step, at, columns)
         measured = Measurements(
             cameras=measured.cameras + coupling.upright_measurement(start),
-            expected=measured.expected,
+            expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
             closed=coupling.closed_joints(),
         )
         return measured, step, start

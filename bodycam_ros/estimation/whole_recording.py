@@ -86,7 +86,7 @@ class WholeRecording:
                 motion = estimates[place].at.motion.copy()
                 motion[row, :3, :3] = rotations[place]
                 estimates[place] = replace(estimates[place], at=replace(estimates[place].at, motion=motion))
-                pin = coasting(row, rotations[place])
+                pin = coasting([row], rotations[place][None])
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 
