@@ -6,7 +6,6 @@ With --stations static cameras measure a person without body cameras: lengths an
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace
-from math import degrees, hypot
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -157,7 +156,6 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     write_body(body, arguments.output)
     write_html_report(body, calibrated.diagnosis, page)
     print_report(calibrated.diagnosis)
-    _print_imus(body)
     Terminal().print(f"\nbody written to {arguments.output}, report to {page}", soft_wrap=True)
 
 
@@ -173,20 +171,6 @@ def print_report(diagnosis: "CalibrationDiagnosis", console: Terminal | None = N
         console.print(Text.assemble((f"warning {count}: ", "bold red"), warning))
     if not diagnosis.warnings:
         console.print(Text("no warnings", "green"))
-
-
-def _print_imus(body: "BodyModel") -> None:
-    """Print the calibrations of the cameras' inertial sensors, if there are any."""
-    imus = {camera: mount.imu for camera, mount in body.mounts.items() if mount.imu is not None}
-    if not imus:
-        return
-    rows = []
-    for camera, imu in imus.items():
-        figures = (degrees(imu.rotation_sigma), 1e3 * imu.time_offset, 1e3 * imu.time_offset_sigma)
-        biases = (degrees(hypot(*imu.gyro_bias)), degrees(imu.gyro_bias_sigma))
-        rows.append((camera, *(f"{figure:.3f}" for figure in (*figures, *biases))))
-    columns = ("camera", "rotation +- [deg]", "time offset [ms]", "+-", "gyro bias [deg/s]", "+-")
-    Terminal().print(make_table(columns, rows, title="inertial sensors"))
 
 
 def _measure(arguments: argparse.Namespace, name: str) -> None:

@@ -4,18 +4,15 @@ import argparse
 import math
 
 import numpy as np
-from rich.table import Table
 
 from bodycam_ros.cli.options import read_settings
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import make_table
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.sampled_motion import MotionOptions
 from bodycam_ros.output_place import check_output
 from bodycam_ros.robot.retargeting import RobotSettings
-from bodycam_ros.robot.robot_recording import RobotSummary, write_robot
+from bodycam_ros.robot.robot_recording import write_robot
 from bodycam_ros.shown import printable
-from bodycam_ros.terminal import Terminal
 
 ROBOT = "robot"
 
@@ -49,20 +46,13 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
             arguments.force,
             progress,
         )
-    Terminal().print(_table(summary))
+    errors_cm = 100.0 * np.concatenate(list(summary.errors_m.values()))
+    figures = (errors_cm.mean(), np.percentile(errors_cm, 95), errors_cm.max())
+    print("hands and feet from their scaled targets: mean {:.2f}, 95 % {:.2f}, at most {:.2f} cm".format(*figures))
     nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"
-    print(f"{summary.instants} instants at {summary.scale:.2f} of the person's size; between its links {nearest}")
+    print(f"{summary.instants} frames at {summary.scale:.2f} of the person's size; between its links {nearest}")
     if summary.blocked:
         print(f"at {summary.blocked} of them no step satisfied all limits")
     each_ms = 1e3 * summary.cpu_s / summary.instants
-    print(f"{each_ms:.1f} ms of inverse kinematics an instant; written to {printable(str(arguments.output))}")
+    print(f"{each_ms:.1f} ms of inverse kinematics a frame; written to {printable(str(arguments.output))}")
     return 0
-
-
-def _table(summary: RobotSummary) -> Table:
-    rows = []
-    for link, errors_m in summary.errors_m.items():
-        errors = 100.0 * np.array(errors_m)
-        rows.append((link, *(f"{figure:.2f}" for figure in (errors.mean(), np.percentile(errors, 95), errors.max()))))
-    columns = ("hand or foot", "mean [cm]", "95 % [cm]", "most [cm]")
-    return make_table(columns, rows, caption="distance from its scaled target")

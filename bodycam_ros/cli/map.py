@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from bodycam_ros.cli.map_check import add_coverage
 from bodycam_ros.cli.map_source import (
     add_source_flags,
@@ -19,7 +17,6 @@ from bodycam_ros.cli.map_source import (
 )
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import make_table
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
@@ -71,38 +68,28 @@ def run(arguments: argparse.Namespace) -> int:
         )
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
     replace(built, reference_map=reference_map).save(output, force=arguments.force, also=draw)
-    terminal = Terminal()
-    for table in _tables(built):
-        terminal.print(table)
+    left_out = [each.name for each in built.registrations if not each.registered]
     lines = (
         f"{sum(r.registered for r in built.registrations)} of {len(built.registrations)} photographs registered",
+        *([f"NOT registered: {', '.join(left_out)}"] if left_out else ()),
         f"{len(reference_map.landmark_ids)} landmarks with {len(reference_map.descriptors)} descriptors",
+        *_board_lines(built),
         _scale_line(built),
         _vertical_line(built),
         *coverage,
         f"written to {output}",
     )
-    terminal.print("\n".join(lines), soft_wrap=True)
+    Terminal().print("\n".join(lines), soft_wrap=True)
     return 0
 
 
-def _tables(built: "BuiltMap") -> Iterator[Table]:
-    yield make_table(
-        ("photograph", "registered", "landmarks", "error [px]", "tags"),
-        [
-            (each.name, "yes" if each.registered else "NO", each.landmarks)
-            + (f"{each.error_px:.2f}" if each.landmarks else "", each.tags)
-            for each in built.registrations
-        ],
-        text_columns=2,
-        title="registration",
-    )
+def _board_lines(built: "BuiltMap") -> Iterator[str]:
     if (residual := built.residual) is not None:
-        rows: list[tuple[object, ...]] = [
-            (tag, views, f"{residual.rms_of_tag_px[tag]:.3f}") for tag, views in residual.views_of_tag.items()
-        ]
-        rows.append(("all", "", f"{residual.rms_px:.3f} ({residual.rms_mm:.2f} mm)"))
-        yield make_table(("tag", "photographs", "residual [px]"), rows, title="board")
+        views = residual.views_of_tag.values()
+        yield (
+            f"board: {len(views)} tags, each in {min(views)} to {max(views)} photographs, residual "
+            f"{residual.rms_px:.3f} px, {residual.rms_mm:.2f} mm"
+        )
 
 
 def _scale_line(built: "BuiltMap") -> str:

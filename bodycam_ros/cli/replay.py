@@ -1,7 +1,7 @@
 """bodycam replay: a recorded bag in, a bag with joint states out; exit code 3 where the result should not be used."""
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from bodycam_ros.mapping.registration_record import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-    from bodycam_ros.timing.clock_state import ClockHistory
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -157,12 +156,6 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
             print_section(widened(Terminal()), section)
     for remark in remarks:
         terminal.print(remark, style="red", soft_wrap=True)
-    off = {camera: timing for camera, timing in summary.timings.items() if timing.is_off or timing.jumps}
-    if off:
-        terminal.print(_clock_table(off))
-        right = [timing.latest.offset_sigma for camera, timing in summary.timings.items() if camera not in off]
-        if right:
-            terminal.print(f"the other {len(right)} clocks were right within +-{1e3 * max(right):.1f} ms")
     for line in clock_remarks(summary.timings, summary.speeds):
         terminal.print(line, soft_wrap=True)
     for camera, count in summary.refused.most_common():
@@ -204,18 +197,6 @@ def _table(summary: "ReplaySummary") -> Table:
         caption="registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
         "read-out: time of all rows, 0 for a global shutter",
     )
-
-
-def _clock_table(timings: "Mapping[str, ClockHistory]") -> Table:
-    from bodycam_ros.cli.tables import make_table
-
-    rows = []
-    for camera, timing in sorted(timings.items()):
-        clock = timing.latest
-        offset, drift = f"{1e3 * clock.offset:+.1f}", f"{1e6 * clock.drift:+.0f}"
-        rows.append((camera, offset, f"{1e3 * clock.offset_sigma:.1f}", drift, f"{1e6 * clock.drift_sigma:.0f}"))
-    caption = "offset: ahead of the others (+) or behind, corrected; the last one if the clock was set"
-    return make_table(("camera", "offset [ms]", "+-", "drift [ppm]", "+-"), rows, caption=caption)
 
 
 class _RealTime(ProgressColumn):

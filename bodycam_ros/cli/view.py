@@ -13,7 +13,6 @@ from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import shown
 
 if TYPE_CHECKING:
-    from bodycam_ros.viewer.scene_nodes import Detail
     from bodycam_ros.viewer.sources import Sources
 
 PORT = 8080
@@ -42,10 +41,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--live",
         action="store_true",
-        help="show what the running graph publishes (needs ROS 2); --map, --namespace, --port and --coarse apply",
+        help="show what the running graph publishes (needs ROS 2); --map, --namespace and --port apply",
     )
     parser.add_argument("--namespace", default="", metavar="NAME", help="with --live: of the person's graph, as anna")
-    parser.add_argument("--coarse", action="store_true", help="draw less finely, for computers without a graphics card")
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
     parser.set_defaults(run=run, usage_error=parser.error)
 
@@ -69,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     # The web server takes half a second to load; the other commands and --help do without.
     from bodycam_ros.viewer.session import view
 
-    view(_read_sources(arguments), arguments.port, _detail(arguments))
+    view(_read_sources(arguments), arguments.port)
     return 0
 
 
@@ -84,12 +82,6 @@ def _read_sources(arguments: argparse.Namespace) -> "Sources":
         arguments.stations,
         arguments.surface,
     )
-
-
-def _detail(arguments: argparse.Namespace) -> "Detail":
-    from bodycam_ros.viewer.scene_nodes import COARSE, FINE
-
-    return COARSE if arguments.coarse else FINE
 
 
 def _write_video(arguments: argparse.Namespace) -> None:
@@ -121,4 +113,4 @@ def _view_live(arguments: argparse.Namespace) -> None:
     from bodycam_ros.viewer.live_session import view_live
 
     open_listener = partial(listener, namespace=arguments.namespace)
-    view_live(open_listener, arguments.map, arguments.port, _detail(arguments))
+    view_live(open_listener, arguments.map, arguments.port)

@@ -1,7 +1,4 @@
-"""Diagnostics of cameras, of the live graph and of a replay alike.
-
-How they are registered in the map, how they agree in time, and the verdict on the result.
-"""
+"""Diagnostics of the live graph and of a replay alike: registration of the cameras, and the verdict on the result."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -15,20 +12,17 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.registration.landmark_matches import CameraSight, LandmarkMatches, camera_sight
 from bodycam_ros.registration.readout_time import DOUBTFUL_S, doubt
-from bodycam_ros.timing.clock_state import ClockHistory, ClockState
+from bodycam_ros.timing.clock_state import ClockState
 from bodycam_ros.verdict import Level, Verdict
 
-_LOW_SHARE = 0.9
+LOW_SHARE = 0.9
 """A camera registered in a smaller share of its frames gets a warning."""
-
-_APART_S = 5.0
-"""Largest delay of a busy machine; stamps farther apart are of another clock."""
 
 _LEVELS = {Level.GOOD: StatusLevel.OK, Level.DOUBTFUL: StatusLevel.WARN, Level.WRONG: StatusLevel.ERROR}
 
 
 class KnownCameras(Protocol):
-    """Camera models by now; see ``CameraModels``."""
+    """Camera models received so far; see ``CameraModels``."""
 
     models: dict[str, CameraModel]
     rejected: set[str]
@@ -90,7 +84,7 @@ class RegistrationDiagnostics:
             "position sigma [mm]": round(tally.sigma_mm, 2),
         }
         if clock is not None:
-            values |= _clock_values(clock)
+            values |= clock_values(clock)
         if tally.readout is not None:
             values["read-out time [ms]"] = tally.readout.milliseconds
             if tally.readout.sigma > DOUBTFUL_S:
@@ -98,48 +92,12 @@ class RegistrationDiagnostics:
         if registered == 0:
             return Status(name, StatusLevel.ERROR, "not registered in the map", values)
         share = registered / frames
-        level = StatusLevel.OK if share >= _LOW_SHARE else StatusLevel.WARN
+        level = StatusLevel.OK if share >= LOW_SHARE else StatusLevel.WARN
         return Status(name, level, f"registered on {share:.0%} of its frames", values)
 
 
-def timing_status(
-    camera: str,
-    share: float,
-    late: int,
-    silent: bool,
-    apart_s: float | None,
-    timing: ClockHistory | None,
-) -> Status:
-    """How one camera agrees in time with the others.
-
-    Args:
-        camera: its name.
-        share: share of the body's frames for which it has a registration, 0 to 1.
-        late: registrations after their frame was solved.
-        silent: whether the solver has stopped waiting for it.
-        apart_s: its stamps are ahead of the body's latest frame, or behind if negative [s]; None without registrations.
-        timing: its clock; None while unknown.
-    """
-    values: dict[str, object] = {
-        "share of frames [%]": round(100 * share),
-        "late registrations": late,
-    }
-    level, text = StatusLevel.OK, "in time with the others"
-    if timing is not None:
-        values |= _clock_values(timing.latest)
-        if timing.is_off:
-            text = f"clock offset {1e3 * timing.latest.offset:+.1f} ms, corrected"
-    if apart_s is not None and abs(apart_s) > _APART_S:
-        side = "ahead of" if apart_s > 0 else "behind"
-        level, text = StatusLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
-    elif silent:
-        level, text = StatusLevel.ERROR, "no registrations; the solver does not wait for it"
-    elif share < _LOW_SHARE:
-        level, text = StatusLevel.WARN, "registrations are missing"
-    return Status(f"camera {camera}", level, f"{text}; in {share:.0%} of the body's frames", values)
-
-
-def _clock_values(clock: ClockState) -> dict[str, object]:
+def clock_values(clock: ClockState) -> dict[str, object]:
+    """Figures of a clock."""
     return {
         "clock offset [ms]": round(1e3 * clock.offset, 2),
         "clock offset sigma [ms]": round(1e3 * clock.offset_sigma, 2),

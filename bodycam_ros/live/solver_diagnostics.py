@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyState
-from bodycam_ros.live.camera_diagnostics import KnownCameras, timing_status
+from bodycam_ros.live.camera_diagnostics import LOW_SHARE, KnownCameras, clock_values
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 _ARRIVALS = 1000
 _JUMP_NS = 1_000_000_000
+_APART_S = 5.0
+"""Largest delay of a busy machine; stamps farther apart are of another clock."""
+
 _PATIENCE_S = 2.0
 """No registration for so long is an error, and so are registrations without a solved frame."""
 
@@ -131,21 +134,31 @@ class SolverDiagnostics:
 
 
 def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:
-    """How each camera agrees in time with the others."""
+    """Agreement in time of each camera with the others."""
     if pipeline is None:
         return []
-    assembler, timings = pipeline.assembler, pipeline.synchronizer.clocks.histories
-    return [
-        timing_status(
-            camera,
-            share,
-            assembler.late_of[camera],
-            camera in assembler.silent,
-            pipeline.timeline.apart_s(camera),
-            timings.get(camera),
-        )
-        for camera, share in assembler.shares.items()
-    ]
+    assembler, clocks = pipeline.assembler, pipeline.synchronizer.clocks.histories
+    statuses = []
+    for camera, share in assembler.shares.items():
+        values: dict[str, object] = {
+            "share of frames [%]": round(100 * share),
+            "late registrations": assembler.late_of[camera],
+        }
+        level, text = StatusLevel.OK, "in time with the others"
+        if (clock := clocks.get(camera)) is not None:
+            values |= clock_values(clock.latest)
+            if clock.is_off:
+                text = f"clock offset {1e3 * clock.latest.offset:+.1f} ms, corrected"
+        apart_s = pipeline.timeline.apart_s(camera)
+        if apart_s is not None and abs(apart_s) > _APART_S:
+            side = "ahead of" if apart_s > 0 else "behind"
+            level, text = StatusLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
+        elif camera in assembler.silent:
+            level, text = StatusLevel.ERROR, "no registrations; the solver does not wait for it"
+        elif share < LOW_SHARE:
+            level, text = StatusLevel.WARN, "registrations are missing"
+        statuses.append(Status(f"camera {camera}", level, f"{text}; in {share:.0%} of the body's frames", values))
+    return statuses
 
 
 def equipment_status(report: EquipmentReport) -> Status:

@@ -17,7 +17,6 @@ from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.motion import Motion, in_order
 from bodycam_ros.viewer.panels import add_switches
 from bodycam_ros.viewer.scene import CAMERAS, MAP, NAMES, SURFACE, Scene
-from bodycam_ros.viewer.scene_nodes import FINE, Detail
 from bodycam_ros.viewer.server import LocalServer
 
 _REPORT_S = 0.5
@@ -63,14 +62,13 @@ MakeListener = Callable[[Callable[[BodyModel | str], None], Callable[[LiveState]
 """Makes a listener that passes bodies, or a fault, to the first function and states to the second."""
 
 
-def view_live(make_listener: MakeListener, map_path: Path | None, port: int, detail: Detail = FINE) -> None:
+def view_live(make_listener: MakeListener, map_path: Path | None, port: int) -> None:
     """Show the body of the running graph in a browser until the program is interrupted.
 
     Args:
         make_listener: subscribes to the graph.
         map_path: map folder; None: the body alone.
         port: of this machine; 0 takes any free one.
-        detail: level of detail.
 
     Raises:
         BodycamError: the map is missing or damaged, or the port cannot be used.
@@ -78,10 +76,10 @@ def view_live(make_listener: MakeListener, map_path: Path | None, port: int, det
     reference_map = None if map_path is None else ReferenceMap.load(map_path)
     server = LocalServer(port, "bodycam view: live")
     try:
-        session = LiveSession(server, reference_map, detail)
+        session = LiveSession(server, reference_map)
         listener = make_listener(session.put_body, session.put_state)
         try:
-            server.print_address(detail)
+            server.print_address()
             while True:
                 session.step(_REPORT_S)
         finally:
@@ -97,8 +95,8 @@ class LiveSession:
         text: state of the graph, in words.
     """
 
-    def __init__(self, server: LocalServer, reference_map: ReferenceMap | None, detail: Detail = FINE) -> None:
-        self._server, self._map, self._detail = server, reference_map, detail
+    def __init__(self, server: LocalServer, reference_map: ReferenceMap | None) -> None:
+        self._server, self._map = server, reference_map
         self._inbox = inbox = Inbox()
         self._body: BodyModel | None = None
         self._scene: Scene | None = None
@@ -152,7 +150,6 @@ class LiveSession:
             Motion.standing(body),
             lambda part: None,
             read_surfaces=capsule_surfaces,
-            detail=self._detail,
         )
         for layer, visible in self._shown.items():
             self._scene.show_layer(layer, visible)

@@ -19,13 +19,14 @@ from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.footage import Footage
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene_nodes import FINE, GRID, GRID_FINE, WORLD, Detail, rgb
+from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD, rgb
 from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene, limbs_of
 from bodycam_ros.viewer.surface_scene import SurfaceReader, SurfaceScene
 
 MAP, CAMERAS, SURFACE, NAMES = "map", "cameras", "surface", "names"
 """Layers that a person can hide."""
 
+_LANDMARKS = 100_000  # drawn at most
 _LANDMARK_M, _MATCHED_M = 0.012, 0.03
 _AMBIENT = 1.0
 _LINE_PX = 1.0
@@ -48,7 +49,6 @@ class Scene:
         on_click: Callable[[Part], None],
         stations: Mapping[str, Station] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
-        detail: Detail = FINE,
     ) -> None:
         scene, self._server = server.scene, server
         self.motion = motion
@@ -62,13 +62,13 @@ class Scene:
             _add_floor(scene, np.zeros((0, 3)) if reference_map is None else reference_map.points_world)
         self._skeleton = SkeletonScene(scene, body, on_click)
         self._cameras = CameraScene(scene, body, on_click, stations)
-        self._surface = SurfaceScene(scene, read_surfaces, detail)
+        self._surface = SurfaceScene(scene, read_surfaces)
         self._equipment = LineScene(scene, "equipment", len(motion.equipment), EQUIPMENT)
         self._matched = _add_points(scene, "matched", np.zeros((1, 3)), rgb(GOOD), _MATCHED_M)
         self._matched.visible = False
         self._nodes: dict[str, Sequence[SceneNodeHandle]] = {}
         if reference_map is not None:
-            drawn = detail.drawn_landmarks(len(reference_map.points_world))
+            drawn = slice(None, None, -(-len(reference_map.points_world) // _LANDMARKS) or 1)
             points, colours = reference_map.points_world[drawn], reference_map.colours[drawn]
             self._nodes[MAP] = [_add_points(scene, "landmarks", points, colours, _LANDMARK_M)]
         self._nodes[CAMERAS] = self._cameras.nodes

@@ -1,11 +1,8 @@
-"""Names, poses, colours and level of detail of what is in the scene; the colours are those of all pictures."""
+"""Names, poses and colours of what is in the scene; the colours are those of all pictures."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
-import fast_simplification
 import numpy as np
-from numpy.typing import NDArray
 from viser import CameraFrustumHandle, IcosphereHandle, LabelHandle, MeshHandle, SceneApi, SceneNodeHandle
 
 from bodycam_ros.geometry import Array, quaternion_xyzw
@@ -23,41 +20,6 @@ SELECTED = "#f2c200"
 GRID_FINE, GRID = "#e3e7ea", "#b9c1c8"
 
 _LABEL_SCALE = 0.7
-
-
-@dataclass(frozen=True)
-class Detail:
-    """Level of detail of the scene.
-
-    Attributes:
-        faces: of each mesh on a segment, at most.
-        landmarks: of the map, at most.
-        resolution: pixels drawn for each of the window's, along one side; None: the browser's choice.
-    """
-
-    faces: int
-    landmarks: int
-    resolution: float | None
-
-    @property
-    def page(self) -> str:
-        """End of the page's address."""
-        return "" if self.resolution is None else f"/?fixedDpr={self.resolution:g}"
-
-    def mesh(self, vertices: Array, faces: NDArray[np.int32]) -> tuple[Array, NDArray[np.int32]]:
-        """A mesh (V, 3) [m], (F, 3), decimated to the number of faces that is drawn."""
-        if len(faces) <= self.faces:
-            return vertices, faces
-        fewer = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=self.faces)
-        return fewer[0].astype(np.float64), fewer[1].astype(np.int32)
-
-    def drawn_landmarks(self, count: int) -> slice:
-        """Rows that are drawn of so many landmarks, evenly spread over the map's order."""
-        return slice(None, None, -(-count // self.landmarks) or 1)
-
-
-FINE = Detail(faces=400, landmarks=100_000, resolution=None)
-COARSE = Detail(faces=80, landmarks=4_000, resolution=0.4)
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

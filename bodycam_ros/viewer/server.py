@@ -12,7 +12,6 @@ from websockets.asyncio import server as websockets_server
 
 from bodycam_ros.errors import ViewError
 from bodycam_ros.terminal import Terminal
-from bodycam_ros.viewer.scene_nodes import Detail
 
 HOST = "127.0.0.1"
 
@@ -53,9 +52,9 @@ class LocalServer(viser.ViserServer):
         """What to open in a browser."""
         return f"http://{HOST}:{self.get_port()}"
 
-    def print_address(self, detail: Detail) -> None:
+    def print_address(self) -> None:
         """Print what to open in a browser."""
-        Terminal().print(f"open {self.address}{detail.page} in a browser; Ctrl-C ends it", soft_wrap=True)
+        Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it", soft_wrap=True)
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Share nothing; a page that asks for it is not answered."""

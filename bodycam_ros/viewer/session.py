@@ -14,7 +14,6 @@ from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.joint_curves import CurvePanel
 from bodycam_ros.viewer.panels import CorrectionPanel, PicturePanel, TimePanel, add_switches
 from bodycam_ros.viewer.scene import Scene
-from bodycam_ros.viewer.scene_nodes import FINE, Detail
 from bodycam_ros.viewer.server import LocalServer
 from bodycam_ros.viewer.sources import Sources
 from bodycam_ros.viewer.surface_scene import surface_reader
@@ -26,21 +25,20 @@ _NOTICE_S = 6.0
 _STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that was not moved
 
 
-def view(sources: Sources, port: int, detail: Detail = FINE) -> None:
+def view(sources: Sources, port: int) -> None:
     """Show a body in a browser until the program is interrupted.
 
     Args:
         sources: what is shown.
         port: of this machine; 0 takes any free one.
-        detail: how finely it is drawn.
 
     Raises:
         BodycamError: the surface or the port cannot be used.
     """
     server = LocalServer(port, f"bodycam view: {sources.body.name}")
     try:
-        session = Session(server, sources, detail)
-        server.print_address(detail)
+        session = Session(server, sources)
+        server.print_address()
         try:
             session.run()
         finally:
@@ -54,7 +52,7 @@ def view(sources: Sources, port: int, detail: Detail = FINE) -> None:
 class Session:
     """One view. All of it is done in the thread that calls ``run``."""
 
-    def __init__(self, server: LocalServer, sources: Sources, detail: Detail = FINE) -> None:
+    def __init__(self, server: LocalServer, sources: Sources) -> None:
         self._server, self._sources = server, sources
         self._correction = Correction(sources.body)
         self._selected: Part | None = None
@@ -70,7 +68,6 @@ class Session:
             lambda part: inbox.put(lambda: self._select(part)),
             sources.stations,
             surface_reader(sources.body, body_path, sources.surface),
-            detail=detail,
         )
         self._gizmo = Gizmo(server.scene, lambda: inbox.put(self._end_drag), lambda: inbox.put(self._drag, "drag"))
         self._time = TimePanel(gui, inbox, motion, self._show_instant)

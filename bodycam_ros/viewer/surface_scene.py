@@ -1,4 +1,4 @@
-"""The body's surface: half transparent around the skeleton, each mesh on its segment, with a head and hands."""
+"""The body's surface: half transparent around the skeleton, each mesh on its segment."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -10,10 +10,9 @@ from viser import MeshHandle, SceneApi
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
-from bodycam_ros.viewer.scene_nodes import Detail, segment_name, segment_rgb
+from bodycam_ros.viewer.scene_nodes import segment_name, segment_rgb
 
 _OPACITY = 0.45
 
@@ -27,13 +26,12 @@ class SurfaceScene:
     Args:
         scene: that it is added to.
         read: gives the surface of a body.
-        detail: how finely it is drawn.
 
     It is made while it is visible: a correction changes the body with every move.
     """
 
-    def __init__(self, scene: SceneApi, read: SurfaceReader, detail: Detail) -> None:
-        self._scene, self._read, self._detail = scene, read, detail
+    def __init__(self, scene: SceneApi, read: SurfaceReader) -> None:
+        self._scene, self._read = scene, read
         self._body: BodyModel | None = None
         self._surfaces: Mapping[str, Surface] | None = None
         self._drawn: Mapping[str, Surface] | None = None
@@ -49,7 +47,7 @@ class SurfaceScene:
         if body is not self._body:
             self._body, self._surfaces = body, None
         if self._is_visible:
-            self._draw(body)
+            self._draw()
 
     @property
     def surfaces(self) -> Mapping[str, Surface]:
@@ -66,11 +64,11 @@ class SurfaceScene:
         """Show the surface, or hide it; raises as ``surfaces``."""
         self._is_visible = visible
         if visible and self._body is not None:
-            self._draw(self._body)
+            self._draw()
         for mesh in self._meshes:
             mesh.visible = visible
 
-    def _draw(self, body: BodyModel) -> None:
+    def _draw(self) -> None:
         surfaces = self.surfaces
         if surfaces is self._drawn:
             return
@@ -80,14 +78,15 @@ class SurfaceScene:
         self._meshes = [
             self._scene.add_mesh_simple(
                 f"{segment_name(segment)}/surface",
-                *self._detail.mesh(surface.vertices, surface.faces),
+                surface.vertices,
+                surface.faces,
                 color=segment_rgb(segment),
                 opacity=_OPACITY,
                 cast_shadow=False,
                 receive_shadow=False,
                 visible=self._is_visible,
             )
-            for segment, surface in with_closed_forearms(body, surfaces).items()
+            for segment, surface in surfaces.items()
         ]
 
 
@@ -110,16 +109,3 @@ def surface_points(surfaces: Mapping[str, Surface], body: BodyModel, world_T_seg
     poses = dict(zip(body.segments, world_T_segment, strict=True))
     points = [transform_points(poses[segment], surface.vertices) for segment, surface in surfaces.items()]
     return np.concatenate(points) if points else np.zeros((0, 3))
-
-
-def with_closed_forearms(body: BodyModel, surfaces: Mapping[str, Surface]) -> dict[str, Surface]:
-    """Surfaces with a stretched hand on each forearm of a body without hands."""
-    closed, whole = dict(surfaces), with_hands(body)
-    wrists = [joint for joint in whole.joints if joint.child not in body.segments and joint.parent in surfaces]
-    hands = capsule_surfaces(whole) if wrists else {}
-    for wrist in wrists:
-        arm, hand = surfaces[wrist.parent], hands[wrist.child]
-        vertices = np.concatenate([arm.vertices, transform_points(wrist.parent_T_joint, hand.vertices)])
-        faces = np.concatenate([arm.faces, hand.faces + len(arm.vertices)]).astype(np.int32)
-        closed[wrist.parent] = Surface(wrist.parent, vertices, faces)
-    return closed
