@@ -1,4 +1,4 @@
-"""How a body moved: joint states and odometry of a bag, joined by their stamps."""
+"""Motion of a body: joint states and odometry of a bag, joined by their stamps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from bodycam_ros.results.topics import JOINT_STATES, ODOMETRY, wrong_message_nam
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """The body's movement over T instants, apart from its shape.
+    """The body's motion over T states, apart from its shape.
 
     Attributes:
-        stamps_ns: (T,) instants with joint states and odometry, increasing [ns].
+        stamps_ns: (T,) states with joint states and odometry, increasing [ns].
         joint_names: (A) in the order of ``joint_angles``.
         joint_angles: (T, A) [rad], [m] of what slides.
         world_T_root: (T, 4, 4) pose of the root link [m].
@@ -34,7 +34,7 @@ class BodyMotion:
 
 
 class MotionJoiner:
-    """Takes messages in any order; ``joined`` is the motion that they tell.
+    """Joins joint states and odometry, added in any order, by their stamps.
 
     Args:
         path: of the bag, for messages.
@@ -42,14 +42,12 @@ class MotionJoiner:
         of: what has these joints, for messages.
 
     Attributes:
-        others: joints in the bag that were not asked for.
+        others: joints in the bag that are not wanted.
         roots: links that odometry was published of.
     """
 
     def __init__(self, path: Path, joint_names: Sequence[str], of: str) -> None:
-        self._path = path
-        self._names = tuple(joint_names)
-        self._of = of
+        self._path, self._names, self._of = path, tuple(joint_names), of
         self._angles: dict[int, Array] = {}
         self._root: dict[int, tuple[Array, Array]] = {}
         self.others: set[str] = set()
@@ -62,47 +60,38 @@ class MotionJoiner:
             RecordingError: it is of another body, or contradicts itself.
         """
         with wrong_message_named(self._path, topic):
-            self._add(topic, message)
+            stamp = stamp_ns(message.header.stamp)
+            if topic == ODOMETRY:
+                self.roots.add(message.child_frame_id)
+                self._root[stamp] = pose_and_covariance(message.pose)
+                return
+            column = {name: column for column, name in enumerate(message.name)}
+            others = [name for name in column if name not in self._names]
+            if missing := [name for name in self._names if name not in column]:
+                raise RecordingError(
+                    f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {self._of} has"
+                    f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
+                )
+            self.others.update(others)
+            angles = numbers(message.position, np.float64, len(message.name))
+            self._angles[stamp] = angles[[column[name] for name in self._names]]
 
     def joined(self) -> BodyMotion:
-        """The instants of which both were recorded, with finite values.
+        """The states of which both were recorded, with finite values.
 
         Raises:
             RecordingError: there are none.
         """
-        stamps = sorted(stamp for stamp in self._angles if stamp in self._root and self._is_finite(stamp))
+        both = sorted(self._angles.keys() & self._root.keys())
+        stamps = [s for s in both if np.isfinite(self._angles[s]).all() and np.isfinite(self._root[s][0]).all()]
         if not stamps:
             raise RecordingError(
                 f"{self._path}: none of {len(self._angles)} {JOINT_STATES} has an {ODOMETRY} of the same stamp and "
                 "finite values; were both recorded, and by one solver?"
             )
-        return BodyMotion(
-            stamps_ns=np.array(stamps, dtype=np.int64),
-            joint_names=self._names,
-            joint_angles=np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names)),
-            world_T_root=np.array([self._root[stamp][0] for stamp in stamps]),
-            root_covariance=np.array([self._root[stamp][1] for stamp in stamps]),
-        )
-
-    def _add(self, topic: str, message: Message) -> None:
-        stamp = stamp_ns(message.header.stamp)
-        if topic == ODOMETRY:
-            self.roots.add(message.child_frame_id)
-            self._root[stamp] = pose_and_covariance(message.pose)
-            return
-        others = [name for name in message.name if name not in self._names]
-        if missing := [name for name in self._names if name not in message.name]:
-            raise RecordingError(
-                f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {self._of} has"
-                f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
-            )
-        self.others.update(others)
-        column = {name: column for column, name in enumerate(message.name)}
-        angles = numbers(message.position, np.float64, len(message.name))
-        self._angles[stamp] = angles[[column[name] for name in self._names]]
-
-    def _is_finite(self, stamp: int) -> bool:
-        return bool(np.isfinite(self._angles[stamp]).all() and np.isfinite(self._root[stamp][0]).all())
+        poses, covariances = zip(*(self._root[stamp] for stamp in stamps), strict=True)
+        angles = np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names))
+        return BodyMotion(np.array(stamps, np.int64), self._names, angles, np.array(poses), np.array(covariances))
 
 
 def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:

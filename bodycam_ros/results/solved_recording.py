@@ -17,7 +17,14 @@ from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.body_motion import between_neighbours
-from bodycam_ros.results.camera_record import TRACKS, TRACKS_TYPE, CameraLog, CameraRecord, StationLog, StationRecord
+from bodycam_ros.results.camera_record import (
+    TRACKS,
+    TRACKS_TYPE,
+    CameraMessages,
+    CameraRecord,
+    StationMessages,
+    StationRecord,
+)
 from bodycam_ros.results.solved_body import BodyMessages, SolvedBody, missing_topic
 from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, read_landmarks, wrong_message_named
 from bodycam_ros.verdict import VERDICT, VERDICT_TYPE, Verdict, parse_verdict
@@ -132,8 +139,8 @@ def read_solved(path: Path) -> SolvedRecording:
             raise missing_topic(bag, f"no topic /<camera>{LANDMARKS} ({LANDMARKS_TYPE}) with messages")
         worn = landmarks | camera_topics(bag, TRACKS, TRACKS_TYPE) | camera_topics(bag, TIMING, TIMING_TYPE)
         judged = [VERDICT] if bag.topics.get(VERDICT) == VERDICT_TYPE else []
-        cameras: dict[str, CameraLog] = defaultdict(CameraLog)
-        stations, verdict = StationLog(), None
+        cameras: dict[str, CameraMessages] = defaultdict(CameraMessages)
+        stations, verdict = StationMessages(), None
         for topic, _, message in bag.messages([*messages.topics, *judged, *worn, *static]):
             if topic in messages.topics:
                 messages.add(topic, message)
@@ -147,7 +154,7 @@ def read_solved(path: Path) -> SolvedRecording:
                     cameras[worn[topic]].add(topic, message, worn[topic])
     solved = messages.solved()
     order = {camera: place for place, camera in enumerate(solved.body.mounts)}
-    records = [each.record(camera) for camera, each in cameras.items() if each.landmarks]
+    records = [record for camera, each in cameras.items() if (record := each.record(camera)) is not None]
     records.sort(key=lambda record: (order.get(record.camera, len(order)), record.camera))
     if not records and not stations.records():
         raise RecordingError(
