@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -104,21 +104,6 @@ def spread_instants(duration_s: float, count: int) -> Array:
     return (np.arange(count) + 0.5) * duration_s / count
 
 
-@dataclass
-class _Samples:
-    """Images of a camera as they are read.
-
-    Attributes:
-        images: number of a sample -> (H, W).
-        fault: the first reason why an image could not be decoded.
-        keyframe_s: time of the latest keyframe, of a video [s].
-    """
-
-    images: dict[int, Grey] = field(default_factory=dict)
-    fault: str = ""
-    keyframe_s: float = -1.0
-
-
 _BEFORE_S = 4.0  # a video's frame depends on those since its keyframe; few cameras make rarer ones
 _NEAR_INTERVALS = 1.5  # between a camera's images, by which the image of a sample may be later
 
@@ -137,52 +122,47 @@ def sample_bag(path: Path, instants: Instants, on_instant: Callable[[], None]) -
     with open_recording(path) as recording:
         times = recording.image_times()
         instants_s = instants(recording.duration_s)
-        samples = {camera: _Samples() for camera in recording.cameras}
+        images: dict[str, dict[int, Grey]] = {camera: {} for camera in recording.cameras}
+        faults: dict[str, str] = {}
         for number, seconds in enumerate(instants_s.tolist()):
-            _sample_bag_at(recording, times, number, seconds, samples)
+            start_ns = recording.start_ns + round(1e9 * seconds)
+            for before_s in (0.0, _BEFORE_S):  # earlier packets are needed of videos only
+                wanted = [camera for camera in images if number not in images[camera] and len(times[camera]) > 1]
+                for camera, packets in _packets_at(recording, times, wanted, start_ns, round(1e9 * before_s)).items():
+                    try:
+                        images[camera][number] = decode_grey(decode_last(packets))
+                    except RecordingError as error:
+                        faults.setdefault(camera, str(error))
             on_instant()
         cameras = []
-        for camera, sampled in samples.items():
-            lens, lens_fault = None, ""
-            try:
-                lens = recording.camera_model(camera)
-            except LensError as error:
-                lens_fault = str(error)
+        for camera in recording.cameras:
+            lens, lens_fault = _lens_or_fault(partial(recording.camera_model, camera))
             recorded_s, stamps_s = 1e-9 * (times[camera] - recording.start_ns).T
             missing = max(0, recording.image_count(camera) - len(times[camera]))
+            fault = faults.get(camera, "")
             cameras.append(
-                SampledCamera(camera, lens, lens_fault, stamps_s, recorded_s, sampled.images, sampled.fault, missing)
+                SampledCamera(camera, lens, lens_fault, stamps_s, recorded_s, images[camera], fault, missing)
             )
         return SampledRecording(path, tuple(cameras), recording.duration_s, instants_s, is_synchronous=True)
 
 
-def _sample_bag_at(
-    recording: Recording,
-    times: Mapping[str, NDArray[np.int64]],
-    number: int,
-    seconds: float,
-    samples: Mapping[str, _Samples],
-) -> None:
-    """Add of each camera the image recorded at a time, or soon after it."""
-    start_ns = recording.start_ns + round(1e9 * seconds)
-    for packets_before_s in (0.0, _BEFORE_S):  # earlier packets are needed of videos only
-        wanted = [name for name, known in samples.items() if number not in known.images and len(times[name]) > 1]
-        intervals_ns = [float(np.median(np.diff(times[name][:, 0]))) for name in wanted]
-        reach_ns = round(_NEAR_INTERVALS * max(intervals_ns, default=0.0)) + 1
-        by_camera: dict[str, list[CameraImage]] = {}
-        for image in recording.encoded_between(wanted, start_ns - round(1e9 * packets_before_s), start_ns + reach_ns):
-            by_camera.setdefault(image.camera, []).append(image)
-        for camera, images in by_camera.items():
-            recorded_ns = times[camera][:, 0]
-            until = int((recorded_ns < start_ns + reach_ns).sum())
-            first = int((recorded_ns < start_ns).sum()) - (until - len(images))
-            packets = _decodable_packets(images[: max(first, 0) + 1])
-            if not packets or first >= len(images):
-                continue
-            try:
-                samples[camera].images[number] = decode_grey(decode_last(packets))
-            except RecordingError as error:
-                samples[camera].fault = samples[camera].fault or str(error)
+def _packets_at(
+    recording: Recording, times: Mapping[str, NDArray[np.int64]], cameras: Sequence[str], start_ns: int, before_ns: int
+) -> dict[str, Sequence[CameraImage]]:
+    """Camera -> its image recorded at a time or soon after; of a video preceded by what it is decoded from."""
+    intervals_ns = [float(np.median(np.diff(times[camera][:, 0]))) for camera in cameras]
+    stop_ns = start_ns + round(_NEAR_INTERVALS * max(intervals_ns, default=0.0)) + 1
+    read: dict[str, list[CameraImage]] = {}
+    for image in recording.encoded_between(cameras, start_ns - before_ns, stop_ns):
+        read.setdefault(image.camera, []).append(image)
+    found = {}
+    for camera, images in read.items():
+        first, until = np.searchsorted(times[camera][:, 0], [start_ns, stop_ns]).tolist()
+        first = max(first - (until - len(images)), 0)
+        packets = _decodable_packets(images[: first + 1])
+        if packets and first < len(images):
+            found[camera] = packets
+    return found
 
 
 def _decodable_packets(images: Sequence[CameraImage]) -> Sequence[CameraImage]:
@@ -192,6 +172,13 @@ def _decodable_packets(images: Sequence[CameraImage]) -> Sequence[CameraImage]:
         if not isinstance(content, VideoPacket) or content.is_key:
             return images[row:]
     return ()
+
+
+def _lens_or_fault(read: Callable[[], CameraModel]) -> tuple[CameraModel | None, str]:
+    try:
+        return read(), ""
+    except LensError as error:
+        return None, str(error)
 
 
 def sample_videos(
@@ -209,54 +196,47 @@ def sample_videos(
         RecordingError: the path is missing, holds no video, or none that can be read.
     """
     found, left_out = find_videos([path], lens_folder)
-    videos: list[tuple[CameraFiles, CameraVideo, _Samples]] = []
+    videos: list[tuple[CameraFiles, CameraVideo]] = []
     for files in found:
         try:
-            videos.append((files, open_video(files), _Samples()))
+            videos.append((files, open_video(files)))
         except RecordingError as error:
             left_out.append(f"camera {files.camera}: left out: {error}")
     if not videos:
         raise RecordingError(f"{path}: none of its videos can be read: {'; '.join(left_out)}")
-    duration_s = max(video.duration_s for _, video, _ in videos)
+    duration_s = max(video.duration_s for _, video in videos)
     instants_s = instants(duration_s)
+    keyframes: dict[str, dict[float, tuple[int, Grey]]] = {files.camera: {} for files, _ in videos}
+    faults: dict[str, str] = {}
     for number, seconds in enumerate(instants_s.tolist()):
-        for _, video, samples in videos:
-            _sample_video_at(video, number, seconds, samples)
+        for files, video in videos:
+            try:
+                _add_keyframe(video, number, seconds, keyframes[files.camera])
+            except RecordingError as error:
+                faults.setdefault(files.camera, str(error))
         on_instant()
-    cameras = [_video_camera(*each, lens_folder) for each in videos]
-    return SampledRecording(
-        path, tuple(cameras), duration_s, instants_s, is_synchronous=False, left_out=tuple(left_out)
-    )
+    cameras = []
+    for files, video in videos:
+        lens, lens_fault = _lens_or_fault(lambda files=files: read_lens(files, lens_folder)[0])  # type: ignore[misc]
+        # B-frames are not stored in the order of time.
+        stamps_s = np.sort(np.concatenate([frame_times(each.path) + each.start_s for each in video.chapters]))
+        images, fault = dict(keyframes[files.camera].values()), faults.get(files.camera, "")
+        has_sound = video.facts.has_sound
+        cameras.append(
+            SampledCamera(files.camera, lens, lens_fault, stamps_s, stamps_s, images, fault, has_sound=has_sound)
+        )
+    return SampledRecording(path, tuple(cameras), duration_s, instants_s, False, tuple(left_out))
 
 
-def _sample_video_at(video: CameraVideo, number: int, seconds: float, samples: _Samples) -> None:
-    """Add the keyframe before a time, unless it is that of the sample before."""
+def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:
+    """Add the keyframe before a time, unless it is that of an earlier sample."""
     if seconds > video.duration_s:
         return
     chapter = [chapter for chapter in video.chapters if chapter.start_s <= seconds][-1]
-    try:
-        found = keyframe_near(chapter.path, seconds - chapter.start_s)
-    except RecordingError as error:
-        samples.fault = samples.fault or str(error)
-        return
-    if found is not None and (keyframe_s := chapter.start_s + found[0]) != samples.keyframe_s:
-        samples.keyframe_s = keyframe_s
+    found = keyframe_near(chapter.path, seconds - chapter.start_s)
+    if found is not None and (keyframe_s := chapter.start_s + found[0]) not in known:
         turned = np.rot90(grey_pixels(found[1]), chapter.facts.rotation_deg // 90)
-        samples.images[number] = np.ascontiguousarray(turned)
-
-
-def _video_camera(files: CameraFiles, video: CameraVideo, samples: _Samples, lens_folder: Path | None) -> SampledCamera:
-    lens, lens_fault = None, ""
-    try:
-        lens, _ = read_lens(files, lens_folder)
-    except LensError as error:
-        lens_fault = str(error)
-    times = [frame_times(chapter.path) + chapter.start_s for chapter in video.chapters]
-    stamps_s = np.sort(np.concatenate(times))  # B-frames are not stored in the order of time
-    has_sound = video.facts.has_sound
-    return SampledCamera(
-        files.camera, lens, lens_fault, stamps_s, stamps_s, samples.images, samples.fault, has_sound=has_sound
-    )
+        known[keyframe_s] = number, np.ascontiguousarray(turned)
 
 
 _HOPELESS = 2
