@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.progress import Advance
 
 
 class Unshown:

@@ -15,8 +15,8 @@ from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.export import FORMATS, export
 from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
 from bodycam_ros.formats.sampled_motion import MAX_RATE, UP_AXES, MotionOptions
-from bodycam_ros.mapping.progress import Advance
 from bodycam_ros.output_place import check_output
+from bodycam_ros.progress import Advance
 from bodycam_ros.shown import printable
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_imu, given_flags
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.output_place import check_output
+from bodycam_ros.progress import Progress
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:

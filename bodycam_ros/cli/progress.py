@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from bodycam_ros.mapping.progress import Advance
+from bodycam_ros.progress import Advance
 from bodycam_ros.terminal import Terminal
 
 

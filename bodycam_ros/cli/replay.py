@@ -30,7 +30,7 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
-    from bodycam_ros.mapping.registration_record import ExtensionRound
+    from bodycam_ros.mapping.body_keyframe import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bodycam_ros.formats.sampled_motion import MotionOptions, sample_motion
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, read_landmarks

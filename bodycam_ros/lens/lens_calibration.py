@@ -27,7 +27,7 @@ from bodycam_ros.lens.lens_quality import (
     validate,
     warnings,
 )
-from bodycam_ros.mapping.progress import Progress, in_parallel
+from bodycam_ros.progress import Progress, in_parallel
 
 _MIN_VIEWS = 3  # as many as cameras' five to twelve numbers need
 _MAX_VIEWS = 60  # sharp pictures that are spread best; more add time, hardly truth

@@ -13,18 +13,17 @@ from bodycam_ros import __version__
 from bodycam_ros.errors import MapError
 from bodycam_ros.inertial.map_alignment import InertialAlignment
 from bodycam_ros.mapping import colmap
-from bodycam_ros.mapping.alignment import BoardAlignment, BoardResidual, align_to_board
 from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.board import Board, read_board
+from bodycam_ros.mapping.board import Board, BoardAlignment, BoardResidual, align_to_board, read_board
 from bodycam_ros.mapping.features import ImageFeatures, extract_all
 from bodycam_ros.mapping.floor import Floor, find_floor, upright_axes
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.mapping.reconstruction import reconstruct
 from bodycam_ros.mapping.small_photographs import small_photographs
 from bodycam_ros.mapping.structure import Structure, choose_descriptors
+from bodycam_ros.progress import Progress
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 

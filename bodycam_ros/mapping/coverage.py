@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.progress import Progress
 from bodycam_ros.registration.matching import MAX_VIEW_ANGLE_DEG, MIN_VISIBLE_SCALE_PX
 from bodycam_ros.registration.reference_map import ReferenceMap
 

@@ -4,7 +4,6 @@ Slots exist from the start. A landmark of size zero is never visible, so computa
 empty slots without effect, arrays keep their length, and memory is bounded.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.map_point import MapPoint
-from bodycam_ros.mapping.small_photographs import normals_towards
-from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.visual_index import VisualIndex
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
@@ -138,7 +133,7 @@ class ExtendableMap(ReferenceMap):
     def compact(self) -> ReferenceMap:
         """The map as it is now, for a file: without empty slots, ids of added landmarks numbered anew.
 
-        Normals of added landmarks are zero, so direct registration ignores them; see ``add_images``.
+        Normals of added landmarks are zero, so direct registration ignores them; see ``LocalMapper.extended_map``.
         """
         filled = np.flatnonzero(self.landmark_ids[self.slots_from :] != NO_LANDMARK)
         rows = np.concatenate([np.arange(self.slots_from), self.slots_from + filled])
@@ -187,61 +182,6 @@ def make_extendable(reference_map: ReferenceMap, capacity: int) -> ExtendableMap
         slots_from=landmarks,
         first_id=int(reference_map.landmark_ids.max()) + 1,
     )
-
-
-@dataclass(frozen=True)
-class KeptImage:
-    """An image of a body camera that a map keeps; ``jpeg`` is the grey picture, ``world_T_camera`` (4, 4)."""
-
-    camera: str
-    stamp_ns: int
-    world_T_camera: NDArray[np.float64]
-    jpeg: bytes
-
-
-def add_images(
-    reference_map: ReferenceMap,
-    points: Sequence[MapPoint],
-    images: Sequence[KeptImage],
-    cameras: Mapping[str, CameraModel],
-) -> ReferenceMap:
-    """A map with images of body cameras among its photographs, by which direct registration finds added landmarks.
-
-    Args:
-        reference_map: whose last landmarks are ``points``.
-        points: added landmarks, in the order of the map.
-        images: of body cameras; those that show none of the points are left out.
-        cameras: models of the body cameras by name.
-    """
-    observed = {(s.camera, s.stamp_ns) for point in points for s in point.sightings}
-    images = [image for image in images if (image.camera, image.stamp_ns) in observed]
-    poses = np.array([image.world_T_camera for image in images]).reshape(-1, 4, 4)
-    world_T_camera = np.concatenate([reference_map.world_T_camera, poses])
-    image_names = (*reference_map.image_names, *[f"{image.camera}/{image.stamp_ns}" for image in images])
-    photographs = reference_map.photographs
-    if photographs is not None:
-        first = len(reference_map.landmark_ids) - len(points)
-        view_of = {(image.camera, image.stamp_ns): len(photographs.jpegs) + row for row, image in enumerate(images)}
-        observations = [
-            (first + row, view)
-            for row, point in enumerate(points)
-            for view in sorted({view_of[s.camera, s.stamp_ns] for s in point.sightings})
-        ]
-        landmarks, views = np.array(observations, np.int64).reshape(-1, 2).T
-        towards = world_T_camera[views, :3, 3] - reference_map.points_world[landmarks]
-        normals = normals_towards(reference_map.points_world, first, landmarks, towards).astype(np.float32)
-        names = sorted({image.camera for image in images})
-        taken_by = np.array([len(photographs.cameras) + names.index(image.camera) for image in images], np.uint16)
-        photographs = MapPhotographs(
-            jpegs=(*photographs.jpegs, *[image.jpeg for image in images]),
-            cameras=(*photographs.cameras, *[cameras[name] for name in names]),
-            camera_of_view=np.concatenate([photographs.camera_of_view, taken_by]),
-            world_T_camera=world_T_camera,
-            observation_landmark=np.concatenate([photographs.observation_landmark, landmarks.astype(np.uint32)]),
-            observation_view=np.concatenate([photographs.observation_view, views.astype(np.uint16)]),
-            normals=np.concatenate([photographs.normals[:first], normals]),
-        )
-    return replace(reference_map, world_T_camera=world_T_camera, image_names=image_names, photographs=photographs)
 
 
 def load_added_landmarks(path: Path, reference_map: ReferenceMap, map_path: Path) -> AddedLandmarks:

@@ -13,7 +13,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.apriltag import TagView, detect_tags
-from bodycam_ros.mapping.progress import in_parallel
+from bodycam_ros.progress import in_parallel
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 

@@ -16,8 +16,8 @@ from bodycam_ros.mapping.frame_motion import FrameMotion, measure_motion, steady
 from bodycam_ros.mapping.map_settings import FrameSettings
 from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
 from bodycam_ros.mapping.photographs import CAMERA_FILE, FrameOrigin, Photographs
-from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.output_place import check_folder
+from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.whole_file import failure_named, whole_folder
 
 _LOG = logging.getLogger(__name__)

@@ -5,18 +5,23 @@ fixed. Here keyframes of all cameras are processed in order of time.
 """
 
 from collections import OrderedDict, deque
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.epipolar_matching import match_posed
 from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap
-from bodycam_ros.mapping.map_point import NO_SLOT, REMOVED, MapPoint, make_sighting, triangulate_points
+from bodycam_ros.mapping.small_photographs import normals_towards
+from bodycam_ros.mapping.triangulation import Triangulation, spread_directions, triangulate
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.pose_fit import reprojection_errors
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 _KEYFRAMES = 320  # of all cameras that new ones are matched with
@@ -33,6 +38,108 @@ _MIN_VIEWS = 3  # keyframes: two rays always nearly meet, the third reveals a wr
 _MIN_DURATION_NS = 200_000_000  # between first and last view: what several cameras see at once may be moving
 _OUTLIER_PX = 2.5  # reprojection error of a track from which on its landmark was an outlier
 _MAX_STRIKES = 3  # images more in which a landmark was an outlier than inlier; then it is removed
+_MAX_SIGHTINGS = 10  # rays that a point keeps: those farthest from each other, which constrain it most
+
+NO_SLOT, REMOVED = -1, -2
+
+Descriptors = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]
+"""Descriptors (N, 128); unit directions (N, 3) to their cameras; sizes (N,) as ``ReferenceMap.descriptor_size``."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One feature of one keyframe: a ray and its descriptor."""
+
+    camera: str
+    stamp_ns: int
+    centre: Array
+    direction: Array
+    focal_px: float
+    descriptor: NDArray[np.uint8]
+    size: float
+
+
+def make_sighting(keyframe: BodyKeyframe, feature: int) -> Sighting:
+    """The sighting of a keyframe's feature, by its row."""
+    return Sighting(
+        camera=keyframe.camera,
+        stamp_ns=keyframe.stamp_ns,
+        centre=keyframe.world_T_camera[:3, 3].copy(),
+        direction=keyframe.rays_world[feature].copy(),  # a view would keep all of the keyframe
+        focal_px=keyframe.focal_length,
+        descriptor=keyframe.descriptors[feature].copy(),
+        size=float(keyframe.sizes[feature]),
+    )
+
+
+@dataclass(eq=False)
+class MapPoint:
+    """A point and its sightings.
+
+    Attributes:
+        sightings: up to some, in order of time.
+        position: (3,) [m].
+        slot: of the extendable map; ``NO_SLOT`` until it is a landmark, ``REMOVED`` once it is none any more.
+        landmark_id: its id in the map then.
+        strikes: images in which it was an outlier, minus those in which it was an inlier.
+        saved: descriptors of a landmark of an earlier run, which has no sightings and is never refined.
+    """
+
+    sightings: list[Sighting] = field(default_factory=list)
+    position: Array = field(default_factory=lambda: np.zeros(3))
+    slot: int = NO_SLOT
+    landmark_id: int = 0
+    strikes: int = 0
+    saved: Descriptors | None = None
+
+    def add(self, sighting: Sighting) -> bool:
+        """Add a sighting; whether it is kept. An image counts once, however many of its features show the point."""
+        image = sighting.camera, sighting.stamp_ns
+        if self.saved is not None or any((own.camera, own.stamp_ns) == image for own in self.sightings):
+            return False
+        if len(self.sightings) >= _MAX_SIGHTINGS:
+            directions = np.array([own.direction for own in self.sightings])
+            cosines = np.tril(directions @ directions.T, -1)
+            if (directions @ sighting.direction).max() >= cosines.max():
+                return False
+            del self.sightings[int(cosines.argmax()) // len(cosines)]
+        self.sightings.append(sighting)
+        return True
+
+    def descriptors(self, count: int) -> Descriptors:
+        """``count`` descriptors from directions far from each other, the nearest sighting first."""
+        if self.saved is not None:
+            return self.saved
+        towards = np.array([s.centre for s in self.sightings]) - self.position
+        distances = np.linalg.norm(towards, axis=1)
+        towards /= distances[:, None]
+        order = np.argsort(distances, kind="stable")
+        rows = order[spread_directions(towards[order], count)]
+        chosen = [self.sightings[row] for row in rows.tolist()]
+        sizes = distances[rows] * [s.size for s in chosen]
+        return np.array([s.descriptor for s in chosen]), towards[rows].astype(np.float32), sizes.astype(np.float32)
+
+
+def triangulate_points(points: Sequence[MapPoint]) -> Triangulation:
+    """Triangulate points from their sightings."""
+    shape = len(points), max(len(point.sightings) for point in points)
+    centres, directions, focal_px = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
+    directions[:, :, 2] = 1.0
+    for row, point in enumerate(points):
+        for column, one in enumerate(point.sightings):
+            centres[row, column], directions[row, column] = one.centre, one.direction
+            focal_px[row, column] = one.focal_px
+    return triangulate(centres, directions, focal_px)
+
+
+@dataclass(frozen=True)
+class KeptImage:
+    """An image of a body camera that a map keeps; ``jpeg`` is the grey picture, ``world_T_camera`` (4, 4)."""
+
+    camera: str
+    stamp_ns: int
+    world_T_camera: NDArray[np.float64]
+    jpeg: bytes
 
 
 @dataclass(frozen=True)
@@ -155,6 +262,43 @@ class LocalMapper:
                 changes.descriptors[row], changes.views[row], changes.sizes[row] = point.descriptors(VIEWS)
         self.map.update(changes)
         return changes
+
+    def extended_map(self, images: Sequence[KeptImage]) -> ReferenceMap:
+        """The map as it is now, with the images that show added landmarks, by which direct registration finds them.
+
+        Args:
+            images: of body cameras; those that show no added landmark are left out.
+        """
+        reference_map, points = self.map.compact(), self.added_points()
+        observed = {(s.camera, s.stamp_ns) for point in points for s in point.sightings}
+        images = [image for image in images if (image.camera, image.stamp_ns) in observed]
+        poses = np.array([image.world_T_camera for image in images]).reshape(-1, 4, 4)
+        world_T_camera = np.concatenate([reference_map.world_T_camera, poses])
+        image_names = (*reference_map.image_names, *[f"{image.camera}/{image.stamp_ns}" for image in images])
+        photographs = reference_map.photographs
+        if photographs is not None:
+            first = len(reference_map.landmark_ids) - len(points)
+            view_of = {(image.camera, image.stamp_ns): len(photographs.jpegs) + row for row, image in enumerate(images)}
+            observations = [
+                (first + row, view)
+                for row, point in enumerate(points)
+                for view in sorted({view_of[s.camera, s.stamp_ns] for s in point.sightings})
+            ]
+            landmarks, views = np.array(observations, np.int64).reshape(-1, 2).T
+            towards = world_T_camera[views, :3, 3] - reference_map.points_world[landmarks]
+            normals = normals_towards(reference_map.points_world, first, landmarks, towards).astype(np.float32)
+            names = sorted({image.camera for image in images})
+            taken_by = np.array([len(photographs.cameras) + names.index(image.camera) for image in images], np.uint16)
+            photographs = MapPhotographs(
+                jpegs=(*photographs.jpegs, *[image.jpeg for image in images]),
+                cameras=(*photographs.cameras, *[self._cameras[name] for name in names]),
+                camera_of_view=np.concatenate([photographs.camera_of_view, taken_by]),
+                world_T_camera=world_T_camera,
+                observation_landmark=np.concatenate([photographs.observation_landmark, landmarks.astype(np.uint32)]),
+                observation_view=np.concatenate([photographs.observation_view, views.astype(np.uint16)]),
+                normals=np.concatenate([photographs.normals[:first], normals]),
+            )
+        return replace(reference_map, world_T_camera=world_T_camera, image_names=image_names, photographs=photographs)
 
     def _partners(self, keyframe: BodyKeyframe) -> list[_Keyframe]:
         """Kept keyframes that most likely show the same from another place (A 4.1)."""

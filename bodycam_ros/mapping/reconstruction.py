@@ -17,8 +17,8 @@ from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.epipolar_matching import match_known_poses
 from bodycam_ros.mapping.features import ImageFeatures, choose_pairs, count_common_features, mutual_matches
 from bodycam_ros.mapping.photographs import wrong_camera
-from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import Structure, distinct
+from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)

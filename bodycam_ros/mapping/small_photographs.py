@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.features import read_photograph
-from bodycam_ros.mapping.progress import Progress, in_parallel
 from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.registration.map_photographs import MapPhotographs
 
 _WIDTH_PX = 640  # of kept pictures: body cameras see the world at a fraction of a photograph's scale

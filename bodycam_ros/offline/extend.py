@@ -16,14 +16,19 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe, make_keyframe
-from bodycam_ros.mapping.extendable_map import KeptImage, add_images, make_extendable
-from bodycam_ros.mapping.local_mapper import LocalMapper
-from bodycam_ros.mapping.progress import in_parallel
-from bodycam_ros.mapping.registration_record import ExtensionRound, RegisteredImagePose, RegistrationRecord
+from bodycam_ros.mapping.body_keyframe import (
+    BodyKeyframe,
+    ExtensionRound,
+    RegisteredImagePose,
+    RegistrationRecord,
+    make_keyframe,
+)
+from bodycam_ros.mapping.extendable_map import make_extendable
+from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.progress import in_parallel
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.pose_fit import steady_pixels
@@ -103,7 +108,7 @@ def extend_map(
                 images.append(KeptImage(keyframe.camera, keyframe.stamp_ns, keyframe.world_T_camera, jpeg))
                 on_progress(f"triangulation {len(rounds)}", len(images) / total)
             mapper.take_changes()
-            extended = add_images(mapper.map.compact(), mapper.added_points(), images, models)
+            extended = mapper.extended_map(images)
             map_path = scratch / f"round_{len(rounds)}"
             extended.save(map_path)
     return Extension(extended, tuple(rounds), time.monotonic() - started_s)

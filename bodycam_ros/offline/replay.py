@@ -22,7 +22,7 @@ from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
-from bodycam_ros.mapping.registration_record import ExtensionRound
+from bodycam_ros.mapping.body_keyframe import ExtensionRound
 from bodycam_ros.offline.camera_worker import (
     RegisteredImage,
     RegistrationTask,

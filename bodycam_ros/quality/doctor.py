@@ -12,7 +12,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.progress import Progress
 from bodycam_ros.quality.limit_checks import check_limits
 from bodycam_ros.quality.place_checks import (
     OPENING_S,

@@ -12,7 +12,7 @@ from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
 from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.mapping.apriltag import FAMILIES, find_tags
 from bodycam_ros.mapping.board import Board
-from bodycam_ros.mapping.progress import Progress
+from bodycam_ros.progress import Progress
 from bodycam_ros.quality.limit_checks import good
 from bodycam_ros.quality.sampled_recording import RegisteredSamples, SampledRecording
 from bodycam_ros.verdict import Finding, Level, limit_level

@@ -16,9 +16,9 @@ from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles, angles_within_a_turn
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.factory import Message, stamp_ns
+from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner
 from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE, published_body, wrong_message_named

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory
+from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_writer import check_replaceable, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.results.solved_body import read_solved_body

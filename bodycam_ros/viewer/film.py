@@ -13,8 +13,8 @@ from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.camera.perspective import PlumbBobCamera
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.mapping.progress import Progress
 from bodycam_ros.picture_style import EQUIPMENT, INK, side_colour
+from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import nearest

@@ -4,9 +4,8 @@ from board_picture import board_picture, looking_at_origin, true_corners, two_by
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.alignment import align_to_board
 from bodycam_ros.mapping.apriltag import TagView, detect_tags
-from bodycam_ros.mapping.board import Board
+from bodycam_ros.mapping.board import Board, align_to_board
 
 PLACES = [(0.1, -0.6, 0.7), (0.6, 0.3, 0.5), (-0.4, 0.2, 0.9), (-0.5, -0.4, 0.6), (0.2, 0.6, 0.8)]
 # Structure from motion leaves scale and frame open: x_sfm = scale R x_board + t.

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from grown_room import CAMERA, cameras, elsewhere, unlike, walk, walls
 
-from bodycam_ros.mapping.extendable_map import VIEWS, KeptImage, add_images, make_extendable
-from bodycam_ros.mapping.local_mapper import LocalMapper
+from bodycam_ros.mapping.extendable_map import VIEWS, make_extendable
+from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -52,7 +52,7 @@ def grown() -> tuple[ReferenceMap, LocalMapper, list[KeptImage]]:
 
 
 def extended(growth: LocalMapper, images: list[KeptImage]) -> ReferenceMap:
-    return add_images(growth.map.compact(), growth.added_points(), images, cameras())
+    return growth.extended_map(images)
 
 
 def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import make_extendable
-from bodycam_ros.mapping.local_mapper import LocalMapper
-from bodycam_ros.mapping.map_point import MapPoint
+from bodycam_ros.mapping.local_mapper import LocalMapper, MapPoint
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 POINTS = 500
