@@ -24,14 +24,14 @@ class SegmentPose:
 
 
 @dataclass(frozen=True, eq=False)
-class SaidSegments:
-    """What a station says of one instant whose image was looked at elsewhere: live, in a process of its own.
+class SegmentMeasurements:
+    """Measurements of segments in one image of a static camera, made in another process.
 
     Attributes:
-        station: a static camera.
+        station: the static camera.
         stamp_ns: mid-exposure of its image's middle row [ns].
-        evidence: condensed poses of the segments that it sees well enough, each once.
-        confidence: segment -> share of its contour that tells where it is, of all that the station looked for.
+        evidence: condensed poses of the segments that it observes well enough, each once.
+        confidence: segment -> share of its contour that is measured, of all segments that were searched for.
     """
 
     station: str
@@ -41,7 +41,7 @@ class SaidSegments:
 
     @property
     def camera(self) -> str:
-        """The station: it is a camera among others."""
+        """Name of the static camera, as of a registration."""
         return self.station
 
 
@@ -92,14 +92,14 @@ class BodyState:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyNow:
-    """Where a body is at the latest instant, before any later one has improved it: for those who must know at once.
+class LatestState:
+    """The latest state of a body, before later frames have improved it, for static cameras.
 
     Attributes:
-        stamp_ns: the instant [ns].
+        stamp_ns: of the frame [ns].
         world_T_segment: (S, 4, 4).
         covariances: (S, 6, 6) of the poses, rotation [rad] then translation [m], in the segments' axes.
-        observed: (S,) segments that cameras see.
+        observed: (S,) segments that cameras observe.
     """
 
     stamp_ns: int
@@ -166,4 +166,4 @@ class BodyFrame:
     stamp_ns: int
     matches: Mapping[str, LandmarkMatches]
     images: Mapping[str, CameraImage] = field(default_factory=dict)
-    said: Mapping[str, SaidSegments] = field(default_factory=dict)
+    said: Mapping[str, SegmentMeasurements] = field(default_factory=dict)

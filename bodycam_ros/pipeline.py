@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
-from bodycam_ros.body_state import BodyFrame, BodyNow, BodyOutput, BodyState, SaidSegments, moving
+from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, LatestState, SegmentMeasurements, moving
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.coupling import Coupling
@@ -79,7 +79,7 @@ class SkeletonPipeline:
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras, self._waits_for_worn = static_cameras, bool(on_body)
-        self._from_stations: deque[CameraImage | SaidSegments] = deque()
+        self._from_stations: deque[CameraImage | SegmentMeasurements] = deque()
         self._untold = [*stations] if live and on_body and not placed else []
         awaited = on_body if self._untold else [*on_body, *stations]
         self.timeline = Timeline(settings.assembler.max_wait)
@@ -90,8 +90,8 @@ class SkeletonPipeline:
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
             self.inertial.add(camera, samples)
-        self._bridged = 0
-        self._refused: Counter[str] = Counter()
+        self._interpolated = 0
+        self._rejected: Counter[str] = Counter()
         self._begin()
 
     def _begin(self) -> None:
@@ -116,19 +116,19 @@ class SkeletonPipeline:
         self._solved_ns = -1
 
     @property
-    def bridged(self) -> int:
+    def interpolated(self) -> int:
         """Instants at which all cameras were silent, filled in so far."""
-        return self._bridged + self._smoother.bridged
+        return self._interpolated + self._smoother.interpolated
 
     @property
-    def refused(self) -> Counter[str]:
+    def rejected(self) -> Counter[str]:
         """Camera -> instants at which it was not believed."""
-        return self._refused + self._smoother.refused
+        return self._rejected + self._smoother.rejected
 
     @property
-    def lately(self) -> list[BodyNow]:
+    def latest_states(self) -> list[LatestState]:
         """The body at the latest two instants, oldest first, for those who cannot wait for its states."""
-        return self._smoother.lately
+        return self._smoother.latest_states
 
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""
@@ -146,7 +146,7 @@ class SkeletonPipeline:
         """Add what one camera says; return what is ready to be published, in order of time."""
         return self._admit(matches)
 
-    def add_static(self, seen: CameraImage | SaidSegments) -> list[BodyOutput]:
+    def add_static(self, seen: CameraImage | SegmentMeasurements) -> list[BodyOutput]:
         """As ``add``, of a static camera: its image, or what it says; it waits for worn ones as long as clocks take."""
         return self._admit(seen)
 
@@ -171,7 +171,7 @@ class SkeletonPipeline:
         """Whether static cameras wait for worn ones; live only while these speak, but go no further."""
         return self.synchronizer.clocks.is_initialising if self._live else self._waits_for_worn
 
-    def look(self) -> list[BodyOutput]:
+    def poll(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
         return self._solve(self.assembler.complete())
 
@@ -203,12 +203,12 @@ class SkeletonPipeline:
             if frame.stamp_ns <= self._solved_ns:
                 outputs += self._outputs(self._smoother.flush())
                 # Counts are of the whole recording, whatever its stamps do.
-                self._bridged, self._refused = self.bridged, self.refused
+                self._interpolated, self._rejected = self.interpolated, self.rejected
                 self._begin()
             self._solved_ns = frame.stamp_ns
             self.inertial.set_clocks(self.synchronizer.clocks.corrections)
             outputs += self._outputs(self._smoother.update(frame))
-            while self._untold and len(self._smoother.lately) > 1:
+            while self._untold and len(self._smoother.latest_states) > 1:
                 self.assembler.join(self._untold.pop(), FIRST_WAIT_S)
         return outputs
 

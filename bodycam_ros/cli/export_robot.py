@@ -50,9 +50,9 @@ def run_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     figures = (errors_cm.mean(), np.percentile(errors_cm, 95), errors_cm.max())
     print("hands and feet from their scaled targets: mean {:.2f}, 95 % {:.2f}, at most {:.2f} cm".format(*figures))
     nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"
-    print(f"{summary.instants} frames at {summary.scale:.2f} of the person's size; between its links {nearest}")
+    print(f"{summary.frames} frames at {summary.scale:.2f} of the person's size; between its links {nearest}")
     if summary.blocked:
         print(f"at {summary.blocked} of them no step satisfied all limits")
-    each_ms = 1e3 * summary.cpu_s / summary.instants
+    each_ms = 1e3 * summary.cpu_s / summary.frames
     print(f"{each_ms:.1f} ms of inverse kinematics a frame; written to {printable(str(arguments.output))}")
     return 0

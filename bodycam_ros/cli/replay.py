@@ -158,13 +158,13 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
         terminal.print(remark, style="red", soft_wrap=True)
     for line in clock_remarks(summary.timings, summary.speeds):
         terminal.print(line, soft_wrap=True)
-    for camera, count in summary.refused.most_common():
-        terminal.print(f"camera {camera}: rejected at {count} instants, where the others contradict it")
+    for camera, count in summary.rejected.most_common():
+        terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")
     share = summary.solved / summary.instants if summary.instants else 0.0
     terminal.print(
-        f"{summary.solved} of {summary.instants} instants solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera ({summary.bridged} without any image); {summary.recorded_s:.1f} s in {summary.elapsed_s:.1f} s, "
-        f"{summary.real_time_factor:.2f} of real time; written to {output}",
+        f"{summary.solved} of {summary.instants} frames solved ({share:.1%}), {summary.predicted} of them without "
+        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
+        f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}",
         soft_wrap=True,
     )
     print_verdict(terminal, summary.verdict)

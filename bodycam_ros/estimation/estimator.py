@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body_state import BodyFrame, BodyNow, BodyState, SegmentPose
+from bodycam_ros.body_state import BodyFrame, BodyState, LatestState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, measured_turns
@@ -63,9 +63,9 @@ class BodyEstimator:
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
-        refused: camera -> states in which its registration was down-weighted or rejected.
-        bridged: states without any image that were filled in.
-        lately: the body in the latest two states, oldest first, before later ones improved it.
+        rejected: camera -> states in which its registration was down-weighted or rejected.
+        interpolated: states without any image that were filled in.
+        latest_states: the body in the latest two states, oldest first, before later ones improved it.
 
     Raises:
         BodyError: no camera is mounted on the body, and there is no static camera.
@@ -104,8 +104,8 @@ class BodyEstimator:
         self._gaps = FrameGaps()
         self._whole = WholeRecording(self.body, self._motion, self._fit, self._prior, on_progress)
         self._root = body.segment_index[body.root]
-        self.refused: Counter[str] = Counter()
-        self.bridged = 0
+        self.rejected: Counter[str] = Counter()
+        self.interpolated = 0
         self._restart()
 
     def _restart(self) -> None:
@@ -113,7 +113,7 @@ class BodyEstimator:
         self._chain: list[ChainState] = []
         self._static = StaticEvidence(self.body, self._static_cameras, len(self._published.segments))
         self._whole.reset()
-        self.lately: list[BodyNow] = []
+        self.latest_states: list[LatestState] = []
         if self._coupling:
             self._coupling.reset()
 
@@ -143,7 +143,7 @@ class BodyEstimator:
         else:
             for stamp_ns in missing_ns:
                 self._chain.append(self._next(BodyFrame(stamp_ns, {}), {}))
-                self.bridged += 1
+                self.interpolated += 1
             self._chain.append(self._next(frame, registered))
         return states + self._publish()
 
@@ -219,8 +219,8 @@ class BodyEstimator:
         )
         rows = slice(len(self._published.segments))
         covariances = state.uncertainty.segments[rows]
-        now = BodyNow(state.stamp_ns, estimate.at.poses(tangent)[rows], covariances, observed[rows])
-        self.lately = [*self.lately[-1:], now]
+        now = LatestState(state.stamp_ns, estimate.at.poses(tangent)[rows], covariances, observed[rows])
+        self.latest_states = [*self.latest_states[-1:], now]
         return state
 
     def _gate(self, registered: Mapping[str, SegmentPose], step: Step) -> tuple[dict[str, SegmentPose], Coordinates]:
@@ -228,7 +228,7 @@ class BodyEstimator:
         poses = SegmentPoses.from_evidence(self.body, registered.values())
         gated = gate_cameras(step.after, poses, self._tangent, self._unobserved_columns())
         weights = dict(zip(registered, gated.weights.tolist(), strict=True))
-        self.refused.update(name for name, weight in weights.items() if weight < 1.0)
+        self.rejected.update(name for name, weight in weights.items() if weight < 1.0)
         accepted = {
             name: replace(pose, covariance=pose.covariance / weights[name])
             for name, pose in registered.items()

@@ -8,7 +8,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
-from bodycam_ros.body_state import BodyOutput, SaidSegments
+from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.live.camera_diagnostics import verdict_status
@@ -98,12 +98,12 @@ class LiveBody:
             self.pipeline.join(camera, cameras[camera])
             self._restart_verdict(self.body, cameras)
 
-    def add(self, measured: LandmarkMatches | SaidSegments) -> list[BodyOutput]:
+    def add(self, measured: LandmarkMatches | SegmentMeasurements) -> list[BodyOutput]:
         """Add measurements of a camera; return the states solved with them."""
         self._is_flushed = False
         if self.pipeline is None:
             return []
-        if isinstance(measured, SaidSegments):
+        if isinstance(measured, SegmentMeasurements):
             return self._judge(self.pipeline.add_static(measured))
         return self._judge(self.pipeline.add(measured))
 
@@ -112,7 +112,7 @@ class LiveBody:
         if self.pipeline is None:
             return []
         self.pipeline.assembler.max_wait_ns = round(1e9 * self._settings().assembler.max_wait)
-        return self._judge(self.pipeline.look())
+        return self._judge(self.pipeline.poll())
 
     def flush(self) -> list[BodyOutput]:
         """States that wait for later ones."""

@@ -105,7 +105,7 @@ class LiveCalibration:
         if self._calibrator is not None:
             self._calibrator.forget()
         self._collected, self._failure = 0, ""
-        return "collecting anew; start with the N-pose, standing still, then go through the range of motion"
+        return "collecting again; start with the N-pose, standing still, then go through the range of motion"
 
     def make_body(self) -> str:
         """Start to make a body of the registrations collected so far; return where the result will be.

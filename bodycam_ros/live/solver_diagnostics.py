@@ -89,7 +89,7 @@ class SolverDiagnostics:
         cameras, dropped = self._cameras, self._dropped
         late = pipeline.assembler.late if pipeline else 0
         lost, self._late_reported = dropped.count_new() + max(0, late - self._late_reported), late
-        rejected = pipeline.refused if pipeline else Counter()
+        rejected = pipeline.rejected if pipeline else Counter()
         rejections, self._rejected_reported = rejected - self._rejected_reported, rejected.copy()
         values: dict[str, object] = {
             "registrations per second": tally.received,
@@ -102,7 +102,7 @@ class SolverDiagnostics:
             "camera_info changed": cameras.changes,
             "late registrations": late,
             "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
-            "frames interpolated": pipeline.bridged if pipeline else 0,
+            "frames interpolated": pipeline.interpolated if pipeline else 0,
             "restarts": pipeline.timeline.epoch if pipeline else 0,
             **dropped.values,
         }

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body_state import BodyNow, SaidSegments, SegmentPose
+from bodycam_ros.body_state import LatestState, SegmentMeasurements, SegmentPose
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, header_message, numbers, stamp_ns
 from bodycam_ros.messages.poses import pose_message, transform_from_pose
@@ -43,7 +43,7 @@ def segment_poses_message(
     )
 
 
-def segment_poses(message: Message) -> SaidSegments:
+def segment_poses(message: Message) -> SegmentMeasurements:
     """Content of a bodycam_msgs/SegmentPoses.
 
     Raises:
@@ -71,7 +71,7 @@ def segment_poses(message: Message) -> SaidSegments:
         SegmentPose(segment, _pose(pose, segment), covariance)
         for segment, pose, covariance in zip(segments, message.poses, covariances, strict=True)
     )
-    return SaidSegments(message.station, stamp_ns(message.header.stamp), evidence, confidence)
+    return SegmentMeasurements(message.station, stamp_ns(message.header.stamp), evidence, confidence)
 
 
 def _once(names: Sequence[str]) -> tuple[str, ...]:
@@ -98,14 +98,14 @@ def _valid_covariances(covariances: Array) -> NDArray[np.bool_]:
     return valid
 
 
-def segments_now_message(make: MessageFactory, now: BodyNow, body: BodyModel) -> Message:
+def latest_state_message(make: MessageFactory, now: LatestState, body: BodyModel) -> Message:
     """bodycam_msgs/SegmentPoses of a whole body."""
     poses = [SegmentPose(*each) for each in zip(body.segments, now.world_T_segment, now.covariances, strict=True)]
     observed = dict(zip(body.segments, now.observed.astype(float).tolist(), strict=True))
     return segment_poses_message(make, now.stamp_ns, _SOLVER, poses, observed)
 
 
-def segments_now(message: Message, body: BodyModel) -> BodyNow:
+def latest_state(message: Message, body: BodyModel) -> LatestState:
     """State of a body in such a message.
 
     Raises:
@@ -118,4 +118,4 @@ def segments_now(message: Message, body: BodyModel) -> BodyNow:
     observed = body.named(name for name, share in measured.confidence.items() if share and name in body.segments)
     poses = np.array([each.world_T_segment for each in measured.evidence])
     covariances = np.array([each.covariance for each in measured.evidence])
-    return BodyNow(measured.stamp_ns, poses, covariances, observed)
+    return LatestState(measured.stamp_ns, poses, covariances, observed)

@@ -69,7 +69,7 @@ class DriverTopic:
         self._subscription = self._subscribe(reliable(depth), overridable=overridable)
 
     def adapt(self) -> bool:
-        """Subscribe anew if the publishers offer another quality; whether there are publishers."""
+        """Subscribe again if the publishers offer another quality; whether there are publishers."""
         offers = offered_qualities(self._stage, self.topic)
         if any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers):
             quality = best_effort

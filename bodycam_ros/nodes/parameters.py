@@ -228,7 +228,7 @@ def node_messages(frame_prefix: str = "") -> MessageFactory:
     """Makes messages that rclpy publishes; transforms come out as None where their package is missing.
 
     Raises:
-        SettingsError: no frame may begin with the prefix: tf2 refuses a slash in front, and names are ASCII.
+        SettingsError: no frame may start with the prefix: tf2 rejects a slash in front, and names are ASCII.
     """
     if not _PREFIX.fullmatch(frame_prefix):
         raise SettingsError(

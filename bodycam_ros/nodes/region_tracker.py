@@ -8,7 +8,7 @@ from pathlib import Path
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
-from bodycam_ros.body_state import BodyNow
+from bodycam_ros.body_state import LatestState
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import StationError
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
@@ -19,8 +19,8 @@ from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
     SEGMENT_POSES_TYPE,
     SEGMENTS_NOW,
+    latest_state,
     segment_poses_message,
-    segments_now,
 )
 from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
@@ -64,7 +64,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
             from bodycam_ros.formats.read_captured import read_start  # it loads SciPy, which few nodes need
 
             self._placed = read_start(Path(given.start), file, stations, self._body)
-        self._latest: deque[BodyNow] = deque(maxlen=2)
+        self._latest: deque[LatestState] = deque(maxlen=2)
         self._poses = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
         self.subscription(SEGMENT_POSES_TYPE, SEGMENTS_NOW, self._add_body, latched(STAGE_DEPTH), even_inactive=True)
         self.restart()
@@ -141,14 +141,14 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
 
     def _add_body(self, message: Message) -> None:
         try:
-            now = segments_now(message, self._body)
+            now = latest_state(message, self._body)
         except ValueError as error:
             self.dropped.add("bodies dropped", f"{SEGMENTS_NOW}: {error}; is it the solver of another body?")
             return
         self._set_body(now)
         self.call_later(self.process_next)
 
-    def _set_body(self, now: BodyNow) -> None:
+    def _set_body(self, now: LatestState) -> None:
         self._latest.append(now)
         self._alone.add_state(now)
         self._solved_ns = now.stamp_ns

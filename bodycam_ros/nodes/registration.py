@@ -80,7 +80,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             set_timing, add_tracks = partial(self._set_timing, each), partial(self._add_tracks, each)
             self.subscription(TIMING_TYPE, f"{each}{TIMING}", set_timing, latched(_TIMINGS), even_inactive=True)
             self.subscription(TRACKS_TYPE, f"{each}/tracks", add_tracks, deep)
-        # Last: a node that is seen to read camera_info reads the rest too.
+        # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)
         self.every(_SAVE_POLL_S, lambda: self.live.stored.poll(self.parameters.save_interval), even_inactive=True)
@@ -91,7 +91,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self.trigger("~/reset_map", lambda: (True, grown_map.reset()))
         self.service(SetBool, "~/grow", lambda request: (True, grown_map.set_growth(bool(request.data))))
 
-    def begin(self) -> None:
+    def activate(self) -> None:
         """Publish the map."""
         if self._points is not None:
             now_ns = self.node.get_clock().now().nanoseconds

@@ -54,7 +54,7 @@ class RetargetStage(Stage[RetargetParameters]):
         )
         self.subscription("nav_msgs/msg/Odometry", "odometry", self._input.add_odometry, often(), overridable=True)
 
-    def begin(self) -> None:
+    def activate(self) -> None:
         """Publish the robot's description."""
         self._described.publish(text_message(self.make, self._robot.text))
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_yaml import read_equipment
-from bodycam_ros.body_state import BodyOutput, SaidSegments
+from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.live.dropped_messages import LostMessages
@@ -67,7 +67,7 @@ class SolverStage(Stage[SolverParameters]):
         self._stations = Stations(self, stations, self._add_static) if stations else None
         self._timings = CameraTimings(self, carried)
         self._started = self._is_described = False
-        self._waiting: list[LandmarkMatches | SaidSegments] = []
+        self._waiting: list[LandmarkMatches | SegmentMeasurements] = []
         self._most_waiting = STAGE_DEPTH * (len(carried) + len(stations))
         self._lost = LostMessages()
         self._first_info_s: float | None = None
@@ -83,14 +83,14 @@ class SolverStage(Stage[SolverParameters]):
             self.trigger("~/calibrate", lambda: (True, calibration.make_body()))
             self.trigger("~/start_calibration", lambda: (True, calibration.restart()))
             self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
-        # Last: a node that is seen to read camera_info reads the rest too.
+        # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model)
         self._diagnostics = SolverDiagnostics(self._cameras, self.dropped)
         if not carried:
             self._start()
         self.every(_POLL_S, self._poll)
 
-    def begin(self) -> None:
+    def activate(self) -> None:
         """Publish the body's description."""
         if self._live.body is not None and not self._is_described:
             self._describe(self._live.body)
@@ -184,12 +184,12 @@ class SolverStage(Stage[SolverParameters]):
         if self._live.pipeline is not None:
             self._live.pipeline.add_inertial(camera, ImuSamples.from_rows([imu_row(message)]))
 
-    def _add_static(self, measured: SaidSegments) -> None:
+    def _add_static(self, measured: SegmentMeasurements) -> None:
         # The wait for the models of body cameras starts here, too.
         self._first_info_s = self._first_info_s or time.monotonic()
         self._receive(measured)
 
-    def _receive(self, measured: LandmarkMatches | SaidSegments) -> None:
+    def _receive(self, measured: LandmarkMatches | SegmentMeasurements) -> None:
         self._diagnostics.add_registration(measured.stamp_ns)
         if self._started:
             self._add(measured)
@@ -198,7 +198,7 @@ class SolverStage(Stage[SolverParameters]):
         else:
             self.dropped.add("registrations dropped", "registrations, but no camera_info of the cameras")
 
-    def _add(self, measured: LandmarkMatches | SaidSegments) -> None:
+    def _add(self, measured: LandmarkMatches | SegmentMeasurements) -> None:
         if isinstance(measured, LandmarkMatches):
             if self._calibration is not None:
                 self._calibration.add(measured)
@@ -229,7 +229,7 @@ class SolverStage(Stage[SolverParameters]):
             return
         # First: static cameras wait for it before their next image.
         if self._stations is not None:
-            self._stations.publish(live.pipeline.lately, live.body)
+            self._stations.publish(live.pipeline.latest_states, live.body)
         for output in outputs:
             self._topics.publish(output, live.body)
             if started is not None:

@@ -88,7 +88,7 @@ class Stage(Generic[P]):
         self.log, self.required = node.get_logger(), node.parameters.required
         self.dropped = DroppedMessages(self.log.warning)
 
-    def begin(self) -> None:
+    def activate(self) -> None:
         """The node becomes active."""
 
     def pause(self) -> None:
@@ -302,7 +302,7 @@ class StageNode(LifecycleNode, Generic[P]):
 
     def _activate(self) -> None:
         assert self.stage is not None
-        self.stage.begin()
+        self.stage.activate()
         self.is_active = True
 
     def _deactivate(self) -> None:

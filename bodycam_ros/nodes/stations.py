@@ -4,15 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body_state import BodyNow, SaidSegments
+from bodycam_ros.body_state import LatestState, SegmentMeasurements
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
     SEGMENT_POSES_TYPE,
     SEGMENTS_NOW,
+    latest_state_message,
     segment_poses,
-    segments_now_message,
 )
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
@@ -32,7 +32,7 @@ class Stations:
         self,
         stage: Stage[SolverParameters],
         stations: Mapping[str, Station],
-        on_measured: Callable[[SaidSegments], None],
+        on_measured: Callable[[SegmentMeasurements], None],
     ) -> None:
         self._stage, self._on_measured = stage, on_measured
         self._published_ns: int | None = None
@@ -42,7 +42,7 @@ class Stations:
             topic = f"{station}{SEGMENT_POSES}"
             stage.subscription(SEGMENT_POSES_TYPE, topic, partial(self._receive, station), reliable(STAGE_DEPTH))
 
-    def publish(self, latest: Sequence[BodyNow], body: BodyModel) -> None:
+    def publish(self, latest: Sequence[LatestState], body: BodyModel) -> None:
         """Publish the latest state once, and the one before as it is estimated by now.
 
         Their difference is the velocity of each limb. The earlier estimate of the state before would not do: a
@@ -51,7 +51,7 @@ class Stations:
         if latest and latest[-1].stamp_ns != self._published_ns:
             self._published_ns = latest[-1].stamp_ns
             for now in latest:
-                self._now.publish(segments_now_message(self._stage.make, now, body))
+                self._now.publish(latest_state_message(self._stage.make, now, body))
 
     def _receive(self, station: str, message: Message) -> None:
         try:

@@ -44,7 +44,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self.subscription(LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH))
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._request_keyframe, reliable(1))
         self.subscribe_images()
-        # Last: a node that is seen to read camera_info reads the rest too.
+        # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
         self.trigger("~/reset", self._reset)
 

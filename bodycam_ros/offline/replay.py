@@ -183,8 +183,8 @@ def replay(
         findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.static.findings(bare))
         summary.verdict = Verdict.from_findings(findings)
         out.write_verdict(item.stamp_ns, summary.verdict)
-        summary.bridged, summary.refused = skeleton.bridged, skeleton.refused
-        summary.instants = skeleton.assembler.assembled + summary.bridged
+        summary.interpolated, summary.rejected = skeleton.interpolated, skeleton.rejected
+        summary.instants = skeleton.assembler.assembled + summary.interpolated
         summary.late = skeleton.assembler.late
     if summary.late:
         logger.warning(

@@ -19,11 +19,11 @@ class ReplaySummary:
         recorded_s: duration of the recording.
         start_ns: of the first image [ns].
         elapsed_s: time that the replay took.
-        instants: instants with at least one image, and those bridged.
+        instants: instants with at least one image, and those interpolated.
         solved: instants with a body state.
         predicted: of these, instants that no camera contributed to.
-        bridged: instants at which all cameras were silent, filled in from both sides.
-        refused: camera -> instants at which it contradicted the others and was not believed.
+        interpolated: instants at which all cameras were silent, filled in from both sides.
+        rejected: camera -> instants at which it contradicted the others and was not believed.
         late: registrations that came too late for their instant, because a camera had been silent for long.
         images: camera -> images read.
         registered: camera -> images registered in the map.
@@ -44,8 +44,8 @@ class ReplaySummary:
     instants: int = 0
     solved: int = 0
     predicted: int = 0
-    bridged: int = 0
-    refused: Counter[str] = field(default_factory=Counter)
+    interpolated: int = 0
+    rejected: Counter[str] = field(default_factory=Counter)
     images: Counter[str] = field(default_factory=Counter)
     late: int = 0
     registered: Counter[str] = field(default_factory=Counter)

@@ -28,7 +28,7 @@ class RobotSummary:
 
     Attributes:
         scale: length of its trajectories over the person's.
-        instants: of the recording.
+        frames: of the recording.
         blocked: with a round in which no step satisfied all limits.
         errors_m: hand or foot -> distance from its target, at each state.
         nearest_m: smallest distance of its links; infinite if none were near.
@@ -36,7 +36,7 @@ class RobotSummary:
     """
 
     scale: float
-    instants: int = 0
+    frames: int = 0
     blocked: int = 0
     errors_m: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
     nearest_m: float = np.inf
@@ -44,7 +44,7 @@ class RobotSummary:
 
     def add(self, state: RobotState) -> None:
         """Add a state."""
-        self.instants += 1
+        self.frames += 1
         self.blocked += state.blocked
         self.nearest_m = min(self.nearest_m, state.nearest_m)
         for link, error_m in state.errors_m.items():

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.body_state import BodyFrame, BodyNow, SaidSegments, SegmentPose
+from bodycam_ros.body_state import BodyFrame, LatestState, SegmentMeasurements, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.motion_model import MotionSettings, orthonormal
 from bodycam_ros.estimation.motion_model import predict as predict_poses
@@ -49,11 +49,11 @@ class BodyPredictor:
     """Predicts a body from the solver's states and the camera's measurements."""
 
     def __init__(self) -> None:
-        self._states: deque[BodyNow] = deque(maxlen=_MAX_STEPS)
+        self._states: deque[LatestState] = deque(maxlen=_MAX_STEPS)
         self._steps: deque[_Step] = deque(maxlen=_MAX_STEPS)
         self._found: tuple[int, Array] | None = None
 
-    def add_state(self, body: BodyNow) -> None:
+    def add_state(self, body: LatestState) -> None:
         """Add a state of the solver; later ones are removed: stamps went back."""
         while self._states and self._states[-1].stamp_ns >= body.stamp_ns:
             self._states.pop()
@@ -66,7 +66,7 @@ class BodyPredictor:
             self._steps.append(_Step(latest[0], stamp_ns, inverse(latest[1]) @ world_T_segment))
         self._found = stamp_ns, world_T_segment
 
-    def latest_state(self, stamp_ns: int) -> BodyNow | None:
+    def latest_state(self, stamp_ns: int) -> LatestState | None:
         """The solver's latest state up to a time."""
         return next((body for body in reversed(self._states) if body.stamp_ns <= stamp_ns), None)
 
@@ -124,7 +124,7 @@ class SingleCamera:
         self._predictor = BodyPredictor()
         self._initialised = False
 
-    def add_state(self, body: BodyNow) -> None:
+    def add_state(self, body: LatestState) -> None:
         """Add a state of the solver."""
         self._predictor.add_state(body)
 
@@ -132,7 +132,7 @@ class SingleCamera:
         """Whether the solver or its own images give the body's pose at a time."""
         return self._initialised or self._solver_state(stamp_ns) is not None
 
-    def measure(self, image: CameraImage) -> SaidSegments | None:
+    def measure(self, image: CameraImage) -> SegmentMeasurements | None:
         """Measure the body in the next image.
 
         None while the body's pose is unknown, and for an unusable image, of which ``ImageMeasurement`` warns.
@@ -145,9 +145,9 @@ class SingleCamera:
         self._predictor.add_measurement(image.stamp_ns, seen.world_T_segment)
         shares = seen.confidence[self._name].tolist()
         confidence = dict(zip(self._body.segments, shares, strict=True))
-        return SaidSegments(self._name, image.stamp_ns, tuple(seen.evidence[self._name]), confidence)
+        return SegmentMeasurements(self._name, image.stamp_ns, tuple(seen.evidence[self._name]), confidence)
 
-    def _solver_state(self, stamp_ns: int) -> BodyNow | None:
+    def _solver_state(self, stamp_ns: int) -> LatestState | None:
         """The solver's latest state, if it has observed segments and is not its first: limbs need a moving trunk."""
         received = self._predictor.latest_state(stamp_ns)
         if (

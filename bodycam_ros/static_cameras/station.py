@@ -288,7 +288,7 @@ class LossDetector:
         segment_count: S.
 
     Attributes:
-        should_search: whether a segment has been lost for long enough, and no search was made lately.
+        should_search: whether a segment has been lost for long enough, and no search was made recently.
     """
 
     def __init__(self, segment_count: int) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import inf
 from statistics import median
 
-from bodycam_ros.body_state import BodyFrame, SaidSegments
+from bodycam_ros.body_state import BodyFrame, SegmentMeasurements
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
@@ -208,5 +208,5 @@ class FrameAssembler:
             stamp_ns,
             {camera: each for camera, each in taken.items() if isinstance(each, LandmarkMatches)},
             {camera: each for camera, each in taken.items() if isinstance(each, CameraImage)},
-            {camera: each for camera, each in taken.items() if isinstance(each, SaidSegments)},
+            {camera: each for camera, each in taken.items() if isinstance(each, SegmentMeasurements)},
         )

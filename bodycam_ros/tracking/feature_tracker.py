@@ -188,7 +188,7 @@ class FeatureTracker:
         self._is_lost = False
 
     def mark_lost(self) -> None:
-        """The camera is not registered: the next image is a keyframe with more keypoints unless one was made lately."""
+        """The camera is not registered: the next image is a keyframe with more keypoints unless one is recent."""
         self._is_lost = True
         self._keyframe_wanted |= self._stamp_ns - (self._keyframe_ns or 0) >= _LOST_KEYFRAME_GAP_NS
 

@@ -85,8 +85,8 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
     followed = uniform_filter1d(path, round(_FOLLOW_S * 1e9 / motion.frame_ns), axis=0, mode="nearest")
     first = motion.segments_at(body, 0)
     opening = OpeningView.of_body(first[body.segment_index[body.root]], points_to_see(body, {}, first))
-    for instant, seconds in enumerate(motion.seconds.tolist()):
-        moved = np.append(followed[instant] - followed[0], 0.0)
+    for index, seconds in enumerate(motion.seconds.tolist()):
+        moved = np.append(followed[index] - followed[0], 0.0)
         world_T_camera = looking_at(opening.position + moved, opening.look_at + moved)
         picture = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
         around = np.round(world_T_camera[:2, 3])
@@ -94,7 +94,7 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
             points = transform_points(inverse(world_T_camera), np.linspace(start, end, _STEPS))
             pixels = np.where(points[:, 2:] > _NEAREST_M, lens.project(points)[0], np.nan)
             draw_polyline(picture, pixels, GRID, 1, is_bgr=True)
-        _draw_body(picture, sources, instant, world_T_camera, lens)
+        _draw_body(picture, sources, index, world_T_camera, lens)
         yield seconds, picture
 
 
@@ -113,24 +113,24 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[
             stamp_ns = image.stamp_ns
             if clock is not None:
                 stamp_ns = int(clock.corrected_ns(np.array([stamp_ns], dtype=np.int64))[0])
-            instant = nearest(motion.stamps_ns, stamp_ns, motion.frame_ns // 2)
-            if instant is None:
+            index = nearest(motion.stamps_ns, stamp_ns, motion.frame_ns // 2)
+            if index is None:
                 continue
             if camera in stations:
                 world_T_camera = stations[camera].world_T_camera
             else:
-                world_T_camera = mounted_camera(sources.body, motion.segments_at(sources.body, instant), camera)
+                world_T_camera = mounted_camera(sources.body, motion.segments_at(sources.body, index), camera)
             picture = np.ascontiguousarray(decode_colour(image))
-            _draw_body(picture, sources, instant, world_T_camera, lens)
+            _draw_body(picture, sources, index, world_T_camera, lens)
             times = -(-_SHARP_PX // lens.height)
             large = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_LINEAR)
             yield (stamp_ns - int(motion.stamps_ns[0])) * 1e-9, np.asarray(large, np.uint8)
 
 
-def _draw_body(picture: Image, sources: Sources, instant: int, world_T_camera: Array, lens: CameraModel) -> None:
+def _draw_body(picture: Image, sources: Sources, index: int, world_T_camera: Array, lens: CameraModel) -> None:
     """Draw the bones and the equipment of one state."""
-    limbs = limbs_of(sources.body, sources.motion.segments_at(sources.body, instant))
-    overlay = project_overlay(lens, world_T_camera, limbs + sources.motion.equipment_at(instant), None)
+    limbs = limbs_of(sources.body, sources.motion.segments_at(sources.body, index))
+    overlay = project_overlay(lens, world_T_camera, limbs + sources.motion.equipment_at(index), None)
     width = max(2, round(_BONE_SHARE * picture.shape[0]))
     for line in overlay.equipment:
         draw_polyline(picture, line, EQUIPMENT, width // 2, is_bgr=True)

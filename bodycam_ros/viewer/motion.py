@@ -67,25 +67,25 @@ class Motion:
         """Time from one state to the next, the median [ns]."""
         return int(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else _FRAME_NS
 
-    def instant_at(self, seconds: float) -> int:
+    def state_at(self, seconds: float) -> int:
         """The state nearest to a time since the first."""
         return int(np.argmin(np.abs(self.seconds - seconds)))
 
-    def segments_at(self, body: BodyModel, instant: int) -> Array:
+    def segments_at(self, body: BodyModel, index: int) -> Array:
         """Poses world_T_segment (S, 4, 4) [m] of a body with this motion, in the order of its segments."""
         joint_angles = JointAngles(body)
         column = {name: column for column, name in enumerate(self.angle_names)}
-        angles = self.angles[instant, [column[name] for name in joint_angles.names]]
-        return joint_angles.forward_kinematics(self.world_T_root[instant], angles)
+        angles = self.angles[index, [column[name] for name in joint_angles.names]]
+        return joint_angles.forward_kinematics(self.world_T_root[index], angles)
 
-    def equipment_at(self, instant: int) -> list[Bone]:
+    def equipment_at(self, index: int) -> list[Bone]:
         """The lines of equipment at one state; none while its pose is unknown."""
-        return [] if instant in self.unplaced else [line.at(instant) for line in self.equipment]
+        return [] if index in self.unplaced else [line.at(index) for line in self.equipment]
 
-    def registered_at(self, camera: str, instant: int) -> Array | None:
+    def registered_at(self, camera: str, index: int) -> Array | None:
         """Registered pose world_T_camera (4, 4) of a camera within half a frame of a state; None: lost."""
         stamps_ns, world_T_camera = self.registered[camera]
-        row = nearest(stamps_ns, int(self.stamps_ns[instant]), self.frame_ns // 2)
+        row = nearest(stamps_ns, int(self.stamps_ns[index]), self.frame_ns // 2)
         return None if row is None else world_T_camera[row]
 
 

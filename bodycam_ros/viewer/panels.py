@@ -110,7 +110,7 @@ class TimePanel:
         self._show(seconds)
 
     def _step(self, states: int) -> None:
-        row = np.clip(self._motion.instant_at(self.seconds) + states, 0, len(self._motion.stamps_ns) - 1)
+        row = np.clip(self._motion.state_at(self.seconds) + states, 0, len(self._motion.stamps_ns) - 1)
         self._pause_at(float(self._motion.seconds[row]))
 
     def _add_keys(self, gui: GuiApi, inbox: Inbox) -> None:

@@ -53,7 +53,7 @@ class Scene:
         scene, self._server = server.scene, server
         self.motion = motion
         self._body, self._stations = body, stations
-        self._instant, self._world_T_segment = 0, motion.segments_at(body, 0)
+        self._index, self._world_T_segment = 0, motion.segments_at(body, 0)
         self._is_selected = False
         # Following the body moves the world past it: a browser's own camera stays under its user's hands.
         self._world = scene.add_frame(WORLD, show_axes=False)
@@ -78,18 +78,18 @@ class Scene:
         self._surface.reshape(body)
         self.show_layer(SURFACE, self.layers[SURFACE])
 
-    def show(self, instant: int, *, follow: bool) -> None:
+    def show(self, index: int, *, follow: bool) -> None:
         """Show the body at a state, and if it is followed, at the middle of the scene."""
         body, motion = self._body, self.motion
-        self._instant, self._world_T_segment = instant, motion.segments_at(body, instant)
+        self._index, self._world_T_segment = index, motion.segments_at(body, index)
         with self._server.atomic():
             if follow:
                 x, y, _ = self._world_T_segment[body.segment_index[body.root], :3, 3]
                 self._world.position = (-x, -y, 0.0)
             self._skeleton.pose(body, self._world_T_segment)
-            self._equipment.show(motion.equipment_at(instant))
+            self._equipment.show(motion.equipment_at(index))
             for camera in motion.registered:
-                self._cameras.show_registered(camera, motion.registered_at(camera, instant) is not None)
+                self._cameras.show_registered(camera, motion.registered_at(camera, index) is not None)
 
     def reshape(self, body: BodyModel) -> None:
         """Show the lengths, joints, mounts and surface of a body with the same parts.
@@ -152,10 +152,10 @@ class Scene:
         return picture
 
     def _picture(self, footage: Footage) -> CameraPicture | None:
-        image = footage.image_at(int(self.motion.stamps_ns[self._instant]), self.motion.frame_ns // 2)
+        image = footage.image_at(int(self.motion.stamps_ns[self._index]), self.motion.frame_ns // 2)
         if image is None:
             return None
-        limbs = limbs_of(self._body, self._world_T_segment) + self.motion.equipment_at(self._instant)
+        limbs = limbs_of(self._body, self._world_T_segment) + self.motion.equipment_at(self._index)
         matches = footage.matches.get(image.stamp_ns)
         return draw_picture(image, footage.model, self.world_T_camera(footage.camera), limbs, matches)
 

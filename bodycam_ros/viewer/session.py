@@ -70,7 +70,7 @@ class Session:
             surface_reader(sources.body, body_path, sources.surface),
         )
         self._gizmo = Gizmo(server.scene, lambda: inbox.put(self._end_drag), lambda: inbox.put(self._drag, "drag"))
-        self._time = TimePanel(gui, inbox, motion, self._show_instant)
+        self._time = TimePanel(gui, inbox, motion, self._show_state)
         self._panel = CorrectionPanel(
             gui,
             inbox,
@@ -110,12 +110,12 @@ class Session:
         return [str(part) for part, _ in self._correction.moves()]
 
     @property
-    def _instant(self) -> int:
-        return self._sources.motion.instant_at(self._time.seconds)
+    def _index(self) -> int:
+        return self._sources.motion.state_at(self._time.seconds)
 
-    def _show_instant(self) -> None:
+    def _show_state(self) -> None:
         """Show the body at the time of the slider."""
-        self._scene.show(self._instant, follow=self._time.follows)
+        self._scene.show(self._index, follow=self._time.follows)
         if self._curves is not None:
             self._curves.show(self._time.seconds)
         self._show_picture()
@@ -138,7 +138,7 @@ class Session:
 
     def _gap(self, camera: str) -> str:
         """How far the registered pose of a camera is from its pose on the body."""
-        world_T_registered = self._sources.motion.registered_at(camera, self._instant)
+        world_T_registered = self._sources.motion.registered_at(camera, self._index)
         if world_T_registered is None:
             return "lost: not registered"
         gap = inverse(self._scene.world_T_camera(camera)) @ world_T_registered
@@ -155,7 +155,7 @@ class Session:
     def _show_correction(self) -> None:
         """Show the body as it is corrected now."""
         self._scene.reshape(self._correction.body)
-        self._show_instant()
+        self._show_state()
         move = None if self._selected is None else self._correction.move_of(self._selected)
         self._panel.show(move, self._correction.moves(), can_turn=can_turn(self._correction.body, self._selected))
 

@@ -69,7 +69,7 @@ def test_replay_in_passes_solves_with_what_has_grown(sample: Path, part: Path, s
     common = ("--map", part, "--body", sample / "body.yaml", "--jobs", 2)
     done = run("replay", stretch, *common, "--passes", 2, "-o", tmp_path / "out")
     assert done.returncode in (0, 3), done.stderr
-    assert "round 1" in done.stdout and "45 of 45 instants solved" in " ".join(done.stdout.split())
+    assert "round 1" in done.stdout and "45 of 45 frames solved" in " ".join(done.stdout.split())
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     refused = run("replay", stretch, *common, "--passes", 0, "-o", tmp_path / "other")
     assert refused.returncode == 2 and "--passes" in refused.stderr

@@ -67,10 +67,10 @@ def test_one_wrong_camera_overrules_nobody(walk: Walk, undisturbed: list[BodySta
         return dataclasses.replace(matches, world_T_camera=aside @ matches.world_T_camera)
 
     skeleton, states = walk.solve(moved)
-    assert skeleton.refused == {camera: len(undisturbed)}
+    assert skeleton.rejected == {camera: len(undisturbed)}
     ours, usual = (np.stack([state.world_T_segment for state in each]) for each in (states, undisturbed))
     assert np.linalg.norm((ours - usual)[..., :3, 3], axis=-1).max() < 0.012
-    # Of a segment whose own camera is refused nothing but its neighbours says how it is turned.
+    # Of a segment whose own camera is rejected nothing but its neighbours says how it is turned.
     assert np.abs(log_se3(inverse(usual) @ ours)[..., :3]).max() < np.radians(1.0)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bodycam_ros.body_state import SaidSegments, SegmentPose
+from bodycam_ros.body_state import SegmentMeasurements, SegmentPose
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import Message, MessageFactory
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses, segment_poses_message
@@ -31,7 +31,7 @@ def evidence(rng: np.random.Generator) -> list[SegmentPose]:
 CONFIDENCE = {"pelvis": 1.0, "thigh_left": 0.75, "foot_right": 0.3, "foot_left": 0.1, "head": 0.0}
 
 
-def check_same(heard: SaidSegments, said: list[SegmentPose]) -> None:
+def check_same(heard: SegmentMeasurements, said: list[SegmentPose]) -> None:
     assert (heard.station, heard.stamp_ns, heard.confidence) == ("ext_02", STAMP_NS, CONFIDENCE)
     assert [pose.segment for pose in heard.evidence] == [pose.segment for pose in said]
     for mine, theirs in zip(heard.evidence, said, strict=True):

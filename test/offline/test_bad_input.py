@@ -79,7 +79,7 @@ def test_a_camera_that_the_body_lacks_is_left_out_with_a_warning(
     bag = write_altered_sample(sample, tmp_path / "bag", frames=3)
     assert run(sample, bag, tmp_path / "out", body=tmp_path / "body.yaml") == 0
     assert "camera thigh_left: is in" in caplog.text
-    assert "3 of 3 instants solved" in capfd.readouterr().out
+    assert "3 of 3 frames solved" in capfd.readouterr().out
 
 
 def test_a_body_of_other_cameras_is_refused(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -118,7 +118,7 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
         cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 8
     }
     assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
-    assert "12 of 12 instants solved" in printed.out
+    assert "12 of 12 frames solved" in printed.out
     assert "Traceback" not in printed.err
 
 

@@ -41,7 +41,7 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
     files = ("--stations", painted / "cameras.yaml", "--start", painted / "start.yaml", "--surface", meshes)
     assert run(sample, painted / "bag", out, files) in (0, 3)
     said = " ".join(capfd.readouterr().out.split())
-    assert f"{FRAMES} of {FRAMES} instants solved" in said
+    assert f"{FRAMES} of {FRAMES} frames solved" in said
     assert "hand_left" not in said  # neither the body's file nor the scan has hands, so none need be seen
     solved, truth = read_solved(out), small_motion(dressed.body, FRAMES)
     np.testing.assert_array_equal(solved.stamps_ns, START_NS + FRAME_NS * np.arange(FRAMES))

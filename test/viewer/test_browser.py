@@ -108,7 +108,7 @@ def test_a_person_sees_the_body_where_it_is(view: BrowserView, motion: Motion, b
     rows = np.concatenate([expected.limbs(body, side, 0) for side in ("_left", "_right")])[:, 1]
     assert np.ptp(rows) > 0.5 * view.canvas()[3]  # the body fills the window
 
-    later = motion.instant_at(1.0)
+    later = motion.state_at(1.0)
     assert not shows(later)
     view.enter("seconds", "1")
     view.wait_until(lambda: shows(later), "the body where it is a second later")

@@ -50,10 +50,10 @@ def test_cameras_are_registered_where_the_landmarks_say_so(motion: Motion, sampl
 
 def test_the_slider_finds_the_nearest_instant(motion: Motion) -> None:
     seconds = motion.seconds
-    assert motion.instant_at(-1.0) == 0
-    assert motion.instant_at(99.0) == len(seconds) - 1
-    assert motion.instant_at(float(0.6 * seconds[7] + 0.4 * seconds[8])) == 7
-    assert motion.instant_at(float(0.4 * seconds[7] + 0.6 * seconds[8])) == 8
+    assert motion.state_at(-1.0) == 0
+    assert motion.state_at(99.0) == len(seconds) - 1
+    assert motion.state_at(float(0.6 * seconds[7] + 0.4 * seconds[8])) == 7
+    assert motion.state_at(float(0.4 * seconds[7] + 0.6 * seconds[8])) == 8
 
 
 def test_without_a_bag_the_body_stands_on_the_floor_with_its_arms_down(body: BodyModel) -> None:
