@@ -20,11 +20,11 @@ from bodycam_ros.estimation.motion_model import predict
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
-from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.station import RegionModel, Station
+from bodycam_ros.static_cameras.surface import BodySurface
 
 STATIONS = 4
 _WIDTH, _HEIGHT, _FOCAL_PX = 640, 480, 525.0

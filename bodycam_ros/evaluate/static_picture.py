@@ -18,7 +18,6 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,
     ENLARGED,
@@ -30,8 +29,9 @@ from bodycam_ros.static_cameras.contour_painting import (
 )
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.station import Image, MeasuredContour
+from bodycam_ros.static_cameras.station import Contour, Image
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
+from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 _CAMERAS = 6  # that the picture shows, evenly picked
@@ -94,8 +94,8 @@ class StaticScene:
         self._tracker = RegionTracker(body, surface, self.stations, files.region)
         self._counts = dict.fromkeys(self.stations, 0)
 
-    def add_image(self, image: CameraImage) -> tuple[Image, MeasuredContour]:
-        """Update the colours of a static camera by an image; its pixels (H, W, 3), and the measured contour.
+    def add_image(self, image: CameraImage) -> tuple[Image, Contour]:
+        """Update the colours of a static camera by an image; its pixels (H, W, 3), and the contour of the body in it.
 
         The first images count alike, later ones by the learning rate.
 
@@ -103,12 +103,16 @@ class StaticScene:
             RecordingError: it cannot be decoded, or has another size than the camera's lens is for.
         """
         pixels, poses, view = decode_colour(image), self._poses_at(image.stamp_ns), self._tracker.views[image.camera]
-        self._tracker.check_size(image.camera, pixels)
+        view.station.check_size(pixels)
         self._counts[image.camera] += 1
         rate = max(1.0 / self._counts[image.camera], self._region.learning_rate)
         contour = view.find_contour(poses)
         view.update_colours(pixels, contour, rate, np.ones(len(poses), bool))
-        return pixels, view.measured_contour(pixels, contour)
+        return pixels, contour
+
+    def measure(self, station: str, pixels: Image, contour: Contour) -> Array:
+        """(N,) how far outward of its points the image (H, W, 3) has a contour [px]; NaN where it measures nothing."""
+        return self._tracker.views[station].measure(pixels, contour, 1).shifts
 
     def _poses_at(self, at_ns: int) -> Array:
         """(S, 4, 4) the solved segments at a time; outside the recording, at its nearest state."""
@@ -128,12 +132,14 @@ class StaticView:
         seconds: since the start of the recording.
         image: (H, W, 3) blue, green, red.
         contour: of the body in it.
+        shifts: (N,) of its points, as of ``StaticScene.measure`` [px].
     """
 
     station: str
     seconds: float
     image: Image
-    contour: MeasuredContour
+    contour: Contour
+    shifts: Array
 
     @property
     def window(self) -> Window:
@@ -167,7 +173,8 @@ def static_views(scene: StaticScene) -> tuple[StaticView, ...]:
         pixels, contour = scene.add_image(image)
         if image.stamp_ns >= at_ns - half_ns:
             seconds = float(solved.seconds(np.array([image.stamp_ns]))[0])
-            views[image.camera] = StaticView(image.camera, seconds, pixels, contour)
+            shifts = scene.measure(image.camera, pixels, contour)
+            views[image.camera] = StaticView(image.camera, seconds, pixels, contour, shifts)
     if not views:
         raise StationError(
             f"{scene.recording}: has no image of its static cameras ({', '.join(scene.stations)}) in the middle of "
@@ -212,10 +219,9 @@ def draw_static_views(views: Sequence[StaticView], colours: Sequence[str], path:
 
 
 def _draw_view(axes: Axes, view: StaticView, colours: Sequence[str]) -> None:
-    picture = paint_contour(view.image, view.contour, colours, view.window)
+    picture = paint_contour(view.image, view.contour, view.shifts, colours, view.window)
     axes.imshow(picture[..., ::-1], interpolation="lanczos")
-    lines = len(view.contour.shifts)
-    shifts = view.contour.shifts[np.isfinite(view.contour.shifts)]
+    lines, shifts = len(view.shifts), view.shifts[np.isfinite(view.shifts)]
     note = f"{len(shifts)} of {lines} lines measured" if lines else "the body is not in the image"
     if len(shifts):
         note += f", off by {float(np.median(np.abs(shifts))):.2f} px (median)"

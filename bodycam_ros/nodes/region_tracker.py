@@ -25,11 +25,11 @@ from bodycam_ros.messages.segment_poses import (
 from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.single_camera import SingleCamera
 from bodycam_ros.static_cameras.start_file import PlacedBody
+from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 _START_WAIT_S = 0.5

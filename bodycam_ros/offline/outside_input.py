@@ -19,13 +19,13 @@ from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration, StationsSettings
 from bodycam_ros.static_cameras.stations_file import read_stations, refuse_worn
+from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 logger = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import Array, exp_so3, hat, log_so3, rigid
+from bodycam_ros.geometry import Array, exp_so3, hat, inverse, log_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import segment_tangents
@@ -19,6 +19,8 @@ _STIFF_RAD = 1e-3  # of a rotation that a joint's type excludes
 _LIMIT_RAD = 0.1  # of a rotation beyond a joint's limits, which were measured on another day
 _NARROW_RAD = 0.5  # a range below it is passive: a knee's about its other axes
 _NOTHING_RAD = 1e-9
+_DAMPING = 3.0  # [rad], [m] sigma of a step: damping of what is unobserved
+_CONVERGED = 1e-9  # change of a pose's entries by a step that moves nothing more
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,39 @@ class ArticulatedStep:
         self.add_prediction(A, b, poses, predicted)
         return self._applied(poses, np.asarray(np.linalg.solve(A, b), np.float64))
 
+    def fit(
+        self,
+        start: Array,
+        rows: list[int],
+        measured: Array,
+        information: Array,
+        predicted: PredictedBody | None = None,
+        steps: int = 30,
+    ) -> Array:
+        """Poses (S, 4, 4), joints closed, nearest to measured ones of some segments.
+
+        Args:
+            start: (S, 4, 4) where it begins.
+            rows: (N,) of the segments that were measured, once or several times.
+            measured: (N, 4, 4) world_T_segment.
+            information: (N, 6, 6) of them, in the segments' axes, rotation first.
+            predicted: prior of the root and the joints; without it what is unobserved stays as it was.
+            steps: at most.
+        """
+        poses = self.close_joints(start)
+        summed = np.zeros((len(start), 6, 6))
+        np.add.at(summed, rows, information)
+        for _ in range(steps):
+            segment_T_measured = inverse(poses[rows]) @ measured
+            off = np.concatenate([log_so3(segment_T_measured[:, :3, :3]), segment_T_measured[:, :3, 3]], axis=1)
+            vector = np.zeros((len(start), 6))
+            np.add.at(vector, rows, (information @ off[..., None])[..., 0])
+            prior = predicted or PredictedBody(poses, np.full(_ROOT, _DAMPING), _DAMPING)
+            before, poses = poses, self.apply(poses, summed, vector, prior)
+            if np.abs(poses - before).max() < _CONVERGED:
+                break
+        return poses
+
     def close_joints(self, poses: Array) -> Array:
         """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
         closed = self._body.forward_kinematics(poses[self._root], self._body.joint_rotations(poses))
@@ -106,8 +141,8 @@ class ArticulatedStep:
         world_R_joint = self._world_T_joint(poses)[:, :3, :3]
         joint_R_world = np.swapaxes(world_R_joint, 1, 2)
         within = (rotations if self._limits is None else self._limits.clamp(rotations))[self._rows]
-        of = np.swapaxes([within, turned_before, self._middle], 2, 3)
-        beyond, since_before, off_middle = log_so3(turned @ of)
+        references = np.swapaxes([within, turned_before, self._middle], 2, 3)
+        beyond, since_before, off_middle = log_so3(turned @ references)
         far = np.linalg.norm(beyond, axis=1)[:, None]
         along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
         information = self._stiffness + predicted.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]

@@ -15,11 +15,10 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.shape_evidence import ShapeEvidence
+from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
 from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.static_measurement import predicted_body
 from bodycam_ros.static_cameras.station import Image, Station
-from bodycam_ros.static_cameras.surface import BULGES
 
 _ROUNDS = 6  # of tracking the recording with a better body, at most
 _CONVERGED = 0.3  # sigmas of itself by which no length changes any more
@@ -51,8 +50,8 @@ class Measure:
     Attributes:
         name: of the joint, or of the segment that is as thick.
         axis: x, y or z, along which the joint is away from its parent's origin; empty for a girth.
-        begun, found, sigma: what it was taken to be, is, and its standard deviation: [m], or times as thick as people.
-        told: whether the recording says it; else it is what is predicted of people.
+        begun, found, sigma: initial and final estimate, and its standard deviation: [m], or times as thick as people.
+        told: whether the recording measures it; else it is what is expected of people.
     """
 
     name: str
@@ -70,8 +69,8 @@ class MeasuredBody:
     Attributes:
         body: with its lengths and girths.
         lengths, girths: estimates.
-        instants: that were asked.
-        rounds: that it took.
+        instants: frames that lengths were measured in.
+        rounds: of tracking the recording.
         converged: whether no length changed any more.
         seen: mean share of observed segments.
     """
@@ -87,7 +86,7 @@ class MeasuredBody:
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """Normal equations of one pass over a recording."""
+    """Normal equations of one pass over a recording, frames measured, and mean share of observed segments."""
 
     information: Array
     vector: Array
@@ -103,7 +102,7 @@ class BodyMeasurement:
         stations: by name.
         instants: reads the recording, from its start at each call.
         placed: the body in the first frame, some centimetres off.
-        settings: what is predicted.
+        settings: what is expected of the body.
         region, motion: of following it.
         on_progress: called with the step and the share of it that is done.
     """
@@ -119,7 +118,8 @@ class BodyMeasurement:
         motion: MotionSettings,
         on_progress: Callable[[str, float], None] = lambda step, share: None,
     ) -> None:
-        self._shape, self._segment_count = BodyShape(body, settings), len(body.segments)
+        self._shape = BodyShape(body, settings)
+        self._size = self._shape.size + BULGES * len(body.segments)
         self._stations, self._instants, self._placed = stations, instants, placed
         self._region, self._motion = region, motion
         self._on_progress = on_progress
@@ -128,13 +128,11 @@ class BodyMeasurement:
         """The body.
 
         Raises:
-            RangeOfMotionError: the recording has no instant, or the body was not seen in it.
+            RangeOfMotionError: the recording has no frame, or the body was not observed in it.
         """
-        size = self._shape.size
-        lasting = np.zeros(size + BULGES * self._segment_count)
-        sigmas = np.zeros(size)
+        lasting, sigmas = np.zeros(self._size), np.zeros(self._shape.size)
         for number in range(1, _ROUNDS + 1):
-            measured = self._round(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
+            measured = self._track(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
             if measured.seen < _MIN_SEEN:
                 raise RangeOfMotionError(
                     f"static cameras observed only {measured.seen:.0%} of the body's segments on average; is the start "
@@ -146,10 +144,12 @@ class BodyMeasurement:
             converged = bool((np.abs(step[lengths]) < _CONVERGED * sigmas[lengths]).all())
             if converged:
                 break
-        return self._measured(lasting[:size], sigmas, measured, number, converged)
+        lengths_found, girths_found = self._measures(lasting[: self._shape.size], sigmas)
+        body = self._shape.shaped(lasting[: self._shape.size])
+        return MeasuredBody(body, lengths_found, girths_found, measured.instants, number, converged, measured.seen)
 
-    def _step(self, measured: "_Round", lasting: Array) -> tuple[Array, Array]:
-        """How what lasts changes, and sigmas (K,) of the shares."""
+    def _step(self, measured: _Round, lasting: Array) -> tuple[Array, Array]:
+        """Change (size,) of shares and bulges, and sigmas (K,) of the shares."""
         size = self._shape.size
         information, vector = self._shape.prior(lasting[:size])
         A, b = measured.information.copy(), measured.vector.copy()
@@ -163,50 +163,46 @@ class BodyMeasurement:
         longest = float(np.abs(step[:size]).max())
         return step * min(1.0, _LONGEST_STEP / max(longest, 1e-12)), np.sqrt(np.diag(covariance)[:size])
 
-    def _round(self, evidence: ShapeEvidence, step: str) -> _Round:
+    def _track(self, evidence: ShapeEvidence, step: str) -> _Round:
         """Track the body through the recording, and measure its contours at intervals."""
         body = evidence.body
         tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
-        size = self._shape.size + BULGES * self._segment_count
-        information, vector = np.zeros((size, size)), np.zeros(size)
+        information, vector = np.zeros((self._size, self._size)), np.zeros(self._size)
         before = poses = np.zeros((0, 4, 4))
-        latest_ns = asked_ns = 0
+        latest_ns = measured_ns = count = 0
         dt_s = 0.0
-        asked = 0
         seen: list[float] = []
-        for share, instant in self._instants():
+        for share, frame in self._instants():
             self._on_progress(step, share)
             if not len(poses):
                 placed = self._placed(body)
-                poses = tracker.initialise(instant.images, placed.world_T_segment, placed.unplaced)
+                poses = tracker.initialise(frame.images, placed.world_T_segment, placed.unplaced)
             else:
-                previous_s, dt_s = dt_s, 1e-9 * (instant.stamp_ns - latest_ns)
+                previous_s, dt_s = dt_s, 1e-9 * (frame.stamp_ns - latest_ns)
                 predicted = predict(before, poses, previous_s, dt_s) if len(before) else poses
-                found = tracker.measure(instant.images, predicted_body(predicted, dt_s, self._motion, previous_s))
+                found = tracker.measure(frame.images, predicted_body(predicted, dt_s, self._motion, previous_s))
                 before, poses = poses, found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))
-            latest_ns = instant.stamp_ns
-            if not asked or latest_ns - asked_ns >= 1e9 * _INTERVAL_S - 1.0:
-                measured = evidence.of_instant(tracker.views, instant.images, poses)
+            latest_ns = frame.stamp_ns
+            if not count or latest_ns - measured_ns >= 1e9 * _INTERVAL_S - 1.0:
                 # Frames with correlated errors count as one.
-                weight = 1.0 if not asked else min(1.0, 1e-9 * (latest_ns - asked_ns) / _ALIKE_S)
-                information += weight * measured[0]
-                vector += weight * measured[1]
-                asked, asked_ns = asked + 1, latest_ns
+                weight = min(1.0, 1e-9 * (latest_ns - measured_ns) / _ALIKE_S) if count else 1.0
+                by_frame = evidence.measure(tracker.views, frame.images, poses)
+                information += weight * by_frame[0]
+                vector += weight * by_frame[1]
+                count, measured_ns = count + 1, latest_ns
         if not seen:
             raise RangeOfMotionError("static cameras have too few images: a body is measured while it moves")
-        return _Round(information, vector, asked, float(np.mean(seen)))
+        return _Round(information, vector, count, float(np.mean(seen)))
 
-    def _measured(self, shares: Array, sigmas: Array, measured: _Round, rounds: int, converged: bool) -> MeasuredBody:
-        beforehand = np.sqrt(np.diag(np.linalg.inv(self._shape.prior(shares)[0])))
-        known = [*zip(sigmas.tolist(), (sigmas < _MEASURED * beforehand).tolist(), strict=True)]
-        begun, body = self._shape.shaped(np.zeros(self._shape.size)), self._shape.shaped(shares)
-        lengths = []
-        for (joint, axis), share, (sigma, told) in zip(self._shape.lengths, shares.tolist(), known, strict=False):
-            at = float(joint.parent_T_joint[axis, 3])
-            lengths.append(Measure(joint.name, "xyz"[axis], at, at * (1.0 + share), abs(at) * sigma, told))
-        girths = [
-            Measure(segment, "", begun.girths[segment], body.girths[segment], begun.girths[segment] * sigma, told)
-            for segment, (sigma, told) in zip(self._shape.thick, known[len(lengths) :], strict=True)
-        ]
-        return MeasuredBody(body, tuple(lengths), tuple(girths), measured.instants, rounds, converged, measured.seen)
+    def _measures(self, shares: Array, sigmas: Array) -> tuple[tuple[Measure, ...], tuple[Measure, ...]]:
+        """Lengths and girths of shares (K,) with sigmas (K,)."""
+        shape, count = self._shape, len(self._shape.lengths)
+        begun, found = shape.initial, shape.initial * (1.0 + shares)
+        found[count:] = [shape.shaped(shares).girths[segment] for segment in shape.thick]
+        told = sigmas < _MEASURED * np.sqrt(np.diag(np.linalg.inv(shape.prior(shares)[0])))
+        rows = zip(
+            shape.names, begun.tolist(), found.tolist(), (np.abs(begun) * sigmas).tolist(), told.tolist(), strict=True
+        )
+        measures = tuple(Measure(*name, *numbers) for name, *numbers in rows)
+        return measures[:count], measures[count:]

@@ -13,6 +13,7 @@ of the file.
 import logging
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -75,31 +76,18 @@ def read_calibration(path: Path) -> dict[str, Station]:
         raise StationError(f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each")
     places = np.array([station.world_T_camera[:3, 3] for station in stations])
     apart = float(np.linalg.norm(places[:, None] - places, axis=2).max())
-    guessed = "m" if apart <= _LARGEST_M else "cm" if apart <= _LARGEST_CM else "mm"
-    scale = _UNITS_M[unit or guessed]
-    logger.info(
-        "%s: %d cameras up to %.2f m apart (%s, %s); its world stays as it is, with z taken as up",
-        path,
-        len(stations),
-        scale * apart,
-        unit or guessed,
-        "as the file says" if unit else "by their distances",
-    )
+    by = "as the file says" if unit else "by their distances"
+    unit = unit or ("m" if apart <= _LARGEST_M else "cm" if apart <= _LARGEST_CM else "mm")
+    scale = _UNITS_M[unit]
+    logger.info("%s: %d cameras up to %.2f m apart (%s, %s); z is up", path, len(stations), scale * apart, unit, by)
     if any(np.abs(station.world_T_camera - np.eye(4)).max() < 1e-6 for station in stations):
         logger.warning(
             "%s: its world is the frame of one camera, whose z axis is not up; floor and up are unknown", path
         )
-    metric = {
-        station.name: Station(
-            station.name,
-            rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]),
-            station.camera,
-        )
-        for station in stations
-    }
-    if len(metric) < len(stations):
+    if len({station.name for station in stations}) < len(stations):
         raise StationError(f"{path}: two cameras have the same name; names must differ")
-    return metric
+    poses = [rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]) for station in stations]
+    return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
 
 
 def toml_text(stations: Iterable[Station]) -> str:
@@ -129,35 +117,26 @@ def toml_text(stations: Iterable[Station]) -> str:
 
 
 def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
+    """Cameras, and the unit of the file; empty where it has none. Caliscope has cameras one level down."""
     try:
         document = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise StationError(f"{path}: cannot be read as TOML: {error}") from error
-    metadata = document.get("metadata")
-    unit = str(metadata.get("units", "")) if isinstance(metadata, Mapping) else ""
+    tables = {key: value for key, value in document.items() if isinstance(value, Mapping)}
+    unit = str(tables.get("metadata", {}).get("units", ""))
     if unit and unit not in _UNITS_M:
         raise StationError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
-    return [_toml_camera(path, key, table) for key, table in _camera_tables(document)], unit
-
-
-def _camera_tables(document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Key and table of each camera; Caliscope has them one level down."""
-    for key, value in document.items():
-        if isinstance(value, Mapping):
-            if "matrix" in value:
-                yield key, value
-            else:
-                yield from ((inner, v) for inner, v in value.items() if isinstance(v, Mapping) and "matrix" in v)
-
-
-def _toml_camera(path: Path, key: str, table: Mapping[str, Any]) -> Station:
-    name = str(table.get("name") or (f"cam_{key}" if key.isdigit() else key))
-    where = f"{path}: camera {name}"
-    size = _numbers(table.get("size"), (2,), f"{where}: size")
-    K = _numbers(table.get("matrix"), (3, 3), f"{where}: matrix")
-    D = _numbers(table.get("distortions", [0.0] * 4), (-1,), f"{where}: distortions")
-    rotation, translation = (table.get(field) for field in ("rotation", "translation"))
-    return _station(where, name, size, K, D, rotation, translation, fisheye=bool(table.get("fisheye", False)))
+    for table in [*tables.values()]:
+        tables |= {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    stations = []
+    for key, table in tables.items():
+        if "matrix" in table:
+            name = str(table.get("name") or (f"cam_{key}" if key.isdigit() else key))
+            where = f"{path}: camera {name}"
+            D = numbers_of_shape(table.get("distortions", [0.0] * 4), (-1,), f"{where}: distortions")
+            pose, fisheye = (table.get("rotation"), table.get("translation")), bool(table.get("fisheye", False))
+            stations.append(_station(where, name, table.get("size"), table["matrix"], D, *pose, fisheye))
+    return stations, unit
 
 
 def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
@@ -186,9 +165,9 @@ def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
         axes = np.array([[field("transform", f"r{row}{column}") for column in "123"] for row in "123"])
         place = np.array([field("transform", axis) for axis in "xyz"])
         camera_R_world = axes * [[1.0], [-1.0], [-1.0]]
-        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
         D = np.array([k1, k2, p1, p2])
-        yield _station(where, name, np.array([width, height]), K, D, camera_R_world, -camera_R_world @ place)
+        yield _station(where, name, [width, height], K, D, camera_R_world, -camera_R_world @ place)
 
 
 _FIELDS_OF_VIEW = (("left", "right"), ("top", "bottom"))
@@ -199,11 +178,11 @@ _INTRINSICS = (
 
 
 def _read_opencv(path: Path) -> Iterator[Station]:
+    paths = [path]
+    if path.stem in ("intri", "extri"):
+        paths = [path.with_stem("intri"), path.with_stem("extri")]
     values: dict[str, Any] = {}
-    beside = (
-        [path.with_name(name + path.suffix) for name in ("intri", "extri")] if path.stem in ("intri", "extri") else []
-    )
-    for file in dict.fromkeys([path, *beside]):
+    for file in paths:
         if file.is_file():
             values |= _opencv_values(file)
     names = [key.removeprefix("K_") for key in values if key.startswith("K_")]
@@ -212,12 +191,10 @@ def _read_opencv(path: Path) -> Iterator[Station]:
             f"{path}: has no K_NAME; expected K_, dist_, Rot_ (or R_), T_, W_ and H_ of each camera, as of EasyMocap"
         )
     for name in names:
-        where = f"{path}: camera {name}"
         rotation = values.get(f"Rot_{name}", values.get(f"R_{name}"))
-        D = values.get(f"dist_{name}", values.get(f"D_{name}", np.zeros(4)))
-        size = _numbers([values.get(f"W_{name}"), values.get(f"H_{name}")], (2,), f"{where}: W_{name} and H_{name}")
-        K = _numbers(values[f"K_{name}"], (3, 3), f"{where}: K_{name}")
-        yield _station(where, name, size, K, np.ravel(D), rotation, values.get(f"T_{name}"))
+        D = np.ravel(values.get(f"dist_{name}", values.get(f"D_{name}", np.zeros(4))))
+        size = [values.get(f"W_{name}"), values.get(f"H_{name}")]
+        yield _station(f"{path}: camera {name}", name, size, values[f"K_{name}"], D, rotation, values.get(f"T_{name}"))
 
 
 def _opencv_values(path: Path) -> dict[str, Any]:
@@ -226,38 +203,50 @@ def _opencv_values(path: Path) -> dict[str, Any]:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     except (cv2.error, SystemError) as error:
         raise StationError(f"{path}: cannot be read as YAML of OpenCV") from error
-    try:
-        root = storage.root()
-        values: dict[str, Any] = {}
-        for key in root.keys():
-            node = root.getNode(key)
-            values[key] = node.mat() if node.isMap() else node.real() if node.isInt() or node.isReal() else None
-        return values
-    finally:
-        storage.release()
+    nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
+    values = {
+        key: node.mat() if node.isMap() else node.real() if node.isInt() or node.isReal() else None
+        for key, node in nodes.items()
+    }
+    storage.release()
+    return values
 
 
 def _station(
-    where: str, name: str, size: Array, K: Array, D: Array, rotation: Any, translation: Any, fisheye: bool = False
+    where: str, name: str, size: Any, K: Any, D: Array, rotation: Any, translation: Any, fisheye: bool = False
 ) -> Station:
     """The station of a camera by camera_R_world, as a matrix or a rotation vector, and the translation with it."""
-    vector = np.ravel(np.asarray(rotation, object))
-    if vector.size == 9:
-        R = _numbers(rotation, (3, 3), f"{where}: rotation")
-        if np.abs(R.T @ R - np.eye(3)).max() > _ROTATES or np.linalg.det(R) < 0.0:
-            raise StationError(f"{where}: rotation is none; expected camera_R_world, three orthogonal axes")
+    size = numbers_of_shape(size, (2,), f"{where}: size")
+    K = numbers_of_shape(K, (3, 3), f"{where}: matrix")
+    rotation, translation = (np.ravel(np.asarray(value, object)).tolist() for value in (rotation, translation))
+    if len(rotation) == 9:
+        R = rotation_of(rotation, f"{where}: rotation", _ROTATES)
     else:
-        R = exp_so3(_numbers(vector.tolist(), (3,), f"{where}: rotation"))
-    t = _numbers(np.ravel(np.asarray(translation, object)).tolist(), (3,), f"{where}: translation")
+        R = exp_so3(numbers_of_shape(rotation, (3,), f"{where}: rotation"))
+    t = numbers_of_shape(translation, (3,), f"{where}: translation")
     if not name or not name.isprintable():
         raise StationError(f"{where}: has no name")
     model, least = ("equidistant", 4) if fisheye else ("plumb_bob", 5) if len(D) <= 5 else ("rational_polynomial", 8)
     D = np.concatenate([D, np.zeros(max(0, least - len(D)))])[: 4 if fisheye else None]
     camera: CameraModel = camera_from_info(name, round(size[0]), round(size[1]), model, D.tolist(), K.ravel().tolist())
-    return Station(name, inverse(rigid(nearest_rotation(R), t)), camera)
+    return Station(name, inverse(rigid(R, t)), camera)
 
 
-def _numbers(value: Any, shape: Sequence[int], where: str) -> Array:
+def rotation_of(value: Any, where: str, tolerance: float) -> Array:
+    """The rotation (3, 3) of nine numbers, whose columns may be off by a tolerance.
+
+    Raises:
+        StationError: it is none.
+    """
+    R = numbers_of_shape(value, (3, 3), where)
+    off = float(np.abs(R.T @ R - np.eye(3)).max())
+    if off > tolerance or np.linalg.det(R) < 0.0:
+        what = "it mirrors" if off <= tolerance else f"its columns are off by {off:.2g}"
+        raise StationError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
+    return nearest_rotation(R)
+
+
+def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
     """Finite numbers of a shape.
 
     Raises:
@@ -265,9 +254,9 @@ def _numbers(value: Any, shape: Sequence[int], where: str) -> Array:
     """
     try:
         numbers = np.array(value, np.float64).reshape(shape)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.full(1, np.nan)
     if not np.isfinite(numbers).all():
-        expected = " x ".join(map(str, shape)) if shape != (-1,) else "some"
+        expected = " x ".join(map(str, shape)) if tuple(shape) != (-1,) else "some"
         raise StationError(f"{where}: expected {expected} numbers, not {shown(value)}")
     return numbers

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import FAINT
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
-from bodycam_ros.static_cameras.station import MeasuredContour
+from bodycam_ros.static_cameras.station import SHRINK, Contour
 
 Image = NDArray[np.uint8]
 
@@ -52,24 +52,25 @@ class Window:
         return placed
 
 
-def paint_contour(image: Image, contour: MeasuredContour, colours: Sequence[str], window: Window) -> Image:
+def paint_contour(image: Image, contour: Contour, shifts: Array, colours: Sequence[str], window: Window) -> Image:
     """A part of a station's image with the body painted into it: (height, width, 3) times magnified.
 
     Args:
         image: (H, W, 3) blue, green, red.
         contour: of the body in it.
+        shifts: (N,) how far outward of its points the image has it [px]; NaN where no line measures it.
         colours: of the segments' surfaces, as ``#rrggbb``.
         window: the part that is shown.
     """
     picture = _magnified(_tinted(image, contour, colours), window)
     places = window.place(contour.pixels)
-    ends = places + window.times * ENLARGED * np.nan_to_num(contour.shifts)[:, None] * contour.normals
-    for place, end, shift in zip(places, ends, contour.shifts.tolist(), strict=True):
+    ends = places + window.times * ENLARGED * np.nan_to_num(shifts)[:, None] * contour.normals
+    for place, end, shift in zip(places, ends, shifts.tolist(), strict=True):
         if abs(shift) > _LEAST_FORCE_PX:
             colour = bgr(OUTWARD if shift > 0.0 else INWARD)
             cv2.line(picture, _fixed(place), _fixed(end), colour, _THICK_PX, cv2.LINE_AA, _SUBPIXEL)
     radius = round(2**_SUBPIXEL * _RADIUS_PX)
-    for place, shift in zip(places, contour.shifts.tolist(), strict=True):
+    for place, shift in zip(places, shifts.tolist(), strict=True):
         colour = bgr(SILENT if np.isnan(shift) else CONTOUR)
         cv2.circle(picture, _fixed(place), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL)
     return picture
@@ -81,10 +82,10 @@ def bgr(colour: str) -> tuple[int, int, int]:
     return blue, green, red
 
 
-def _tinted(image: Image, contour: MeasuredContour, colours: Sequence[str]) -> Image:
+def _tinted(image: Image, contour: Contour, colours: Sequence[str]) -> Image:
     """The image with the surface over it, half transparent."""
     table = np.array([bgr(colour) for colour in colours], np.float64)
-    labels = contour.labels.repeat(contour.shrink, axis=0).repeat(contour.shrink, axis=1)
+    labels = contour.labels.repeat(SHRINK, axis=0).repeat(SHRINK, axis=1)
     picture = image.copy()
     part = picture[: labels.shape[0], : labels.shape[1]]
     shown = labels != NOBODY

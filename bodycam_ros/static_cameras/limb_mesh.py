@@ -1,28 +1,27 @@
-"""A limb as one closed mesh: balls along a line, and the cones that touch neighbouring ones around it.
+"""Surfaces of capsules: each limb is the hull of balls along a line, as one closed mesh.
 
 Segments of the default body (DESIGN 3) have the forms of people (``girths``); others are a capsule along each bone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, BodyModel, bone_ends, sole_points
 from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras import person_model
-from bodycam_ros.static_cameras.surface import Faces, Surface
+from bodycam_ros.static_cameras import person_model as person
+from bodycam_ros.static_cameras.surface import Faces, Surface, join_meshes
 
 _AROUND = 24  # vertices of each ring
-_OVER_CAP = 6  # rings from the pole of a ball to its girth
-_LONGEST_M = 0.05  # between two rings
-_SHORTEST = 1e-3  # of the limb's length between two rings
+_RINGS = 20  # between the poles, denser towards them: 4 cm apart in the middle of a thigh
+_BETWEEN = 40  # balls that stand for the cone between two
 _PARALLEL = 1e-6
 _CIRCUMSCRIBED = (np.pi / _AROUND) / np.sin(np.pi / _AROUND)
 """Of the rings' radii: by Cauchy's formula a polygon of this size is, over all directions, as wide as the circle."""
+
+_X, _Y, _Z = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -31,19 +30,25 @@ class Ball:
 
     Attributes:
         along: where on the line from the limb's start to its end; 0 to 1, the ends themselves.
-        radius: [m]
-        breadth: across the line and ``across``, in radii; 1 is round.
+        radius: along the line [m].
+        breadth: along ``across``, in radii; 1 is round.
+        depth: perpendicular to both, in radii.
     """
 
     along: float
     radius: float
     breadth: float = 1.0
+    depth: float = 1.0
+
+
+Limb = tuple[Array, Array, Sequence[Ball], Array]
+"""Arguments of ``limb_mesh``."""
 
 
 def limb_mesh(start: Array, end: Array, balls: Sequence[Ball], across: Array) -> tuple[Array, Faces]:
     """A closed mesh (V, 3) [m], (F, 3), outward, around balls along a line.
 
-    Its mean width, over all directions around the line, is that of the limb.
+    Its mean width, over all directions around the line, is that of the limb. All limbs have as many vertices.
 
     Args:
         start, end: (3,) of the line [m]; they differ.
@@ -56,227 +61,155 @@ def limb_mesh(start: Array, end: Array, balls: Sequence[Ball], across: Array) ->
         across = np.eye(3)[np.abs(axis).argmin()]
     broad = across - (across @ axis) * axis
     broad = broad / np.linalg.norm(broad)
-    rest = np.cross(axis, broad)
-
-    at = np.array([ball.along * length for ball in balls])
-    radii = np.array([ball.radius for ball in balls])
-    rings = _rings(at, radii)
-    radius = _profile(rings, at, radii) * _CIRCUMSCRIBED
-    breadth = np.interp(rings, at, [ball.breadth for ball in balls])
+    numbers = np.array([(ball.along * length, ball.radius, ball.breadth, ball.depth) for ball in balls])
+    # Balls between two, with radii between theirs, have the cone that touches both as their hull.
+    dense = np.linspace(0.0, len(balls) - 1.0, _BETWEEN * (len(balls) - 1) + 1)
+    at, radii, breadth, depth = (np.interp(dense, np.arange(len(balls)), column) for column in numbers.T)
+    low, high = (at - radii).min(), (at + radii).max()
+    rings = low + 0.5 * (high - low) * (1.0 - np.cos(np.pi * np.arange(_RINGS + 2) / (_RINGS + 1)))
+    radius = np.sqrt(np.maximum(radii**2 - (rings[1:-1, None] - at) ** 2, 0.0).max(axis=1)) * _CIRCUMSCRIBED
     angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-    circle = (radius * breadth)[1:-1, None, None] * np.cos(angle)[:, None] * broad
-    circle = circle + radius[1:-1, None, None] * np.sin(angle)[:, None] * rest
+    circle = (radius * np.interp(rings[1:-1], at, breadth))[:, None, None] * np.cos(angle)[:, None] * broad
+    sides = (radius * np.interp(rings[1:-1], at, depth))[:, None, None] * np.sin(angle)[:, None]
+    circle = circle + sides * np.cross(axis, broad)
     centres = start + rings[:, None] * axis
-    vertices = np.concatenate([centres[:1], (centres[1:-1, None] + circle).reshape(-1, 3), centres[-1:]])
-    return vertices, _faces(len(rings) - 2)
+    return np.concatenate([centres[:1], (centres[1:-1, None] + circle).reshape(-1, 3), centres[-1:]]), _FACES
 
 
-def _rings(at: Array, radii: Array) -> Array:
-    """(R) places of the rings along the line, from pole to pole."""
-    first, last = int(np.argmin(at - radii)), int(np.argmax(at + radii))
-    low, high = at[first] - radii[first], at[last] + radii[last]
-    cap = 1.0 - np.cos(0.5 * np.pi * np.arange(_OVER_CAP + 1) / _OVER_CAP)
-    places = np.concatenate([low + radii[first] * cap, high - radii[last] * cap, *_touching(at, radii)])
-    places = np.unique(places[(places >= low) & (places <= high)])
-    kept = [low]
-    for place in places[1:]:
-        if place - kept[-1] > _SHORTEST * (high - low):
-            steps = int(np.ceil((place - kept[-1]) / _LONGEST_M))
-            kept += list(np.linspace(kept[-1], place, steps + 1)[1:])
-    kept[-1] = high
-    return np.array(kept)
-
-
-def _touching(at: Array, radii: Array) -> list[Array]:
-    """(2,) of each two neighbouring balls: where along the line the cone around them touches them."""
-    touching = []
-    for (x, y), (p, q) in zip(pairwise(at), pairwise(radii), strict=True):
-        if abs(p - q) < y - x:  # else one is within the other
-            sine = (p - q) / (y - x)
-            touching.append(np.array([x + p * sine, y + q * sine]))
-    return touching
-
-
-def _profile(places: Array, at: Array, radii: Array) -> Array:
-    """Radii of the limb at places along the line: the largest of its balls and cones."""
-    square = radii**2 - (places[:, None] - at) ** 2
-    radius: Array = np.sqrt(np.maximum(square, 0.0).max(axis=1))
-    for touching in _touching(at, radii):
-        ends = np.sqrt(np.maximum(radii**2 - (touching[:, None] - at) ** 2, 0.0).max(axis=1))
-        within = (places >= touching[0]) & (places <= touching[1])
-        radius = np.where(within, np.maximum(radius, np.interp(places, touching, ends)), radius)
-    return radius
-
-
-def _faces(rings: int) -> Faces:
+def _ring_faces() -> Faces:
     """Two triangles between neighbours on neighbouring rings, a fan at each pole."""
     ring = np.arange(_AROUND)
     following = (ring + 1) % _AROUND
-    first, last = 1, 1 + (rings - 1) * _AROUND
-    rows = 1 + np.arange(rings - 1)[:, None] * _AROUND
+    first, last = 1, 1 + (_RINGS - 1) * _AROUND
+    rows = 1 + np.arange(_RINGS - 1)[:, None] * _AROUND
     a, b = (rows + ring).ravel(), (rows + following).ravel()
     c, d = a + _AROUND, b + _AROUND
-    return np.concatenate(
-        [
-            np.stack([np.zeros_like(ring), first + following, first + ring], axis=1),
-            np.stack([a, b, d], axis=1),
-            np.stack([a, d, c], axis=1),
-            np.stack([np.full_like(ring, last + _AROUND), last + ring, last + following], axis=1),
-        ]
-    ).astype(np.int32)
+    fans = [
+        np.stack([np.zeros_like(ring), first + following, first + ring], axis=1),
+        np.stack([np.full_like(ring, last + _AROUND), last + ring, last + following], axis=1),
+    ]
+    return np.concatenate([*fans, np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)]).astype(np.int32)
 
 
-_X, _Y, _Z = np.eye(3)
-_Mesh = tuple[Array, Faces]
+_FACES = _ring_faces()
 
 
 def capsule_surfaces(body: BodyModel) -> dict[str, Surface]:
     """Segment -> its surface of capsules; a segment without any bone has none, and neither has equipment.
 
-    Nobody knows how a machine looks whose file has but joints: tubes that are not there would pull at the legs.
+    The file of equipment has joints but no form: tubes that are not there would pull at the legs.
     """
-    stature = person_model.stature_of(body)
     surfaces = {}
     for segment in body.segments:
-        thick = body.girths.get(segment, 1.0)
-        parts = [] if segment in body.equipment_segments else _parts(body, segment, thick * stature)
-        if parts:
-            surfaces[segment] = Surface(segment, *_joined(parts))
+        if segment not in body.equipment_segments:
+            limbs = _apart(_person_limbs(body, segment)) or _apart(_bone_limbs(body, segment))
+            if limbs:
+                surfaces[segment] = Surface(*join_meshes([limb_mesh(*limb) for limb in limbs]))
     return surfaces
 
 
-def _parts(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
-    """Of a segment that is as thick as that of a person of some stature."""
-    form = _FORMS.get(SegmentName(segment).kind)
-    if form is not None and (parts := form(body, segment, stature)):
-        return parts
-    return _along_bones(body, segment)
+def _apart(limbs: list[Limb]) -> list[Limb]:
+    """The limbs whose ends are a bone apart."""
+    return [limb for limb in limbs if np.linalg.norm(limb[0] - limb[1]) >= BONE_RADIUS_M]
 
 
-def _along_bones(body: BodyModel, segment: str) -> list[_Mesh]:
-    parts = []
-    for end in bone_ends(body, segment):
-        ball = body.girths.get(segment, 1.0) * person_model.SLENDERNESS * float(np.linalg.norm(end))
-        parts.append(limb_mesh(np.zeros(3), end, [Ball(0.0, ball), Ball(1.0, ball)], _X))
-    return parts
+def _bone_limbs(body: BodyModel, segment: str) -> list[Limb]:
+    """A capsule along each bone."""
+    slenderness = body.girths.get(segment, 1.0) * person.SLENDERNESS
+    ends = [(end, slenderness * float(np.linalg.norm(end))) for end in bone_ends(body, segment)]
+    return [(np.zeros(3), end, [Ball(0.0, radius), Ball(1.0, radius)], _X) for end, radius in ends]
 
 
-def _limb(balls: list[tuple[float, float]], body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
-    """A limb to the joint on it, or as long as people's are; balls are where along it, and radius / stature."""
+_LIMBS = {
+    "upper_arm": ("forearm", [(0.0, person.BICEPS), (0.6, person.BICEPS), (1.0, person.FOREARM)]),
+    "forearm": ("hand", [(0.0, person.FOREARM), (0.25, person.FOREARM), (1.0, person.WRIST)]),
+    "thigh": ("shin", [(0.0, person.THIGH), (0.2, person.THIGH), (1.0, person.KNEE)]),
+    "shin": ("foot", [(0.0, person.KNEE), (0.3, person.CALF), (1.0, person.ANKLE)]),
+}
+"""Kind of segment -> kind of the next one, and balls: where along it, and radius / stature."""
+
+
+def _person_limbs(body: BodyModel, segment: str) -> list[Limb]:
+    """Limbs of a segment of the default body, as thick as those of a person of some stature; none of others."""
     name = SegmentName(segment)
-    end = _joints_on(body, segment).get(f"{_BELOW[name.kind]}{name.side}")
-    if end is None or _too_near(end, np.zeros(3)):
-        end = -person_model.BONES[name.kind] * person_model.stature_of(body) * _Z
-    return [limb_mesh(np.zeros(3), end, [Ball(along, radius * stature) for along, radius in balls], _Y)]
+    tall = person.stature_of(body)
+    stature = body.girths.get(segment, 1.0) * tall
+    hanging = [joint for joint in body.tree_joints if joint.parent == segment and joint.type != "free"]
+    joints = {joint.child: joint.parent_T_joint[:3, 3] for joint in hanging}
+    if name.kind in _LIMBS:
+        below, balls = _LIMBS[name.kind]
+        end = joints.get(f"{below}{name.side}")
+        if end is None or np.linalg.norm(end) < BONE_RADIUS_M:
+            end = -person.BONES[name.kind] * tall * _Z
+        return [(np.zeros(3), end, [Ball(along, radius * stature) for along, radius in balls], _Y)]
+    if name.kind == "pelvis" and {"torso", "thigh_left", "thigh_right"} <= joints.keys():
+        return _pelvis(joints["torso"], joints["thigh_left"], joints["thigh_right"], stature)
+    if name.kind == "torso" and {"upper_arm_left", "upper_arm_right"} <= joints.keys():
+        return _torso(joints["upper_arm_left"], joints["upper_arm_right"], joints.get("head"), stature)
+    if name.kind == "head":
+        return _head(stature)
+    if name.kind == "foot":
+        ankle = body.joint_to_parent(segment)
+        has_shin = ankle is not None and SegmentName(ankle.parent).kind == "shin"
+        shin = np.linalg.norm(ankle.parent_T_joint[:3, 3]) if ankle and has_shin else person.BONES["shin"] * tall
+        return _foot(float(shin), stature)
+    return _hand(stature) if name.kind == "hand" else []
 
 
-def _pelvis(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+def _pelvis(spine: Array, left: Array, right: Array, stature: float) -> list[Limb]:
     """As wide as the thighs at its hips are."""
-    joints = _joints_on(body, segment)
-    spine, hips = joints.get("torso"), _pair(joints, "thigh")
-    if spine is None or hips is None or _too_near(*hips) or _too_near(spine, hips.mean(axis=0)):
+    if np.linalg.norm(left - right) < BONE_RADIUS_M:
         return []
-    half_hips = 0.5 * float(np.linalg.norm(hips[0] - hips[1])) + person_model.THIGH * stature
-    buttocks = _flat(0.0, 2.0 * half_hips, person_model.BUTTOCK_DEPTH * stature)
-    waist = _flat(0.5, person_model.WAIST_BREADTH * stature, person_model.WAIST_DEPTH * stature)
-    return [limb_mesh(hips.mean(axis=0), spine, [buttocks, waist], hips[0] - hips[1])]
+    width = float(np.linalg.norm(left - right)) + 2.0 * person.THIGH * stature
+    buttocks = _flat(0.0, width, person.BUTTOCK_DEPTH * stature)
+    waist = _flat(0.5, person.WAIST_BREADTH * stature, person.WAIST_DEPTH * stature)
+    return [(0.5 * (left + right), spine, [buttocks, waist], left - right)]
 
 
-def _torso(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+def _torso(left: Array, right: Array, neck: Array | None, stature: float) -> list[Limb]:
     """A trunk, a bar as wide as from shoulder to shoulder, and a neck."""
-    joints = _joints_on(body, segment)
-    neck, shoulders = joints.get("head"), _pair(joints, "upper_arm")
-    if shoulders is None or _too_near(*shoulders) or _too_near(shoulders.mean(axis=0), np.zeros(3)):
+    middle, apart = 0.5 * (left + right), left - right
+    if np.linalg.norm(apart) < BONE_RADIUS_M or np.linalg.norm(middle) < BONE_RADIUS_M:
         return []
-    middle, apart = shoulders.mean(axis=0), shoulders[0] - shoulders[1]
-    chest = person_model.CHEST_BREADTH * stature, person_model.CHEST_DEPTH * stature
-    waist = _flat(0.1, person_model.WAIST_BREADTH * stature, person_model.WAIST_DEPTH * stature)
-    parts = [limb_mesh(np.zeros(3), middle, [waist, _flat(0.4, *chest), _flat(0.75, *chest)], apart)]
-    radius = person_model.BICEPS * stature
-    inward = apart * (radius / float(np.linalg.norm(apart)))
-    ends = shoulders[1] + inward, shoulders[0] - inward
-    parts.append(limb_mesh(*ends, [Ball(0.0, radius), Ball(1.0, radius)], _X))
-    if neck is not None and not _too_near(neck, middle):
-        radius = person_model.NECK * stature
-        parts.append(limb_mesh(middle, neck, [Ball(0.0, radius), Ball(1.0, radius)], _Y))
-    return parts
+    chest = person.CHEST_BREADTH * stature, person.CHEST_DEPTH * stature
+    waist = _flat(0.1, person.WAIST_BREADTH * stature, person.WAIST_DEPTH * stature)
+    biceps, throat = person.BICEPS * stature, person.NECK * stature
+    inward = apart * (biceps / float(np.linalg.norm(apart)))
+    return [
+        (np.zeros(3), middle, [waist, _flat(0.4, *chest), _flat(0.75, *chest)], apart),
+        (right + inward, left - inward, [Ball(0.0, biceps), Ball(1.0, biceps)], _X),
+        (middle, middle if neck is None else neck, [Ball(0.0, throat), Ball(1.0, throat)], _Y),
+    ]
 
 
-def _head(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+def _head(stature: float) -> list[Limb]:
     """An ellipsoid from chin to vertex, and the neck up to it."""
-    half_height = 0.5 * person_model.HEAD_HEIGHT * stature
-    centre = person_model.NECK_TO_VERTEX * stature * _Z - half_height * _Z
-    ball, faces = limb_mesh(np.zeros(3), centre, [Ball(0.0, half_height)], _Y)
-    sides = np.array([person_model.HEAD_LENGTH, person_model.HEAD_BREADTH, person_model.HEAD_HEIGHT])
-    flat = sides / person_model.HEAD_HEIGHT
-    neck = person_model.NECK * stature
-    return [(centre + flat * ball, faces), limb_mesh(np.zeros(3), centre, [Ball(0.0, neck), Ball(0.8, neck)], _Y)]
+    half, throat = 0.5 * person.HEAD_HEIGHT * stature, person.NECK * stature
+    centre = (person.NECK_TO_VERTEX * stature - half) * _Z
+    skull = Ball(0.0, half, person.HEAD_BREADTH / person.HEAD_HEIGHT, person.HEAD_LENGTH / person.HEAD_HEIGHT)
+    return [
+        (centre, centre + _Z, [skull], _Y),
+        (np.zeros(3), centre, [Ball(0.0, throat), Ball(0.8, throat)], _Y),
+    ]
 
 
-def _foot(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
-    """From heel to toe on the sole."""
-    ankle = body.joint_to_parent(segment)
-    shin = person_model.BONES["shin"] * person_model.stature_of(body)
-    if ankle is not None and SegmentName(ankle.parent).kind == "shin":
-        shin = float(np.linalg.norm(ankle.parent_T_joint[:3, 3]))
+def _foot(shin: float, stature: float) -> list[Limb]:
+    """From heel to toe on the sole, of a foot below a shin of a length [m]."""
     back = sole_points(shin)[0]
     heel = -0.5 * back[2]
     toe = 0.5 * heel
     start = back + heel * (_X + _Z)
-    end = back + (person_model.FOOT_LENGTH * stature - toe) * _X + toe * _Z
-    balls = [
-        Ball(0.0, heel, 0.5 * person_model.HEEL_BREADTH * stature / heel),
-        Ball(1.0, toe, 0.5 * person_model.FOOT_BREADTH * stature / toe),
-    ]
-    return [limb_mesh(start, end, balls, _Y)]
+    end = back + (person.FOOT_LENGTH * stature - toe) * _X + toe * _Z
+    breadths = 0.5 * person.HEEL_BREADTH * stature / heel, 0.5 * person.FOOT_BREADTH * stature / toe
+    return [(start, end, [Ball(0.0, heel, breadths[0]), Ball(1.0, toe, breadths[1])], _Y)]
 
 
-def _hand(body: BodyModel, segment: str, stature: float) -> list[_Mesh]:
+def _hand(stature: float) -> list[Limb]:
     """Stretched; its palm faces the body in the N-pose."""
-    radius = person_model.WRIST * stature
-    palm = Ball(0.0, radius, 0.5 * person_model.HAND_BREADTH / person_model.WRIST)
-    fingers = Ball(1.0, 0.5 * radius, palm.breadth)
-    return [limb_mesh(np.zeros(3), (0.5 * radius - person_model.HAND_LENGTH * stature) * _Z, [palm, fingers], _X)]
-
-
-_FORMS: dict[str, Callable[[BodyModel, str, float], list[_Mesh]]] = {
-    "pelvis": _pelvis,
-    "torso": _torso,
-    "head": _head,
-    "upper_arm": partial(_limb, [(0.0, person_model.BICEPS), (0.6, person_model.BICEPS), (1.0, person_model.FOREARM)]),
-    "forearm": partial(_limb, [(0.0, person_model.FOREARM), (0.25, person_model.FOREARM), (1.0, person_model.WRIST)]),
-    "hand": _hand,
-    "thigh": partial(_limb, [(0.0, person_model.THIGH), (0.2, person_model.THIGH), (1.0, person_model.KNEE)]),
-    "shin": partial(_limb, [(0.0, person_model.KNEE), (0.3, person_model.CALF), (1.0, person_model.ANKLE)]),
-    "foot": _foot,
-}
-
-_BELOW = {"upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
+    radius, broad = person.WRIST * stature, 0.5 * person.HAND_BREADTH / person.WRIST
+    tip = (0.5 * radius - person.HAND_LENGTH * stature) * _Z
+    return [(np.zeros(3), tip, [Ball(0.0, radius, broad), Ball(1.0, 0.5 * radius, broad)], _X)]
 
 
 def _flat(along: float, breadth: float, depth: float) -> Ball:
     return Ball(along, 0.5 * depth, breadth / depth)
-
-
-def _joints_on(body: BodyModel, segment: str) -> dict[str, Array]:
-    """Child -> (3,) the joint that it hangs on the segment by [m]."""
-    hanging = [joint for joint in body.tree_joints if joint.parent == segment and joint.type != "free"]
-    return {joint.child: joint.parent_T_joint[:3, 3] for joint in hanging}
-
-
-def _pair(joints: dict[str, Array], kind: str) -> Array | None:
-    """(2, 3) joints of the left and the right one, if the body has both."""
-    left, right = joints.get(f"{kind}_left"), joints.get(f"{kind}_right")
-    return None if left is None or right is None else np.stack([left, right])
-
-
-def _too_near(point: Array, other: Array) -> bool:
-    """Whether two points are no bone apart."""
-    return float(np.linalg.norm(point - other)) < BONE_RADIUS_M
-
-
-def _joined(parts: list[_Mesh]) -> _Mesh:
-    """Several closed meshes as one."""
-    before = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    faces = np.concatenate([faces + row for (_, faces), row in zip(parts, before, strict=False)])
-    return np.concatenate([vertices for vertices, _ in parts]), faces.astype(np.int32)

@@ -1,6 +1,6 @@
-"""Limbs that nobody knows the pose of, looked for in images: the pose whose regions split them best (B eq. 8).
+"""Search for limbs of unknown pose in images: the pose whose regions split them best (B eq. 8).
 
-Clothes are alike on both sides, so the colours of a limb are those of its opposite until they are learned.
+Clothes are alike on both sides, so the colours of a limb are those of its opposite until they are known.
 """
 
 from collections import Counter
@@ -16,8 +16,10 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
 
-_POSES = 400  # that are tried of a limb: 2 x 2 ms each
-_REFINED = 3  # best ones that are refined
+_GENERATIONS = ((200, np.inf), (100, 0.4), (100, 0.2))
+"""Poses that are tried of a limb, 2 x 2 ms each, and how far from the best ones before [rad]; anywhere at first."""
+
+_PARENTS, _REFINED = 8, 3  # best poses of a generation that the next one starts from; that are refined in the end
 _UNKNOWN_RANGE = 1.0  # [rad] to either side, where no limits are known
 
 Mask = NDArray[np.bool_]
@@ -34,6 +36,22 @@ def colours_from(body: BodyModel, unknown: Mask) -> dict[int, int]:
             if alike in known:
                 source[body.segment_index[joint.child]] = body.segment_index[alike]
     return source
+
+
+def chains_of(body: BodyModel, missing: Mask) -> list[list[int]]:
+    """Rows of the joints of each chain of missing segments (S,), from the root outwards; chains end at branches."""
+    children = Counter(joint.parent for joint in body.tree_joints if joint.type != "free")
+    chains: list[list[int]] = []
+    chain_of: dict[str, list[int]] = {}
+    for row, joint in enumerate(body.tree_joints):
+        if missing[body.segment_index[joint.child]] and joint.type != "free":
+            chain = chain_of.get(joint.parent) if children[joint.parent] == 1 else None
+            if chain is None:
+                chain = []
+                chains.append(chain)
+            chain.append(row)
+            chain_of[joint.child] = chain
+    return chains
 
 
 class LimbSearch:
@@ -60,44 +78,28 @@ class LimbSearch:
         self._high = np.where(np.isfinite(limits.high), limits.high, _UNKNOWN_RANGE)
         self._random = random
 
-    def find(self, poses: Array, lost: Mask) -> Array:
-        """Poses (S, 4, 4) in which the lost segments (S,) are where the images have them; the others stay."""
-        for limb in self.limbs(lost):
-            poses = self.find_limb(poses, limb)
-        return poses
-
-    def find_limb(self, poses: Array, limb: list[int]) -> Array:
+    def find(self, poses: Array, chain: list[int]) -> Array:
         """Poses (S, 4, 4) in which a limb, by the rows of its joints, is where the images have it."""
-        tried = np.concatenate([poses[None], self._bent(poses, limb)])
-        best = np.argsort([-self._energy(each) for each in tried])[:_REFINED]
-        return max((self._refine(tried[place]) for place in best), key=self._energy)
+        free = np.isin(self._angles.joint_rows, chain)
+        moves = np.flatnonzero(self._body.moves[:, chain].any(axis=1))
+        angles = self._angles.angles(self._body.joint_poses(poses), np.zeros(len(free)))[None]
+        tried, energies = poses[None], np.array([self._energy(poses)])
+        for count, spread in _GENERATIONS:
+            best = np.argsort(-energies)[:_PARENTS]
+            drawn = angles[self._random.choice(best, count)]
+            low, high = np.maximum(self._low, drawn - spread), np.minimum(self._high, drawn + spread)
+            drawn[:, free] = self._random.uniform(np.minimum(low, high), high)[:, free]
+            bent = self._bent(poses, drawn, moves)
+            angles, tried = np.concatenate([angles, drawn]), np.concatenate([tried, bent])
+            energies = np.concatenate([energies, [self._energy(each) for each in bent]])
+        refined = [self._refine(tried[row]) for row in np.argsort(-energies)[:_REFINED]]
+        return max(refined, key=self._energy)
 
-    def limbs(self, lost: Mask) -> list[list[int]]:
-        """Rows of the joints of each chain of lost segments, from the root outwards; a chain ends where it branches."""
-        joints = self._body.tree_joints
-        children = Counter(joint.parent for joint in joints if joint.type != "free")
-        limbs: list[list[int]] = []
-        limb_of: dict[str, list[int]] = {}
-        for row, joint in enumerate(joints):
-            if lost[self._body.segment_index[joint.child]] and joint.type != "free":
-                limb = limb_of.get(joint.parent) if children[joint.parent] == 1 else None
-                if limb is None:
-                    limb = []
-                    limbs.append(limb)
-                limb.append(row)
-                limb_of[joint.child] = limb
-        return limbs
-
-    def _bent(self, poses: Array, limb: list[int]) -> Array:
-        """Bodies (N, S, 4, 4) at poses (S, 4, 4) but for a limb that is bent somehow within its limits."""
-        body, index = self._body, self._body.segment_index
-        free = np.isin(self._angles.joint_rows, limb)
-        angles = np.tile(self._angles.angles(body.joint_poses(poses), np.zeros(len(free))), (_POSES, 1))
-        angles[:, free] = self._random.uniform(self._low[free], self._high[free], (_POSES, free.sum()))
-        moved = body.forward_kinematics(poses[index[body.root]], self._angles.poses(angles))
-        moves = np.flatnonzero(body.moves[:, limb].any(axis=1))
-        bent = np.tile(poses, (_POSES, 1, 1, 1))
-        bent[:, moves] = moved[:, moves]
+    def _bent(self, poses: Array, angles: Array, moves: NDArray[np.int64]) -> Array:
+        """Bodies (N, S, 4, 4) at poses (S, 4, 4) but for the segments ``moves``, which joint angles (N, A) place."""
+        root = poses[self._body.segment_index[self._body.root]]
+        bent = np.tile(poses, (len(angles), 1, 1, 1))
+        bent[:, moves] = self._body.forward_kinematics(root, self._angles.poses(angles))[:, moves]
         return bent
 
 

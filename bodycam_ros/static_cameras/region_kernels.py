@@ -1,9 +1,9 @@
-"""Where regions of colour part along lines across a contour (B 2.4), and what that says of a segment's pose.
+"""Where regions of colour part along lines across a contour (B 2.4), and the normal equations of a segment's pose.
 
 Along the normal of each contour point the colours of the image are more like the segment's or more like what is
 beside it. Where the one gives way to the other is unknown by so many pixels; its distribution, for a smoothed step of
 the colours' posterior (Tjaden et al. 2018; Stoiber et al. 2020, "A sparse Gaussian approach to region-based 6DoF
-object tracking"), has a mean, which is where the contour should be, and a variance, which is what the line knows.
+object tracking"), has a mean, which is where the contour should be, and a variance.
 """
 
 import math
@@ -84,47 +84,6 @@ def count_colours(
     return inside, outside
 
 
-@kernel("(u1[:, :, ::1], u1[:, ::1], i8, i8)")
-def count_areas(image: Bytes, labels: Bytes, shrink: int, segment_count: int) -> Counts:
-    """How often each colour (S, COLOURS) is where a segment is in front.
-
-    Args:
-        image: (H, W, 3) blue, green, red.
-        labels, shrink: which segment is in front, at a part of the resolution.
-        segment_count: S.
-    """
-    areas = np.zeros((segment_count, COLOURS), np.float32)
-    for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            if labels[row, column] < segment_count:
-                colour = _colour(image, column * shrink + 0.5 * (shrink - 1), row * shrink + 0.5 * (shrink - 1))
-                areas[labels[row, column], colour] += 1.0
-    return areas
-
-
-@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f4[:, ::1])")
-def segment_energies(image: Bytes, labels: Bytes, shrink: int, log_odds: NDArray[np.float32]) -> tuple[Array, Whole]:
-    """How much better an image is explained with segments in it than without (B eq. 8).
-
-    Args:
-        image: (H, W, 3) blue, green, red.
-        labels, shrink: which segment is in front, at a part of the resolution.
-        log_odds: (S, COLOURS) as of ``measure_lines``.
-
-    Returns:
-        Of the pixels that each segment has: how many (S,) more it explains than it does not, and how many (S,) all are.
-    """
-    energies, pixels = np.zeros(len(log_odds)), np.zeros(len(log_odds), np.int64)
-    for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            segment = labels[row, column]
-            if segment < len(log_odds):
-                colour = _colour(image, column * shrink + 0.5 * (shrink - 1), row * shrink + 0.5 * (shrink - 1))
-                energies[segment] += math.tanh(0.5 * log_odds[segment, colour])
-                pixels[segment] += 1
-    return energies, pixels
-
-
 @kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8, f8)")
 def measure_lines(
     image: Bytes,
@@ -136,8 +95,8 @@ def measure_lines(
     log_odds: NDArray[np.float32],
     stride: int,
     least_sigma_px: float,
-) -> tuple[Array, Array, Whole]:
-    """What the lines across the contours say of their segments' poses.
+) -> tuple[Array, Array, Whole, Array, Array]:
+    """Measure the lines across the contours, and sum them up for their segments' poses.
 
     Args:
         image: (H, W, 3) blue, green, red.
@@ -146,15 +105,17 @@ def measure_lines(
         stands_out: (S, S) whether one segment differs from another that is behind it.
         log_odds: (S, COLOURS) logarithm of how much more likely a colour is on the segment than beside it.
         stride: pixels of a line that are one sample.
-        least_sigma_px: a line is never surer than this.
+        least_sigma_px: smallest sigma of a line.
 
     Returns:
         Information (S, 6, 6) and its vector (S, 6), for a change of world_T_segment in the segment's axes, rotation
-        first; and the lines (S,) that know something.
+        first; the lines (S,) that measure something; how far outward (N,) of each point its line has the contour [px],
+        and the variance (N,) of that [px^2], NaN where the line measures nothing.
     """
     size = len(log_odds)
     information, vector = np.zeros((size, 6, 6)), np.zeros((size, 6))
     lines = np.zeros(size, np.int64)
+    shifts, variances = np.full(len(points), math.nan), np.full(len(points), math.nan)
     row = np.empty(6)
     step = _smoothed_step()
     inside = np.empty(2 * (_REACH + _STEP) + 1)
@@ -164,8 +125,9 @@ def measure_lines(
         mean, variance = _parting(inside, step)
         if variance > _FLAT:
             continue
-        mean *= stride
-        weight = 1.0 / (variance * stride * stride + least_sigma_px * least_sigma_px)
+        mean, variance = mean * stride, variance * stride * stride
+        shifts[n], variances[n] = mean, variance
+        weight = 1.0 / (variance + least_sigma_px * least_sigma_px)
         # The pixel moves along the normal by slope . (turn x point + shift).
         X, Y, Z, a, b, c = point[4], point[5], point[6], point[7], point[8], point[9]
         row[0], row[1], row[2] = Y * c - Z * b, Z * a - X * c, X * b - Y * a
@@ -175,7 +137,7 @@ def measure_lines(
             for j in range(6):
                 information[segment, i, j] += weight * row[i] * row[j]
         lines[segment] += 1
-    return information, vector, lines
+    return information, vector, lines, shifts, variances
 
 
 @kernel()
@@ -234,32 +196,3 @@ def _parting(inside: Array, step: Array) -> tuple[float, float]:
         square += likely * (shift - _REACH) ** 2
     mean /= total
     return mean, square / total - mean * mean
-
-
-@kernel("(u1[:, :, ::1], u1[:, ::1], i8, f8[:, ::1], i8[::1], u1[:, ::1], f4[:, ::1], i8)")
-def line_shifts(
-    image: Bytes,
-    labels: Bytes,
-    shrink: int,
-    points: Array,
-    segments: Whole,
-    stands_out: Bytes,
-    log_odds: NDArray[np.float32],
-    stride: int,
-) -> tuple[Array, Array]:
-    """How far outward (N,) of each contour point its line has the contour [px], and its variance (N,) [px^2].
-
-    NaN of lines that know nothing.
-
-    Arguments are those of ``measure_lines``.
-    """
-    shifts, variances = np.full(len(points), math.nan), np.full(len(points), math.nan)
-    step = _smoothed_step()
-    inside = np.empty(2 * (_REACH + _STEP) + 1)
-    for n in range(len(points)):
-        segment = segments[n]
-        _read_line(image, labels, shrink, points[n], segment, stands_out, log_odds[segment], stride, inside)
-        mean, variance = _parting(inside, step)
-        if variance <= _FLAT:
-            shifts[n], variances[n] = mean * stride, variance * stride * stride
-    return shifts, variances

@@ -8,7 +8,7 @@ file of static cameras. Not every segment must be there.
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from bodycam_ros.body.checked_fields import numbers_of
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.chain import first_poses
-from bodycam_ros.geometry import Array, inverse, log_se3, rigid, rotation_from_xyzw
+from bodycam_ros.geometry import Array, inverse, rigid, rotation_from_xyzw
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.start_points import place_points
@@ -35,15 +35,74 @@ _WHAT = "file of where the person stands"
 _MOST_NAMED = 10
 _SHORTEST = 0.1  # quaternion: of the three digits that a person writes, a shorter one keeps two
 _FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
-_MOST_STEPS = 30
-_CONVERGED = 1e-9  # [rad], [m] a step that moves no segment more
+
 START_SIGMAS = np.repeat([0.12, 0.04], 3)
 """[rad], [m] of a segment that a person placed by hand."""
 
 START_JOINT_RAD = float(np.sqrt(2.0)) * 0.12
 """Sigma of a joint between two segments that a person placed."""
 
-_DAMPING = 3.0  # [rad], [m] sigma of a step: damping of what is unobserved
+
+@dataclass(frozen=True)
+class StaticCameraFiles:
+    """Files of static cameras.
+
+    Attributes:
+        stations: their poses and lenses.
+        surface: folder of the segments' meshes; None for the body's own, or capsules.
+        start: initial pose of the body; None where body cameras measure it.
+    """
+
+    stations: Path
+    surface: Path | None = None
+    start: Path | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedBody:
+    """A body in the first frame.
+
+    Attributes:
+        world_T_segment: (S, 4, 4), joints closed.
+        unplaced: (S,) segments without a given pose; they are in the N-pose until they are searched for.
+    """
+
+    world_T_segment: Array
+    unplaced: NDArray[np.bool_]
+
+
+def placed_body(
+    start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, points: Mapping[str, Array] | None
+) -> PlacedBody:
+    """The body in the first frame.
+
+    Args:
+        start: poses of segments, or points of joints (``start_points``).
+        file: of the stations, whose frame the poses have.
+        stations: of that file, in the world; one or more.
+        body: segments and joints.
+        points: name -> (K, 3) of the start, if it has points of joints.
+
+    Raises:
+        BodyError: the start cannot be used.
+        StationError: the stations cannot be read any more.
+    """
+    given: set[str] = set(body.segments)
+    if points is not None:
+        poses = place_points(start, points, body, stations.values())
+    else:
+        name, station = next(iter(stations.items()))
+        in_file = read_stations(file).get(name, station)  # cameras of other programs may have other names there
+        world_T_file = station.world_T_camera @ inverse(in_file.world_T_camera)
+        placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
+        poses, given = start_poses(body, placed), set(placed)
+    # Hands were added at the ends of the forearms.
+    known = given | {segment.replace("forearm", "hand") for segment in given} | set(body.equipment_segments)
+    unplaced = np.array([segment not in known for segment in body.segments])
+    if unplaced.any():
+        names = ", ".join(np.array(body.segments)[unplaced])
+        logger.warning("%s: does not place %s; they are searched for in the first images", start, names)
+    return PlacedBody(poses, unplaced)
 
 
 def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
@@ -85,18 +144,10 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array]) -> Array:
         body: segments and joints.
         placed: segment -> world_T_segment (4, 4), one or more.
     """
-    world_T_placed = first_poses(body, [SegmentPose(name, pose, np.eye(6)) for name, pose in placed.items()])
-    information = np.zeros((len(body.segments), 6, 6))
-    information[[body.segment_index[name] for name in placed]] = np.diag(START_SIGMAS**-2.0)
-    step = ArticulatedStep(body, obeys_limits=False)
-    poses = step.close_joints(world_T_placed)
-    for _ in range(_MOST_STEPS):
-        vector = (information @ log_se3(inverse(poses) @ world_T_placed)[..., None])[..., 0]
-        before = poses
-        poses = step.apply(before, information, vector, PredictedBody(before, np.full(6, _DAMPING), _DAMPING))
-        if np.abs(log_se3(inverse(before) @ poses)).max() < _CONVERGED:
-            break
-    return poses
+    start = first_poses(body, [SegmentPose(name, pose, np.eye(6)) for name, pose in placed.items()])
+    rows = [body.segment_index[name] for name in placed]
+    information = np.tile(np.diag(START_SIGMAS**-2.0), (len(rows), 1, 1))
+    return ArticulatedStep(body, obeys_limits=False).fit(start, rows, start[rows], information)
 
 
 def placed_prediction(poses: Array) -> PredictedBody:
@@ -123,72 +174,8 @@ def _pose(value: Any, where: str) -> Array:
     return rigid(rotation_from_xyzw(quaternion), position)
 
 
-def _named(names: Mapping[Any, Any] | list[Any]) -> str:
+def _named(names: Collection[Any]) -> str:
     """Names as the file has them, not too many."""
-    first = [name if isinstance(name, str) and name.isprintable() else shown(name) for name in list(names)]
-    more = len(first) - _MOST_NAMED
-    return ", ".join(first[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "") or "nothing"
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedBody:
-    """A body in the first frame.
-
-    Attributes:
-        world_T_segment: (S, 4, 4), joints closed.
-        unplaced: (S,) segments without a given pose; they are in the N-pose until they are searched for.
-    """
-
-    world_T_segment: Array
-    unplaced: NDArray[np.bool_]
-
-
-def placed_body(
-    start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, points: Mapping[str, Array] | None
-) -> PlacedBody:
-    """The body in the first frame.
-
-    Args:
-        start: poses of segments, or points of joints (``start_points``).
-        file: of the stations, whose frame the poses have.
-        stations: of that file, in the world; one or more.
-        body: segments and joints.
-        points: name -> (K, 3) of the start, if it has points of joints.
-
-    Raises:
-        BodyError: the start cannot be used.
-        StationError: the stations cannot be read any more.
-    """
-    unplaced = np.ones(len(body.segments), bool)
-    if points is not None:
-        poses = place_points(start, points, body, stations.values())
-        given: set[str] = set(body.segments)
-    else:
-        name, station = next(iter(stations.items()))
-        in_file = read_stations(file).get(name, station)  # cameras of other programs may have other names there
-        world_T_file = station.world_T_camera @ inverse(in_file.world_T_camera)
-        placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
-        poses, given = start_poses(body, placed), set(placed)
-    for row, segment in enumerate(body.segments):
-        of_person = segment not in body.equipment_segments
-        # Hands were added at the ends of the forearms.
-        unplaced[row] = of_person and not {segment, segment.replace("hand", "forearm")} & given
-    if unplaced.any():
-        names = ", ".join(np.array(body.segments)[unplaced])
-        logger.warning("%s: does not place %s; they are searched for in the first images", start, names)
-    return PlacedBody(poses, unplaced)
-
-
-@dataclass(frozen=True)
-class StaticCameraFiles:
-    """Files of static cameras.
-
-    Attributes:
-        stations: their poses and lenses.
-        surface: folder of the segments' meshes; None for the body's own, or capsules.
-        start: initial pose of the body; None where body cameras measure it.
-    """
-
-    stations: Path
-    surface: Path | None = None
-    start: Path | None = None
+    first = [name if isinstance(name, str) and name.isprintable() else shown(name) for name in names]
+    more = f" and {len(first) - _MOST_NAMED} more" if len(first) > _MOST_NAMED else ""
+    return (", ".join(first[:_MOST_NAMED]) or "nothing") + more

@@ -7,7 +7,7 @@ person upright the one is taken that has the person in view of the most cameras,
 
 import logging
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,14 @@ from bodycam_ros.static_cameras.station import Station
 
 logger = logging.getLogger(__name__)
 
-_Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
+_AXES = {
+    **{
+        f"as read, turned by {90 * quarter} deg about z": exp_so3(np.array([0.0, 0.0, quarter * np.pi / 2.0]))
+        for quarter in range(4)
+    },
+    "y and z as in the file": exp_so3(np.array([-np.pi / 2.0, 0.0, 0.0])),
+}
+"""Rotations from a file's axes to a world with z up; readers have brought y up to z up, which need not be right."""
 
 _KINDS = {
     "hip": "thigh", "hjc": "thigh", "knee": "shin", "ankle": "foot", "shoulder": "upper_arm", "elbow": "forearm",
@@ -36,31 +43,43 @@ _WORD = "|".join(sorted(_KINDS, key=len, reverse=True))
 _SIDE = "l|r|left|right"
 _NAME = re.compile(rf"(?P<s>{_SIDE})[ _.]?(?P<w>{_WORD})|(?P<w2>{_WORD})(?:[ _.](?P<s2>{_SIDE}))?", re.IGNORECASE)
 _POINT_SIGMA_M = 0.03
-_STEPS = 30
 _EXPECTED = np.repeat([1.0, 1.0], 3)
 _EXPECTED_JOINT_RAD = 0.7  # from the N-pose, for what no point constrains
 _MIN_POINTS = 5
 _UNITS_M = (1.0, 0.1, 0.01, 0.001)
 
 
-def named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> dict[str, Array]:
-    """Segment -> its origin (3,), at the first row with both hips and three other points.
+def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[Station]) -> Array:
+    """Poses (S, 4, 4) of a body, joints closed, whose joints are at points.
 
     Args:
-        path: of the file, for messages.
+        path: of their file, for messages.
         points: name -> (K, 3) in the file's axes and unit.
-        body: whose segments are wanted.
+        body: segments and joints.
+        stations: in whose view the person is.
 
     Raises:
-        BodyError: too few points have names that are known.
+        BodyError: the file cannot be used, or no camera has the points in view.
     """
+    joints = _named_joints(path, points, body)
+    stations, scale = list(stations), _unit(joints, body)
+    places = scale * np.array([*joints.values()])
+    scores = {axes: _view_score(stations, places @ R.T) for axes, R in _AXES.items()}
+    best = max(scores, key=lambda axes: scores[axes])
+    if not scores[best][0]:
+        raise BodyError(f"{path}: no static camera has its points in view, whichever of its axes is up")
+    logger.info("%s: %d points, 1 unit = %g m, axes %s", path, len(joints), scale, best)
+    return _fit_points(body, dict(zip(joints, places @ _AXES[best].T, strict=True)))
+
+
+def _named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> dict[str, Array]:
+    """Segment -> its origin (3,), at the first row with both hips and three other points."""
     named: dict[str, Array] = {}
     for name, rows in sorted(points.items(), key=lambda item: len(item[0])):
         segment = _segment(name)
         if segment in body.segments:
             named.setdefault(segment, rows)
-    count = max((len(rows) for rows in named.values()), default=0)
-    for row in range(count):
+    for row in range(max((len(rows) for rows in named.values()), default=0)):
         known = {segment: rows[row] for segment, rows in named.items() if np.isfinite(rows[row]).all()}
         if {"thigh_left", "thigh_right"} <= known.keys() and len(known) >= _MIN_POINTS:
             return known
@@ -79,47 +98,16 @@ def _segment(name: str) -> str:
     return f"{kind}_{'left' if side.startswith('l') else 'right'}" if side else kind
 
 
-def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[Station]) -> Array:
-    """Poses (S, 4, 4) of a body, joints closed, whose joints are at points.
-
-    Args:
-        path: of their file, for messages.
-        points: name -> (K, 3) in the file's axes and unit; the first row counts.
-        body: segments and joints.
-        stations: in whose view the person is.
-
-    Raises:
-        BodyError: the file cannot be used, or no camera has the points in view.
-    """
-    joints = named_joints(path, points, body)
-    rows = [body.segment_index[segment] for segment in joints]
-    places, scale = np.array([*joints.values()]), _unit(joints, body)
-    stations = list(stations)
-    tried = [(*_view_score(stations, scale * places @ R.T), turn, R) for turn, R in _axes()]
-    score, _, turn, R = max(tried, key=lambda each: each[:2])
-    if not score:
-        raise BodyError(f"{path}: no static camera has its points in view, whichever of its axes is up")
-    logger.info("%s: %d points, 1 unit = %g m, axes %s", path, len(joints), scale, turn)
-    return _fit_points(body, rows, scale * places @ R.T)
-
-
 def _unit(points: Mapping[str, Array], body: BodyModel) -> float:
     """Metres of the unit in which the bones of the points come nearest to those of the body."""
-    ratios = []
-    for joint in body.tree_joints:
-        if joint.parent in points and joint.child in points:
-            length = float(np.linalg.norm(joint.parent_T_joint[:3, 3]))
-            ratios.append(length / max(float(np.linalg.norm(points[joint.child] - points[joint.parent])), 1e-9))
+    ratios = [
+        float(np.linalg.norm(joint.parent_T_joint[:3, 3]))
+        / max(float(np.linalg.norm(points[joint.child] - points[joint.parent])), 1e-9)
+        for joint in body.tree_joints
+        if joint.parent in points and joint.child in points
+    ]
     ratio = float(np.median(ratios)) if ratios else 1.0
     return min(_UNITS_M, key=lambda unit: abs(np.log(unit / ratio)))
-
-
-def _axes() -> Iterator[tuple[str, Array]]:
-    """Rotations from a file's axes to a world with z up; readers have brought y up to z up, which need not be right."""
-    for start, up in ((np.eye(3), "as read"), (_Y_UP_TO_Z_UP.T, "y and z as in the file")):
-        for quarter in range(4 if up == "as read" else 1):
-            turn = exp_so3(np.array([0.0, 0.0, quarter * np.pi / 2.0]))
-            yield f"{up}, turned by {90 * quarter} deg about z", turn @ start
 
 
 def _view_score(stations: Iterable[Station], places: Array) -> tuple[int, float]:
@@ -128,37 +116,24 @@ def _view_score(stations: Iterable[Station], places: Array) -> tuple[int, float]
     for station in stations:
         camera = station.camera
         pixels, valid = camera.project(transform_points(inverse(station.world_T_camera), places))
-        size = np.array([camera.width, camera.height])
-        inside = valid & (np.nan_to_num(pixels, nan=-1.0) >= 0.0).all(axis=1) & (pixels < size).all(axis=1)
+        shares = np.nan_to_num(pixels, nan=-1.0) / [camera.width, camera.height]
+        inside = valid & (shares >= 0.0).all(axis=1) & (shares < 1.0).all(axis=1)
         count += int(inside.sum())
-        off += float(np.linalg.norm(pixels[inside] / size - 0.5, axis=1).sum())
+        off += float(np.linalg.norm(shares[inside] - 0.5, axis=1).sum())
     return count, -off / max(count, 1)
 
 
-def _fit_points(body: BodyModel, rows: list[int], places: Array) -> Array:
-    """Poses (S, 4, 4) of a body whose segments ``rows`` have their origins at places (N, 3), within people's limits."""
-    index = body.segment_index
-    at = dict(zip(rows, places, strict=True))
-    left, right = at[index["thigh_left"]], at[index["thigh_right"]]
-    y, z = left - right, np.array([0.0, 0.0, 1.0])
-    above = [at[row] for row in rows if SegmentName(body.segments[row]).kind in ("upper_arm", "head")]
-    if above:
-        z = np.mean(above, axis=0) - 0.5 * (left + right)
-    step, poses = ArticulatedStep(with_usual_limits(body)), body.n_pose(rigid(_frame(y, z), 0.5 * (left + right)))
-    start = poses
-    information = np.zeros((len(poses), 6, 6))
-    information[rows, 3:, 3:] = _POINT_SIGMA_M**-2.0 * np.eye(3)
-    for _ in range(_STEPS):
-        vector = np.zeros((len(poses), 6))
-        apart = (np.swapaxes(poses[rows, :3, :3], 1, 2) @ (places - poses[rows, :3, 3])[..., None])[..., 0]
-        vector[rows, 3:] = _POINT_SIGMA_M**-2.0 * apart
-        poses = step.apply(poses, information, vector, PredictedBody(start, _EXPECTED, _EXPECTED_JOINT_RAD))
-    return poses
-
-
-def _frame(y: Array, z: Array) -> Array:
-    """(3, 3) axes x, y, z of which y is kept, and z as nearly as it can be."""
-    y = y / np.linalg.norm(y)
-    x = np.cross(y, z)
-    x = x / np.linalg.norm(x)
-    return np.column_stack([x, y, np.cross(x, y)])
+def _fit_points(body: BodyModel, origins: Mapping[str, Array]) -> Array:
+    """Poses (S, 4, 4) of a body whose segments have their origins at points (3,), within people's limits."""
+    hips = 0.5 * (origins["thigh_left"] + origins["thigh_right"])
+    y = origins["thigh_left"] - origins["thigh_right"]
+    above = [at for name, at in origins.items() if SegmentName(name).kind in ("upper_arm", "head")]
+    x = np.cross(y, np.mean(above, axis=0) - hips if above else [0.0, 0.0, 1.0])
+    axes = np.stack([x, y, np.cross(x, y)], axis=1)
+    start = body.n_pose(rigid(axes / np.linalg.norm(axes, axis=0), hips))
+    measured = np.stack([rigid(np.eye(3), at) for at in origins.values()])
+    information = np.zeros((len(measured), 6, 6))
+    information[:, 3:, 3:] = _POINT_SIGMA_M**-2.0 * np.eye(3)  # a point constrains no rotation
+    rows = [body.segment_index[name] for name in origins]
+    predicted = PredictedBody(start, _EXPECTED, _EXPECTED_JOINT_RAD)
+    return ArticulatedStep(with_usual_limits(body)).fit(start, rows, measured, information, predicted)

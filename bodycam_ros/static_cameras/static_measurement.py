@@ -4,7 +4,6 @@ import logging
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, SegmentPose
@@ -12,10 +11,11 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.geometry import Array, inverse, log_se3
+from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
-from bodycam_ros.static_cameras.region_tracker import RegionTracker, surface_variances
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.segment_support import surface_variances
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_prediction, placed_segments
 from bodycam_ros.static_cameras.station import Image
 
@@ -89,7 +89,7 @@ class ImageMeasurement:
         for name, image in images.items():
             try:
                 picture = decode_colour(image)
-                self._tracker.check_size(name, picture)
+                self._tracker.views[name].station.check_size(picture)
             except RecordingError as error:
                 if name not in self._unreadable:
                     logger.warning("%s; this and similar images are dropped", error)
@@ -156,15 +156,8 @@ class ReportedMeasurement:
     def _together(self, received: Collection[SegmentPose], predicted: Array, dt_s: float) -> Array:
         """Poses (S, 4, 4) of the body as a whole under all measurements of its segments."""
         start = self._step.close_joints(predicted)
-        at = placed_prediction(start) if dt_s == 0.0 else predicted_body(start, dt_s, self._motion)
-        rows: NDArray[np.int64] = np.array([self._body.segment_index[each.segment] for each in received], np.int64)
+        prior = placed_prediction(start) if dt_s == 0.0 else predicted_body(start, dt_s, self._motion)
+        rows = [self._body.segment_index[each.segment] for each in received]
         measured = np.array([each.world_T_segment for each in received]).reshape(-1, 4, 4)
-        weights = np.linalg.inv(np.array([each.covariance for each in received]).reshape(-1, 6, 6))
-        information = np.zeros((len(start), 6, 6))
-        np.add.at(information, rows, weights)
-        poses = start
-        for _ in range(_ROUNDS):
-            vector = np.zeros((len(start), 6))
-            np.add.at(vector, rows, (weights @ log_se3(inverse(poses[rows]) @ measured)[..., None])[..., 0])
-            poses = self._step.apply(poses, information, vector, at)
-        return poses
+        information = np.linalg.inv(np.array([each.covariance for each in received]).reshape(-1, 6, 6))
+        return self._step.fit(start, rows, measured, information, prior, _ROUNDS)

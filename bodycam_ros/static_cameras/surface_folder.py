@@ -12,7 +12,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.static_cameras.surface import Faces, Surface, closed_surface, coarser_mesh
+from bodycam_ros.static_cameras.surface import Surface
 
 logger = logging.getLogger(__name__)
 
@@ -22,22 +22,23 @@ KEPT_FACES = 2000
 """Of a segment: neighbouring contour points are then a centimetre apart."""
 
 _MOST_BYTES = 100_000_000
+_SEAM_DIGITS = 5  # vertices that agree to so many decimals of a metre are one: files round to micrometres
+_LEAST_AREA_M2 = 1e-12  # a face of less has no normal
 _LARGEST_M, _SMALLEST_M = 3.0, 0.01
 _FARTHEST_M = 0.5  # from a segment's origin, which is at its joint, to its nearest vertex
-_UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254}
 
 
 def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
     """Segment -> its surface, of the segments that the folder has a mesh of.
 
-    A mesh of many faces is made coarser. One that is named after no segment of the body is left out, with a warning;
-    so are the hands of a scan, if the body has none.
+    A mesh of many faces is decimated. One that is named after no segment of the body is left out, with a warning; so
+    are the hands of a scan, if the body has none.
 
     Raises:
         BodyError: there is no such folder, it has no mesh of any segment, or one that is no mesh of a segment in
             metres and its frame; the message names the file.
     """
-    files = _meshes(folder)
+    files = _mesh_files(folder)
     segments = [segment for segment in body.segments if segment in files]
     if not segments:
         wanted = f"{body.segments[0]}.obj or {body.segments[0]}.ply"
@@ -47,10 +48,16 @@ def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
         )
     if others := sorted(set(files) - set(segments)):
         logger.warning("%s: leaves out %s, which body %s does not have", folder, ", ".join(others), body.name)
-    return {segment: _read_surface(segment, files[segment]) for segment in segments}
+    surfaces = {}
+    for segment in segments:
+        try:
+            surfaces[segment] = _read_surface(files[segment])
+        except BodyError as error:
+            raise BodyError(f"{files[segment]}: {error}") from error
+    return surfaces
 
 
-def _meshes(folder: Path) -> dict[str, Path]:
+def _mesh_files(folder: Path) -> dict[str, Path]:
     """Name without suffix -> file."""
     try:
         paths = sorted(folder.iterdir())
@@ -65,19 +72,8 @@ def _meshes(folder: Path) -> dict[str, Path]:
     return files
 
 
-def _read_surface(segment: str, path: Path) -> Surface:
-    try:
-        vertices, faces = _read_mesh(path)
-        _check_size(vertices[np.unique(faces)])
-        surface = closed_surface(segment, vertices, faces)
-        if len(surface.faces) > KEPT_FACES:
-            surface = closed_surface(segment, *coarser_mesh(surface.vertices, surface.faces, KEPT_FACES))
-    except BodyError as error:
-        raise BodyError(f"{path}: {error}") from error
-    return surface
-
-
-def _read_mesh(path: Path) -> tuple[Array, Faces]:
+def _read_surface(path: Path) -> Surface:
+    """A mesh without seams, wound outward, whatever the file has."""
     import trimesh  # a second to load, needed for scans only
 
     content = io.BytesIO(_content(path))
@@ -98,12 +94,23 @@ def _read_mesh(path: Path) -> tuple[Array, Faces]:
         raise BodyError(f"has faces with vertices that it does not have; there are {len(vertices)}")
     if not np.isfinite(vertices).all():
         raise BodyError("has vertices that are not finite numbers")
-    return vertices, faces.astype(np.int32)
+    _check_size(vertices[np.unique(faces)])
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.merge_vertices(digits_vertex=_SEAM_DIGITS)
+    mesh.update_faces(mesh.unique_faces() & (mesh.area_faces > _LEAST_AREA_M2))
+    if not len(mesh.faces):
+        raise BodyError("has no face with an area")
+    trimesh.repair.fix_normals(mesh, multibody=True)  # type: ignore[no-untyped-call]
+    if len(mesh.faces) > KEPT_FACES:
+        mesh = mesh.simplify_quadric_decimation(face_count=KEPT_FACES)
+        mesh.update_faces(mesh.area_faces > _LEAST_AREA_M2)
+    mesh.remove_unreferenced_vertices()
+    return Surface(np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int32))
 
 
 def _content(path: Path) -> bytes:
     try:
-        # Without waiting for somebody to write into a pipe.
+        # Without waiting for a writer of a pipe.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with open(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -119,9 +126,10 @@ def _content(path: Path) -> bytes:
 def _check_size(vertices: Array) -> None:
     size = float(np.ptp(vertices, axis=0).max())
     if not _SMALLEST_M <= size <= _LARGEST_M:
-        meant = [f"{unit} ({size * scale:.2f} m)" for unit, scale in _UNITS.items() if 0.1 <= size * scale <= 1.0]
-        looks = f"; looks like {' or '.join(meant)}" if size > _LARGEST_M and meant else ""
-        raise BodyError(f"is {size:.4g} m large, as no segment is; meshes are in metres{looks}: scale it")
+        raise BodyError(
+            f"is {size:.4g} m large, as no segment is; meshes are in metres: scale it (by 0.001 from millimetres, by "
+            "0.01 from centimetres)"
+        )
     away = float(np.linalg.norm(np.maximum(np.maximum(vertices.min(axis=0), -vertices.max(axis=0)), 0.0)))
     if away > _FARTHEST_M:
         raise BodyError(
@@ -133,7 +141,7 @@ def _check_size(vertices: Array) -> None:
 def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) -> dict[str, Surface]:
     """Segment -> its surface: from the folder if there is one, else from the body's own, else capsules.
 
-    Segments that a folder has no mesh of have no surface: static cameras do not see them.
+    Static cameras do not observe segments that a folder has no mesh of.
 
     Args:
         body: alone, or coupled to its equipment, which has a surface where the folder has meshes of it.
@@ -149,5 +157,5 @@ def surfaces_of(body: BodyModel, body_path: Path, folder: Path | None = None) ->
         return capsule_surfaces(body)
     surfaces = read_surfaces(folder, body)
     if lacking := [segment for segment in body.segments if segment not in {*surfaces, *body.equipment_segments}]:
-        logger.warning("%s: has no mesh of %s; static cameras do not see them", folder, ", ".join(lacking))
+        logger.warning("%s: has no mesh of %s; static cameras do not observe them", folder, ", ".join(lacking))
     return surfaces

@@ -9,9 +9,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_kernels import find_contour
-from bodycam_ros.static_cameras.surface import Surface
+from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
 Array = NDArray[np.float64]
 
@@ -27,16 +26,16 @@ LENSES = {
 TURNED = exp_so3(np.array([0.4, -0.7, 0.3]))
 
 
-def ball(segment: str, radius: float) -> Surface:
+def ball(radius: float) -> Surface:
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
-    return Surface(segment, np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int32))
+    return Surface(np.asarray(mesh.vertices), np.asarray(mesh.faces, np.int32))
 
 
-def surface_of(*surfaces: Surface) -> BodySurface:
+def surface_of(**surfaces: Surface) -> BodySurface:
     """Of a body whose segments all hang on the first."""
-    names = tuple(surface.segment for surface in surfaces)
+    names = tuple(surfaces)
     joints = tuple(Joint(name, names[0], name, "ball", np.eye(4)) for name in names[1:])
-    return BodySurface.of(BodyModel("things", names[0], names, joints, {}), {s.segment: s for s in surfaces})
+    return BodySurface.of(BodyModel("things", names[0], names, joints, {}), surfaces)
 
 
 def contour(

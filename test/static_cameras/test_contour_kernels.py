@@ -25,10 +25,9 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
-from bodycam_ros.static_cameras.body_shape import BodySurface
 from bodycam_ros.static_cameras.contour_kernels import NOBODY, POINT
 from bodycam_ros.static_cameras.limb_mesh import Ball, capsule_surfaces, limb_mesh
-from bodycam_ros.static_cameras.surface import closed_surface
+from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
 
 @pytest.fixture(params=LENSES)
@@ -42,7 +41,7 @@ CENTRES = [(0.1, -0.05, 1.5), (0.9, 0.4, 1.6), (-0.5, 0.45, 1.3)]
 @pytest.mark.parametrize("centre", CENTRES)
 def test_the_contour_of_a_ball_is_where_rays_touch_it(lens: CameraModel, centre: tuple[float, float, float]) -> None:
     radius = 0.2
-    points, segments, _ = contour(lens, surface_of(ball("ball", radius)), at(centre))
+    points, segments, _ = contour(lens, surface_of(ball=ball(radius)), at(centre))
     rim = opencv_pixels(lens, rim_of_ball(np.array(centre), radius))
     visible = rim[((rim > 4) & (rim < [lens.width - 5, lens.height - 5])).all(axis=1)]
     assert largest_gap(visible, points[:, :2]) < 1.5 * SPACING_PX
@@ -59,8 +58,8 @@ def test_the_contour_of_a_ball_is_where_rays_touch_it(lens: CameraModel, centre:
 def test_the_contour_of_a_limb_is_the_hull_of_those_of_its_balls(lens: CameraModel) -> None:
     """A tapered capsule is the convex hull of two balls, and so is its picture before the lens bends it."""
     start, end = np.array([-0.3, -0.2, 1.6]), np.array([0.25, 0.2, 1.9])
-    limb = closed_surface("limb", *limb_mesh(start, end, [Ball(0.0, 0.09), Ball(1.0, 0.05)], np.eye(3)[0]))
-    points, _, _ = contour(lens, surface_of(limb), np.eye(4)[None])
+    limb = Surface(*limb_mesh(start, end, [Ball(0.0, 0.09), Ball(1.0, 0.05)], np.eye(3)[0]))
+    points, _, _ = contour(lens, surface_of(limb=limb), np.eye(4)[None])
     rims = np.concatenate([rim_of_ball(start, 0.09), rim_of_ball(end, 0.05)])
     hull = cv2.convexHull((rims[:, :2] / rims[:, 2:]).astype(np.float32)).reshape(-1, 2).astype(float)
     closed = np.concatenate([hull, hull[:1]])
@@ -75,7 +74,7 @@ def test_the_contour_of_a_limb_is_the_hull_of_those_of_its_balls(lens: CameraMod
 
 def test_the_derivative_is_that_of_the_pixel_along_the_normal(lens: CameraModel) -> None:
     pose = at(CENTRES[2])
-    points, _, _ = contour(lens, surface_of(ball("ball", 0.2)), pose)
+    points, _, _ = contour(lens, surface_of(ball=ball(0.2)), pose)
     step = 1e-6
     for axis in range(3):
         ends = [
@@ -89,7 +88,7 @@ NEAR, FAR = (0.1, 0.05, 1.3), (-0.05, 0.0, 2.0)
 
 
 def test_what_is_nearer_hides_a_contour_and_counts_where_it_stands_out(lens: CameraModel) -> None:
-    surface, poses = surface_of(ball("far", 0.25), ball("near", 0.12)), at(FAR, NEAR)
+    surface, poses = surface_of(far=ball(0.25), near=ball(0.12)), at(FAR, NEAR)
     rims = [opencv_pixels(lens, rim_of_ball(np.array(c), r)) for c, r in ((FAR, 0.25), (NEAR, 0.12))]
     hidden = inside(rims[1], rims[0])
     before_far = inside(rims[0], rims[1])
@@ -150,11 +149,9 @@ def test_labels_are_what_a_painter_shows(lens: CameraModel, body: BodyModel, see
 def test_a_segment_behind_or_around_the_camera_does_no_harm(
     lens: CameraModel, place: tuple[float, float, float]
 ) -> None:
-    alone, alone_segments, _ = contour(
-        lens, surface_of(ball("seen", 0.2), ball("odd", 0.2)), at(CENTRES[0], (0, 0, -9.0))
-    )
+    alone, alone_segments, _ = contour(lens, surface_of(seen=ball(0.2), odd=ball(0.2)), at(CENTRES[0], (0, 0, -9.0)))
     assert set(alone_segments) == {0}
-    points, segments, _ = contour(lens, surface_of(ball("seen", 0.2), ball("odd", 0.2)), at(CENTRES[0], place))
+    points, segments, _ = contour(lens, surface_of(seen=ball(0.2), odd=ball(0.2)), at(CENTRES[0], place))
     assert np.isfinite(points).all()
     np.testing.assert_allclose(np.linalg.norm(points[:, 2:4], axis=1), 1.0, atol=1e-9)
     assert ((points[:, :2] > -1.0) & (points[:, :2] < [lens.width, lens.height])).all()

@@ -57,7 +57,7 @@ def behind(pixel: Array, normal: Array) -> Front:
 
 def asked(
     image: Image, front: Front, points: Array, segments: NDArray[np.int64], odds: NDArray[np.float32], stride: int
-) -> tuple[Array, Array, NDArray[np.int64]]:
+) -> tuple[Array, Array, NDArray[np.int64], Array, Array]:
     return measure_lines(
         image, front.labels, front.shrink, points, segments, front.stands_out, odds, stride, LEAST_PX
     )  # fmt: skip
@@ -70,7 +70,7 @@ def one_line(
     point = np.zeros((1, POINT))
     point[0, :4], point[0, 7], point[0, 10:12] = [*pixel, *normal], 1.0, pixel
     front = front or behind(pixel, normal)
-    information, vector, lines = asked(image, front, point, np.zeros(1, np.int64), odds, stride)
+    information, vector, lines, _, _ = asked(image, front, point, np.zeros(1, np.int64), odds, stride)
     if not lines[0]:
         assert not information.any() and not vector.any()
         return None

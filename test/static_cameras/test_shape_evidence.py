@@ -11,14 +11,12 @@ from static_cameras.dressed_body import small_motion, stations_around
 from static_cameras.painted_scene import opencv_pixels
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.shape_evidence import ShapeEvidence
-from bodycam_ros.static_cameras.station import Contour, RegionModel, Station
-from bodycam_ros.static_cameras.surface import BULGES
+from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
+from bodycam_ros.static_cameras.station import Contour, RegionEvidence, RegionModel, Station
 
 SETTINGS = RegionSettings()
 BLACK = np.zeros((480, 640, 3), np.uint8)
@@ -37,7 +35,7 @@ class KnowingView:
     def find_contour(self, poses: Array) -> Contour:
         return self.view.find_contour(poses)
 
-    def line_shifts(self, image: NDArray[np.uint8], contour: Contour) -> tuple[Array, Array]:
+    def measure(self, image: NDArray[np.uint8], contour: Contour, stride: int) -> RegionEvidence:
         points, segments = contour.points, contour.segments
         first, second = self.now.surface.edges[points[:, 12].astype(int)].T
         start, end = self.now.surface.vertices[first], self.now.surface.vertices[second]
@@ -54,7 +52,10 @@ class KnowingView:
         )
         pixels = opencv_pixels(self.station.camera, in_camera)
         along = ((pixels - points[:, :2]) * points[:, 2:4]).sum(axis=1)
-        return along, np.ones(len(points))
+        size = len(self.poses_then)
+        lines = np.bincount(segments, minlength=size)
+        empty = np.zeros((size, 6, 6)), np.zeros((size, 6))
+        return RegionEvidence(*empty, lines, along, np.ones(len(points)), lines)
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,7 @@ def said(now: ShapeEvidence, then: ShapeEvidence) -> tuple[Array, Array, Array]:
     for shown in (then, now):
         moved = shown.body.forward_kinematics(root, rotations)
         knowing = {name: KnowingView(view, stations[name], now, shown, moved) for name, view in views.items()}
-        information, vector = now.of_instant(knowing, dict.fromkeys(stations, BLACK), poses)  # type: ignore[arg-type]
+        information, vector = now.measure(knowing, dict.fromkeys(stations, BLACK), poses)  # type: ignore[arg-type]
         vectors.append(vector)
     return information, vectors[0], vectors[1]
 
@@ -121,23 +122,3 @@ def test_what_is_said_is_what_has_changed(
     assert off < tolerance
     np.testing.assert_allclose(information, information.T, atol=1e-6 * np.abs(information).max())
     assert np.linalg.eigvalsh(information).min() > -1e-6 * np.abs(information).max()
-
-
-class StepwiseShape(BodyShape):
-    """A shape whose first limb gets more rings with all but the smallest changes of its length, either way."""
-
-    def shaped(self, shares: Array) -> BodyModel:
-        more = shares.copy()
-        more[0] += 0.5 * (abs(shares[0]) > 1e-7)
-        return super().shaped(more)
-
-
-def test_a_length_moves_the_surface_where_both_probes_change_its_rings(sample: Path) -> None:
-    body = read_body(sample / "body.yaml")
-    of_body = BodyShape(body, ShapeSettings())
-    lasting = np.zeros(of_body.size + BULGES * len(of_body.thick))
-    plain, stepwise = (
-        ShapeEvidence(kind(body, ShapeSettings()), lasting, SETTINGS) for kind in (BodyShape, StepwiseShape)
-    )
-    np.testing.assert_allclose(stepwise._growth[:, 0], plain._growth[:, 0], atol=1e-5)
-    assert np.abs(plain._growth[:, 0]).max() > 0.01

@@ -1,0 +1,113 @@
+"""How well images support each segment of a body where it is, and how wrong its surface may be."""
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.geometry import Array
+from bodycam_ros.static_cameras.station import RegionEvidence
+
+Mask = NDArray[np.bool_]
+
+CONFIRMED = 0.62
+"""Support from which on a segment that was searched for is confirmed."""
+
+SUPPORT_RATE = 0.1
+"""Share of a frame in a smoothed support."""
+
+_MIN_SUPPORT, _MIN_END_SUPPORT = 0.4, 0.33
+"""Support below which a segment is taken to be elsewhere, and the same of heads, hands and feet. Segments that were off
+by 15 cm and more had 0.25 to 0.47, right ones 0.49 to 1, ends of the body 0.38 to 1."""
+
+_MIN_LINES, _MIN_PIXELS = 4, 60  # of fewer lines, or pixels at half the resolution, no share can be computed
+_PAUSE = 30  # frames between two searches; twice as many after each failure
+
+_LIMB_SIGMAS = (0.05, 0.05, 0.12, 0.01, 0.01, 0.01)
+_SURFACE_SIGMAS = {
+    "head": (0.13, 0.1, 0.5, 0.01, 0.01, 0.01),
+    "torso": (0.07, 0.1, 0.1, 0.01, 0.01, 0.01),
+    "pelvis": (0.07, 0.1, 0.1, 0.01, 0.01, 0.01),
+    "foot": (0.18, 0.05, 0.08, 0.01, 0.01, 0.01),
+}
+"""[rad], [m] of a segment by static cameras that last for a recording: its surface is another. A contour hardly
+measures the turn of a limb or a head about its long axis, z, and of a foot about x."""
+
+
+def surface_variances(body: BodyModel) -> Array:
+    """(S, 6) variances of the errors in segments' axes that a wrong surface leaves for a whole recording."""
+    kinds = [SegmentName(segment).kind for segment in body.segments]
+    return np.array([_SURFACE_SIGMAS.get(kind, _LIMB_SIGMAS) for kind in kinds]) ** 2
+
+
+def measure_support(measured: Collection[RegionEvidence], explained: Array, pixels: Array) -> Array:
+    """Support (S,) of segments in the images of a frame, up to 1; NaN of segments that are hidden.
+
+    The mean of two shares: of a segment's lines that measure something, and of its pixels that have its colours rather
+    than those beside it, less those that have not (B eq. 8).
+
+    Args:
+        measured: of each image.
+        explained, pixels: (S,), (S,) of all images together, as of ``RegionModel.explain_pixels``.
+    """
+    lines = sum((regions.lines for regions in measured), np.zeros(len(pixels), np.int64))
+    asked = sum((regions.asked for regions in measured), np.zeros(len(pixels), np.int64))
+    support: Array = 0.5 * (lines / np.maximum(asked, 1) + explained / np.maximum(pixels, 1.0))
+    support[(asked < _MIN_LINES) | (pixels < _MIN_PIXELS)] = np.nan
+    return support
+
+
+class SegmentSupport:
+    """The support of each segment, smoothed over frames.
+
+    Args:
+        body: segments and joints.
+
+    Attributes:
+        unconfirmed: (S,) segments that were searched for, and that the images have not confirmed since.
+    """
+
+    def __init__(self, body: BodyModel) -> None:
+        self._ends = body.joint_ends
+        self.unconfirmed = np.zeros(len(body.segments), bool)
+        self._smoothed = np.full(len(body.segments), np.nan)
+        kinds = [SegmentName(segment).kind for segment in body.segments]
+        self._least = np.where(np.isin(kinds, ["head", "hand", "foot"]), _MIN_END_SUPPORT, _MIN_SUPPORT)
+        self._beside = body.named(body.equipment_segments)
+        self._since_search = self._pause = _PAUSE
+
+    def update(self, support: Array) -> None:
+        """Add the support (S,) in a frame."""
+        before = np.where(np.isnan(self._smoothed), support, self._smoothed)
+        self._smoothed = np.where(np.isnan(support), before, before + SUPPORT_RATE * (support - before))
+        self.unconfirmed = self.unconfirmed & ~(self._smoothed >= CONFIRMED)
+
+    @property
+    def false(self) -> Mask:
+        """(S,) segments that are not where the body has them, and their descendants."""
+        return self.with_descendants((self._smoothed < self._least) | self.unconfirmed, ~self._beside)
+
+    def with_descendants(self, segments: Mask, within: Mask) -> Mask:
+        """Those of the segments (S,) ``within`` (S,) some, and those that hang on them."""
+        chosen = segments & within
+        for parent, child in self._ends.tolist():
+            chosen[child] |= chosen[parent] & within[child]
+        return chosen
+
+    def next_search(self) -> Mask:
+        """(S,) segments to search for in this frame: false ones, at intervals that grow while searches fail."""
+        missing = self.false
+        self._since_search += 1
+        if not missing.any():
+            self._pause = _PAUSE
+        elif self._since_search > self._pause:
+            self._since_search, self._pause = 0, 2 * self._pause
+            return missing
+        return np.zeros_like(missing)
+
+    def start_again(self, found: Mask) -> None:
+        """Forget what images before showed of segments (S,) that a search has found elsewhere."""
+        self._smoothed[found] = np.nan
+        self.unconfirmed = self.unconfirmed & ~found
