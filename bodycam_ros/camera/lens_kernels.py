@@ -26,7 +26,8 @@ Mask = NDArray[np.bool_]
 
 PERSPECTIVE, EQUIDISTANT, FOV = 0.0, 1.0, 2.0
 _MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, _MAX_ANGLE, _MAX_RADIUS, _REGULAR_ANGLE = range(10)
-_COEFFICIENTS = 10
+COEFFICIENTS = 10
+"""First entry of the distortion coefficients."""
 PROJECTION = 18
 """Entries of a lens that projecting takes: kernels that do no more may be given these alone."""
 # Then distorted radii, and what has them: undistorted radii of a perspective lens, angles of an equidistant one.
@@ -53,7 +54,7 @@ def lens_vector(
     head = np.zeros(_TABLE)
     head[: _CY + 1] = model, *pinhole[:-1]
     head[_MAX_ANGLE : _REGULAR_ANGLE + 1] = pinhole[-1], max_radius, regular_angle
-    head[_COEFFICIENTS : _COEFFICIENTS + len(coefficients)] = coefficients
+    head[COEFFICIENTS : COEFFICIENTS + len(coefficients)] = coefficients
     return np.concatenate([head, *start_table])
 
 
@@ -100,9 +101,9 @@ def project_point(lens: Array, x: float, y: float, z: float) -> tuple[float, flo
     if lens[_MODEL] == PERSPECTIVE:
         px, py = x / z, y / z
         r2 = px * px + py * py
-        gain = _gain(lens, r2) + 2.0 * lens[_COEFFICIENTS + 2] * py + 2.0 * lens[_COEFFICIENTS + 3] * px
-        x_distorted = gain * px + lens[_COEFFICIENTS + 3] * r2
-        y_distorted = gain * py + lens[_COEFFICIENTS + 2] * r2
+        gain = _gain(lens, r2) + 2.0 * lens[COEFFICIENTS + 2] * py + 2.0 * lens[COEFFICIENTS + 3] * px
+        x_distorted = gain * px + lens[COEFFICIENTS + 3] * r2
+        y_distorted = gain * py + lens[COEFFICIENTS + 2] * r2
         valid = _in_perspective_cone(lens, r2, z)
     else:
         from_axis_squared = x * x + y * y + _TINY
@@ -182,17 +183,17 @@ def _in_angular_cone(lens: Array, angle: float, squared_distance: float) -> bool
 @kernel()
 def _gain(lens: Array, r2: float) -> float:
     """Of the rational polynomial, which with k4 = k5 = k6 = 0 is plumb_bob."""
-    k1, k2, k3 = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1], lens[_COEFFICIENTS + 4]
-    k4, k5, k6 = lens[_COEFFICIENTS + 5], lens[_COEFFICIENTS + 6], lens[_COEFFICIENTS + 7]
+    k1, k2, k3 = lens[COEFFICIENTS], lens[COEFFICIENTS + 1], lens[COEFFICIENTS + 4]
+    k4, k5, k6 = lens[COEFFICIENTS + 5], lens[COEFFICIENTS + 6], lens[COEFFICIENTS + 7]
     gain: float = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))
     return gain
 
 
 @kernel()
 def _distort_plane(lens: Array, x: float, y: float) -> tuple[float, float, float, float, float]:
-    k1, k2, k3 = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1], lens[_COEFFICIENTS + 4]
-    p1, p2 = lens[_COEFFICIENTS + 2], lens[_COEFFICIENTS + 3]
-    k4, k5, k6 = lens[_COEFFICIENTS + 5], lens[_COEFFICIENTS + 6], lens[_COEFFICIENTS + 7]
+    k1, k2, k3 = lens[COEFFICIENTS], lens[COEFFICIENTS + 1], lens[COEFFICIENTS + 4]
+    p1, p2 = lens[COEFFICIENTS + 2], lens[COEFFICIENTS + 3]
+    k4, k5, k6 = lens[COEFFICIENTS + 5], lens[COEFFICIENTS + 6], lens[COEFFICIENTS + 7]
     r2 = x * x + y * y
     denominator = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
     gain = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / denominator
@@ -239,11 +240,11 @@ def _undistort_perspective(lens: Array, x_wanted: float, y_wanted: float) -> tup
 @kernel()
 def _radius_and_slope(lens: Array, angle: float) -> tuple[float, float]:
     if lens[_MODEL] == FOV:
-        omega, stretch = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
+        omega, stretch = lens[COEFFICIENTS], lens[COEFFICIENTS + 1]
         sin, cos = stretch * math.sin(angle), math.cos(angle)
         return math.atan2(sin, cos) / omega, stretch / omega / (sin * sin + cos * cos)
-    k1, k2 = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
-    k3, k4 = lens[_COEFFICIENTS + 2], lens[_COEFFICIENTS + 3]
+    k1, k2 = lens[COEFFICIENTS], lens[COEFFICIENTS + 1]
+    k3, k4 = lens[COEFFICIENTS + 2], lens[COEFFICIENTS + 3]
     a2 = angle * angle
     slope = 1.0 + a2 * (3.0 * k1 + a2 * (5.0 * k2 + a2 * (7.0 * k3 + a2 * (9.0 * k4))))
     return angle * (1.0 + a2 * (k1 + a2 * (k2 + a2 * (k3 + a2 * k4)))), slope
@@ -252,7 +253,7 @@ def _radius_and_slope(lens: Array, angle: float) -> tuple[float, float]:
 @kernel()
 def _angle(lens: Array, radius: float) -> float:
     if lens[_MODEL] == FOV:
-        omega, stretch = lens[_COEFFICIENTS], lens[_COEFFICIENTS + 1]
+        omega, stretch = lens[COEFFICIENTS], lens[COEFFICIENTS + 1]
         phase = omega * radius
         return math.atan2(math.sin(phase), stretch * math.cos(phase))
     angle: float = _in_table(lens, radius)

@@ -1,4 +1,4 @@
-"""A board to print: as large as the paper allows, or of a given size.
+"""A board to print, as large as the paper allows or of a given size, and the file that describes a board.
 
 ``docs/board.md`` explains the fields. A map needs ``corners_in_board``; for a lens the measures are enough, so that the
 file of a board that was bought is written in a minute.
@@ -26,8 +26,13 @@ MARK = "# board of bodycam"
 MOST_SQUARES = 100
 """Of columns and of rows."""
 
+COUNTS = {APRILTAG: (3, 2), CHARUCO: (8, 5), CHECKERBOARD: (10, 7)}
+"""Columns and rows, for paper on its long side; an even and an odd number give a checkerboard an orientation."""
+
 _LARGEST_M = 100.0
 _UPPER_LEFT = ("black", "white")
+_GAP_OF_TAG = 0.25
+_TAG_OF_SQUARE = 0.75  # leaves a tag an eighth of the square on either side, in which edges are searched
 
 
 def dictionaries() -> dict[str, int]:
@@ -83,52 +88,58 @@ def read_layout(path: Path) -> tuple[BoardLayout | None, dict[int, Array], int |
     if kind == APRILTAG and "corners_in_board" in document:
         board = read_board(path)
         return None, dict(board.corners_board), dictionaries()[board.family]
-    layout = _layout(path, kind, document)
+    try:
+        layout = _layout(kind, document)
+    except LensError as error:
+        raise LensError(f"{path}: {error}") from error
     return layout, dict(layout.tags), layout.dictionary
 
 
-def _layout(path: Path, kind: str, document: Mapping[Any, Any]) -> BoardLayout:
-    columns, rows = (_count(path, document, name, 3 if kind == CHECKERBOARD else 1) for name in ("columns", "rows"))
-    upper_left = document.get("upper_left", _UPPER_LEFT[0])
+def _layout(kind: str, document: Mapping[Any, Any]) -> BoardLayout:
+    upper_left, first = document.get("upper_left", _UPPER_LEFT[0]), document.get("first_tag", 0)
     if upper_left not in _UPPER_LEFT:
-        raise LensError(f"{path}: 'upper_left' must be black or white, not {shown(upper_left)}")
-    if kind == CHECKERBOARD:
-        return BoardLayout(kind, columns, rows, _lengths(path, document, "square_size_m"))
-    family = str(document.get("family"))
-    if family not in dictionaries():
-        known = ", ".join(sorted(dictionaries()))
-        raise LensError(f"{path}: there is no family of tags {shown(family)}; known are {known}")
-    tag = _lengths(path, document, "tag_size_m")
-    if kind == APRILTAG:
-        across, up = _lengths(path, document, "gap_m")
-        pitch = (tag[0] + across, tag[1] + up)
-    else:
-        pitch = _lengths(path, document, "square_size_m")
-        if tag[0] >= pitch[0] or tag[1] >= pitch[1]:
-            raise LensError(f"{path}: tag_size_m must be less than square_size_m: the tags lie in white squares")
-    first = document.get("first_tag", 0)
+        raise LensError(f"'upper_left' must be black or white, not {shown(upper_left)}")
     if type(first) is not int or first < 0:
-        raise LensError(f"{path}: 'first_tag' must be a whole number from 0, not {shown(first)}")
-    dictionary = dictionaries()[family]
-    layout = BoardLayout(kind, columns, rows, pitch, tag, dictionary, first, upper_left == "black")
-    check_tags(layout, family, str(path))
-    return layout
+        raise LensError(f"'first_tag' must be a whole number from 0, not {shown(first)}")
+    counts: list[Any] = [document.get(name) for name in ("columns", "rows")]
+    for name, value in zip(("columns", "rows"), counts, strict=True):
+        if type(value) is not int or not 1 <= value <= MOST_SQUARES:
+            raise LensError(f"'{name}' must be a whole number from 1 to {MOST_SQUARES}, not {shown(value)}")
+    if kind == CHECKERBOARD:
+        return _checked(BoardLayout(kind, counts[0], counts[1], _lengths(document, "square_size_m")), "")
+    tag = _lengths(document, "tag_size_m")
+    beside = _lengths(document, "gap_m" if kind == APRILTAG else "square_size_m")
+    pitch = (tag[0] + beside[0], tag[1] + beside[1]) if kind == APRILTAG else beside
+    family = str(document.get("family"))
+    return _checked(BoardLayout(kind, counts[0], counts[1], pitch, tag, None, first, upper_left == "black"), family)
 
 
-def check_tags(layout: BoardLayout, family: str, source: str) -> None:
-    """Refuse a board with more tags than its family has.
+def _checked(layout: BoardLayout, family: str) -> BoardLayout:
+    """The board, with tags of a family.
 
     Raises:
-        LensError: so it is; the message begins with ``source``.
+        LensError: there is no such board.
     """
-    if layout.dictionary is None:
-        return
-    there = tags_in(layout.dictionary)
-    if max(layout.tags) >= there:
+    if layout.kind != APRILTAG and min(layout.columns, layout.rows) < 3:
+        raise LensError(f"a {layout.kind} board has 3 columns and rows or more, not {layout.columns} x {layout.rows}")
+    if layout.kind == CHECKERBOARD:
+        return layout
+    if family not in dictionaries():
+        known = ", ".join(sorted(dictionaries()))
+        raise LensError(f"there is no family of tags {shown(family)}; known are {known}")
+    if layout.kind == CHARUCO and np.greater_equal(layout.tag_m, layout.pitch_m).any():
         raise LensError(
-            f"{source}: tags {layout.first_tag} to {max(layout.tags)} are wanted, but the family {family} ends with "
-            f"{there - 1}; take fewer, or another family"
+            f"tags of {1e3 * layout.tag_m[0]:g} mm do not fit into squares of {1e3 * layout.pitch_m[0]:g} mm: "
+            "tag_size_m must be less than square_size_m"
         )
+    layout = replace(layout, dictionary=dictionaries()[family])
+    there, last = tags_in(dictionaries()[family]), max(layout.tags)
+    if last >= there:
+        raise LensError(
+            f"tags {layout.first_tag} to {last} are wanted, but the family {family} ends with {there - 1}; take fewer, "
+            "or another family"
+        )
+    return layout
 
 
 def _sides(lengths: tuple[float, ...]) -> float | list[float]:
@@ -136,29 +147,15 @@ def _sides(lengths: tuple[float, ...]) -> float | list[float]:
     return across if across == up else [across, up]
 
 
-def _count(path: Path, document: Mapping[Any, Any], name: str, least: int) -> int:
-    value = document.get(name)
-    if type(value) is not int or not least <= value <= MOST_SQUARES:
-        raise LensError(f"{path}: '{name}' must be a whole number from {least} to {MOST_SQUARES}, not {shown(value)}")
-    return value
-
-
-def _lengths(path: Path, document: Mapping[Any, Any], name: str) -> tuple[float, float]:
+def _lengths(document: Mapping[Any, Any], name: str) -> tuple[float, float]:
     """One length, or one across and one upwards, of a printer that stretches [m]."""
     value = document.get(name)
     values: list[Any] = value if isinstance(value, list) else [value, value]
     if len(values) != 2 or not all(type(v) in (int, float) and 0.0 < v < _LARGEST_M for v in values):
         raise LensError(
-            f"{path}: '{name}' must be a length [m] above 0, or two of them (to the right, upwards), not {shown(value)}"
+            f"'{name}' must be a length [m] above 0, or two of them (to the right, upwards), not {shown(value)}"
         )
     return float(values[0]), float(values[1])
-
-
-COUNTS = {APRILTAG: (3, 2), CHARUCO: (8, 5), CHECKERBOARD: (10, 7)}
-"""Columns and rows, for paper on its long side; an even and an odd number give a checkerboard an orientation."""
-
-_GAP_OF_TAG = 0.25
-_TAG_OF_SQUARE = 0.75  # leaves a tag an eighth of the square on either side, in which edges are searched
 
 
 @dataclass(frozen=True)
@@ -189,37 +186,25 @@ def design_layout(options: BoardOptions, area: PrintArea) -> BoardLayout:
         LensError: the options contradict each other.
     """
     kind = options.kind
-    columns, rows = options.columns or COUNTS[kind][0], options.rows or COUNTS[kind][1]
-    if kind == CHECKERBOARD:
-        if options.tag_mm is not None:
-            raise LensError("a checkerboard has no tags; give the size of its squares with --square-size")
-        if min(columns, rows) < 3 or columns % 2 == rows % 2:
-            raise LensError(
-                f"a checkerboard of {columns} x {rows} squares has no orientation; of columns and rows one "
-                "must be even and the other odd, both 3 or more"
-            )
-        side = _side(options.square_mm, area, columns, rows)
-        return BoardLayout(kind, columns, rows, (side, side))
-    if options.family not in dictionaries():
-        known = ", ".join(sorted(dictionaries()))
-        raise LensError(f"there is no family of tags '{options.family}'; known are {known}")
+    counts = columns, rows = options.columns or COUNTS[kind][0], options.rows or COUNTS[kind][1]
+    if kind == CHECKERBOARD and options.tag_mm is not None:
+        raise LensError("a checkerboard has no tags; give the size of its squares with --square-size")
+    if kind == CHECKERBOARD and columns % 2 == rows % 2:
+        raise LensError(
+            f"a checkerboard of {columns} x {rows} squares has no orientation; of columns and rows one must be even "
+            "and the other odd, both 3 or more"
+        )
+    if kind == APRILTAG and options.square_mm is not None:
+        raise LensError("a board of AprilTags has no squares; give the size of its tags with --tag-size")
     if kind == APRILTAG:
-        if options.square_mm is not None:
-            raise LensError("a board of AprilTags has no squares; give the size of its tags with --tag-size")
         gaps = _GAP_OF_TAG * np.array([columns - 1, rows - 1])
-        tag = _side(options.tag_mm, area, *(np.array([columns, rows]) + gaps).tolist())
+        tag = _side(options.tag_mm, area, *(np.array(counts) + gaps).tolist())
         pitch = tag * (1.0 + _GAP_OF_TAG)
     else:
-        if min(columns, rows) < 3:
-            raise LensError(f"a ChArUco board has 3 columns and rows or more, not {columns} x {rows}")
         pitch = _side(options.square_mm, area, columns, rows)
         tag = _TAG_OF_SQUARE * pitch if options.tag_mm is None else 1e-3 * options.tag_mm
-        if tag >= pitch:
-            raise LensError(f"tags of {1e3 * tag:g} mm do not fit into squares of {1e3 * pitch:g} mm")
-    dictionary = dictionaries()[options.family]
-    layout = BoardLayout(kind, columns, rows, (pitch, pitch), (tag, tag), dictionary, options.first_tag)
-    check_tags(layout, options.family, "the board")
-    return layout
+    tags = (0.0, 0.0) if kind == CHECKERBOARD else (tag, tag)
+    return _checked(BoardLayout(kind, *counts, (pitch, pitch), tags, None, options.first_tag), options.family)
 
 
 def scale_layout(layout: BoardLayout, share: tuple[float, float]) -> BoardLayout:

@@ -12,75 +12,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.camera.lens_kernels import COEFFICIENTS, project_points
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array, exp_so3, hat, rigid
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.lens.board_detector import BoardView, board_pose
 
-_TINY = 1e-300
-_OMEGA_STEP = 1e-6
+_STEP = 1e-6  # of a coefficient, for its derivative
 
 
 def derivatives_by_lens(camera: CameraModel, points_camera: Array) -> Array:
     """Derivatives (N, 2, 4 + D) of the pixels of points (N, 3) by fx, fy, cx, cy and the D coefficients.
 
-    They are meaningless where the lens does not see a point.
+    Zero where a lens that differs by a step does not see the point.
     """
-    with np.errstate(all="ignore"):
-        if camera.distortion_model == "equidistant":
-            plane, by_coefficients = _equidistant(camera.distortion, points_camera)
-        elif camera.distortion_model == "fov":
-            plane, by_coefficients = _fov(camera.distortion[0], points_camera)
-        else:
-            plane, by_coefficients = _perspective(camera.distortion, points_camera)
-    derivatives = np.zeros((len(points_camera), 2, 4 + len(camera.distortion)))
-    derivatives[:, 0, 0], derivatives[:, 1, 1] = plane.T
-    derivatives[:, 0, 2] = derivatives[:, 1, 3] = 1.0
-    derivatives[:, :, 4:] = by_coefficients * np.array([[camera.fx], [camera.fy]])
+    lens, points = lens_numbers(camera), as_rows(points_camera)
+    pixels = camera.project(points)[0]
+    derivatives = np.zeros((len(pixels), 2, len(lens)))
+    derivatives[:, [0, 1], [0, 1]] = (pixels - lens[2:4]) / lens[:2]
+    derivatives[:, [0, 1], [2, 3]] = 1.0
+    for number in range(4, len(lens)):
+        step = _STEP * (np.arange(len(lens)) == number)
+        # The valid cone stays as it is, which takes long to find; but fov has a second coefficient that follows omega.
+        moved = with_lens(camera, lens + step).parameters if len(lens) == 5 else camera.parameters.copy()
+        moved[COEFFICIENTS + number - 4] = (lens + step)[number]
+        derivatives[:, :, number] = (project_points(moved, points)[0] - pixels) / _STEP
+    derivatives[~np.isfinite(derivatives).all(axis=(1, 2))] = 0.0
     return derivatives
-
-
-def _equidistant(k: tuple[float, ...], points: Array) -> tuple[Array, Array]:
-    """Distorted coordinates (N, 2) [focal lengths] and their derivatives (N, 2, 4)."""
-    angle, direction = _angle(points)
-    powers = angle[:, None] ** np.array([1.0, 3.0, 5.0, 7.0, 9.0])
-    return direction * (powers @ np.array([1.0, *k]))[:, None], direction[:, :, None] * powers[:, None, 1:]
-
-
-def _fov(omega: float, points: Array) -> tuple[Array, Array]:
-    angle, direction = _angle(points)
-
-    def radius(w: float) -> Array:
-        values: Array = np.arctan2(2.0 * np.tan(0.5 * w) * np.sin(angle), np.cos(angle)) / w
-        return values
-
-    w = max(omega, 2.0 * _OMEGA_STEP)
-    slope = (radius(w + _OMEGA_STEP) - radius(w - _OMEGA_STEP)) / (2.0 * _OMEGA_STEP)
-    return direction * radius(w)[:, None], direction[:, :, None] * slope[:, None, None]
-
-
-def _perspective(d: tuple[float, ...], points: Array) -> tuple[Array, Array]:
-    """plumb_bob (k1, k2, p1, p2, k3), and rational_polynomial, which goes on with k4, k5, k6 of the denominator."""
-    k1, k2, p1, p2, k3, *rest = d
-    at = points[:, :2] / points[:, 2:]
-    x, y = at.T
-    r2 = x * x + y * y
-    powers = np.stack([r2, r2**2, r2**3], axis=1)
-    above, below = 1.0 + powers @ np.array([k1, k2, k3]), 1.0 + powers @ np.array(rest or [0.0, 0.0, 0.0])
-    gain = above / below
-    plane = at * (gain + 2.0 * p1 * y + 2.0 * p2 * x)[:, None] + np.stack([p2 * r2, p1 * r2], axis=1)
-    derivatives = np.empty((len(points), 2, len(d)))
-    derivatives[:, :, [0, 1, 4]] = at[:, :, None] * (powers / below[:, None])[:, None]
-    derivatives[:, :, 2] = np.stack([2.0 * x * y, r2 + 2.0 * y * y], axis=1)
-    derivatives[:, :, 3] = np.stack([r2 + 2.0 * x * x, 2.0 * x * y], axis=1)
-    if rest:
-        derivatives[:, :, 5:] = -at[:, :, None] * (powers * (gain / below)[:, None])[:, None]
-    return plane, derivatives
-
-
-def _angle(points: Array) -> tuple[Array, Array]:
-    """Angles (N,) to the axis, and unit directions (N, 2) from it in the image."""
-    from_axis = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2 + _TINY)
-    return np.arctan2(from_axis, points[:, 2]), points[:, :2] / from_axis[:, None]
 
 
 _ROUNDS = 4  # of weights; the scale of the errors is found anew before each
@@ -161,27 +119,23 @@ def fit_lens(
     errors = bundle.residuals(lens, poses)
     scale = _FIRST_SCALE_PX
     for _ in range(rounds):
-        scale = min(scale, _TAIL * max(_LEAST_SCALE_PX, _scale(np.linalg.norm(errors, axis=1))))
-        lens, poses, errors = bundle.descend(lens, poses, errors, max(scale, _TAIL * _LEAST_SCALE_PX))
+        median = float(np.median(np.linalg.norm(errors, axis=1)))
+        scale = min(scale, _TAIL * max(_LEAST_SCALE_PX, _MAD * median))
+        lens, poses, errors = bundle.descend(lens, poses, errors, scale)
     return LensFit(with_lens(camera, lens), tuple(views), poses, -errors * bundle.spreads[:, None], bundle.rows)
 
 
-def _scale(errors: Array) -> float:
-    return _MAD * float(np.median(errors)) if len(errors) else 0.0
-
-
 class _Bundle:
-    """What is fitted to what."""
+    """A lens and poses of a board, and the pictures that they are fitted to."""
 
     def __init__(self, camera: CameraModel, views: Sequence[BoardView], fixed: bool) -> None:
-        self._camera = camera
+        self._camera, self._fixed = camera, fixed
         self._points = np.concatenate([view.points_board for view in views])
         self._pixels = np.concatenate([view.pixels for view in views])
         self.spreads = np.concatenate([view.spreads for view in views])
         counts = [len(view.pixels) for view in views]
         self.rows = np.repeat(np.arange(len(views)), counts)
         self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-        self._fixed = fixed
 
     def residuals(self, lens: Array, poses: Array) -> Array:
         """(N, 2) projected minus measured [px], over the point's spread."""
@@ -193,10 +147,10 @@ class _Bundle:
         """Lens, poses and residuals at the least cost."""
         damping, cost = 1e-3, _cost(errors, scale)
         for _ in range(_STEPS):
-            system = self._system(lens, poses, errors, scale)
+            equations = self._normal_equations(lens, poses, errors, scale)
             while damping < 1e8:
-                lens_step, pose_steps = system.solved(damping)
-                new_lens, new_poses = lens + lens_step, _moved(poses, pose_steps)
+                pose_steps, lens_step = _solve(*equations, damping)
+                new_lens, new_poses = lens + (0.0 if self._fixed else lens_step), _moved(poses, pose_steps)
                 if _possible(new_lens, self._camera):
                     new_errors = self.residuals(new_lens, new_poses)
                     new_cost = _cost(new_errors, scale)
@@ -216,60 +170,39 @@ class _Bundle:
         turned: Array = np.einsum("nij,nj->ni", poses[self.rows, :3, :3], self._points)
         return turned + poses[self.rows, :3, 3]
 
-    def _system(self, lens: Array, poses: Array, errors: Array, scale: float) -> "_System":
-        camera = with_lens(self._camera, lens)
-        points = self._in_camera(poses)
+    def _normal_equations(self, lens: Array, poses: Array, errors: Array, scale: float) -> tuple[Array, Array]:
+        """Matrices (V, 6 + L, 6 + L) and right sides (V, 6 + L) of each picture: pose, then lens unless fixed."""
+        camera, points = with_lens(self._camera, lens), self._in_camera(poses)
         _, by_point, valid = camera.project_with_jacobian(points)
-        by_point = np.where(valid[:, None, None], by_point, 0.0)
-        by_pose = np.concatenate([-by_point @ hat(points), by_point], axis=2)
-        of_lens = np.zeros((len(points), 2, len(lens)))
-        if not self._fixed:
-            of_lens = np.where(valid[:, None, None], derivatives_by_lens(camera, points), 0.0)
+        parts = [-by_point @ hat(points), by_point]
+        parts += [] if self._fixed else [derivatives_by_lens(camera, points)]
+        J = np.where(valid[:, None, None], np.concatenate(parts, axis=2), 0.0) / self.spreads[:, None, None]
         weights = 1.0 / (1.0 + np.sum(errors**2, axis=1) / scale**2)
-        by_pose, of_lens = (by / self.spreads[:, None, None] for by in (by_pose, of_lens))
-        poses_weighted, lens_weighted = (by * weights[:, None, None] for by in (by_pose, of_lens))
-        return _System(
-            np.add.reduceat(np.einsum("nki,nkj->nij", poses_weighted, by_pose), self._starts, axis=0),
-            np.add.reduceat(np.einsum("nki,nkj->nij", poses_weighted, of_lens), self._starts, axis=0),
-            np.einsum("nki,nkj->ij", lens_weighted, of_lens),
-            np.add.reduceat(np.einsum("nki,nk->ni", poses_weighted, errors), self._starts, axis=0),
-            np.einsum("nki,nk->i", lens_weighted, errors),
-        )
+        weighted = np.swapaxes(J, 1, 2) * weights[:, None, None]
+        right = (weighted @ errors[:, :, None])[..., 0]
+        return np.add.reduceat(weighted @ J, self._starts, axis=0), np.add.reduceat(right, self._starts, axis=0)
 
 
-@dataclass(frozen=True)
-class _System:
-    """Normal equations: of poses (V, 6, 6), between these and the lens (V, 6, L), of the lens (L, L); right sides."""
-
-    poses: Array
-    between: Array
-    lens: Array
-    right_poses: Array
-    right_lens: Array
-
-    def solved(self, damping: float) -> tuple[Array, Array]:
-        """Changes of the lens (L,) and of the poses (V, 6)."""
-        damped = self.poses + damping * _diagonals(self.poses) + 1e-12 * np.eye(6)
-        carried = np.linalg.solve(damped, np.concatenate([self.between, self.right_poses[:, :, None]], axis=2))
-        if not self.lens.any():  # it is fixed
-            return np.zeros(len(self.lens)), -carried[:, :, -1]
-        across, along = carried[:, :, :-1], carried[:, :, -1]
-        reduced = self.lens + damping * np.diag(np.diag(self.lens)) - np.einsum("vij,vik->jk", self.between, across)
-        wanted = self.right_lens - np.einsum("vij,vi->j", self.between, along)
-        # Scaled, since focal lengths are hundreds and coefficients may be thousandths.
-        size = 1.0 / np.sqrt(np.maximum(np.diag(self.lens), 1e-12))
-        of_lens = -size * np.linalg.lstsq(reduced * size * size[:, None], wanted * size, rcond=1e-13)[0]
-        return of_lens, -(along + across @ of_lens)
-
-
-def _diagonals(matrices: Array) -> Array:
-    return matrices * np.eye(matrices.shape[-1])
+def _solve(matrices: Array, right: Array, damping: float) -> tuple[Array, Array]:
+    """Changes of the poses (V, 6) and of the lens (L,) by the normal equations of each picture (Schur complement)."""
+    size = right.shape[1]
+    damped = matrices * (1.0 + damping * np.eye(size)) + np.diag(np.repeat([1e-12, 0.0], [6, size - 6]))
+    between = matrices[:, :6, 6:]
+    eliminated = np.linalg.solve(damped[:, :6, :6], np.concatenate([between, right[:, :6, None]], axis=2))
+    across, along = eliminated[:, :, :-1], eliminated[:, :, -1]
+    reduced = damped[:, 6:, 6:].sum(axis=0) - np.einsum("vij,vik->jk", between, across)
+    wanted = right[:, 6:].sum(axis=0) - np.einsum("vij,vi->j", between, along)
+    if not len(wanted):
+        return -along, wanted
+    # Scaled, since focal lengths are hundreds and coefficients may be thousandths.
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrices[:, 6:, 6:].sum(axis=0)), 1e-12))
+    lens_step = -scale * np.linalg.lstsq(reduced * scale * scale[:, None], wanted * scale, rcond=1e-13)[0]
+    return -(along + across @ lens_step), lens_step
 
 
 def _moved(poses: Array, steps: Array) -> Array:
     """Poses (V, 4, 4) turned and shifted in the camera frame by steps (V, 6)."""
-    turns = exp_so3(steps[:, :3])
-    moved = turns @ poses[:, :3]
+    moved = exp_so3(steps[:, :3]) @ poses[:, :3]
     moved[:, :, 3] += steps[:, 3:]
     return rigid(moved[:, :, :3], moved[:, :, 3])
 

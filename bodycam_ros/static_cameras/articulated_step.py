@@ -18,6 +18,10 @@ _ROOT = 6
 _STIFF_RAD = 1e-3  # of a rotation that a joint's type excludes
 _LIMIT_RAD = 0.1  # of a rotation beyond a joint's limits, which were measured on another day
 _NARROW_RAD = 0.5  # a range below it is passive: a knee's about its other axes
+_NARROW_SHARE, _WIDE_SHARE = 0.25, 0.5
+"""Sigma of an angle about the middle of its range, as a share of that: what no contour measures, such as the turn of a
+round limb about its long axis, returns there within seconds instead of drifting to a limit."""
+
 _NOTHING_RAD = 1e-9
 _DAMPING = 3.0  # [rad], [m] sigma of a step: damping of what is unobserved
 _CONVERGED = 1e-9  # change of a pose's entries by a step that moves nothing more
@@ -43,7 +47,7 @@ class ArticulatedStep:
 
     Args:
         body: segments and joints.
-        obeys_limits: whether limits of joints apply, and narrow ranges draw to their middle.
+        obeys_limits: whether limits of joints apply, and ranges draw to their middle, narrow ones more.
     """
 
     def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
@@ -167,14 +171,14 @@ class ArticulatedStep:
 
 
 def _stiffness(joint: Joint, obeys_limits: bool) -> Array:
-    """Information (3, 3) against turns that a joint's type forbids, or that it hardly ever makes, in its own axes."""
+    """Information (3, 3), in the axes of a joint, against turns that its type forbids or that are far off its middle."""
     axes = joint.axes_of_rotation
     weights = np.zeros(3) if joint.type == "ball" else np.full(3, _STIFF_RAD**-2.0)
     if joint.type == "hinge":
         weights[0] = 0.0
     if joint.type == "ball" and joint.limits and obeys_limits:
         for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
-            if high - low < _NARROW_RAD:
-                weights["xyz".index(axis)] = max(0.25 * (high - low), _STIFF_RAD) ** -2.0
+            share = _NARROW_SHARE if high - low < _NARROW_RAD else _WIDE_SHARE
+            weights["xyz".index(axis)] = max(share * (high - low), _STIFF_RAD) ** -2.0
     information: Array = axes.T @ (weights[:, None] * axes)
     return information

@@ -1,6 +1,6 @@
-"""Where a static camera stands, by its own images and a reference map (A 4.1, for a camera that does not move).
+"""Pose of a static camera by its own images and a reference map (A 4.1, for a camera that does not move).
 
-Each image is registered by itself first, so that a camera that moves gives itself away. From the pose that they agree
+Each image is registered by itself first, so that a camera that moves is noticed. From the pose that they agree
 on, landmarks are looked for in all images by the photographs of the map, and one pose is fitted to those that several
 images show.
 """
@@ -74,31 +74,25 @@ class View:
         """(6,) from a pose to that of the image, rotation [rad] then translation [m]."""
         return log_se3(inverse(world_T_camera) @ self.fit.world_T_camera)
 
-    def is_at(self, world_T_camera: Array, sigmas: float, tolerance_px: float) -> bool:
-        """Whether the image may have been taken from a pose (4, 4), or from so near that it hardly matters.
-
-        Args:
-            world_T_camera: the pose.
-            sigmas: standard deviations of the image's own by which that may differ.
-            tolerance_px: median shift of the landmarks between the two that hardly matters.
-        """
+    def is_at(self, world_T_camera: Array) -> bool:
+        """Whether the image may have been taken from a pose (4, 4), or from so near that it hardly matters."""
         xi = self.apart(world_T_camera)
-        if xi @ self.fit.information @ xi <= sigmas**2:
+        if xi @ self.fit.information @ xi <= _AGREE_SIGMAS**2:
             return True
         points_world = self.points_world[self.fit.inliers]
         here, there = (
             self.camera.project(transform_points(inverse(pose), points_world))[0]
             for pose in (self.fit.world_T_camera, world_T_camera)
         )
-        # A landmark that is out of view from there is NaN, and so is the median: no answer is no.
-        return bool(np.median(np.linalg.norm(there - here, axis=1)) <= tolerance_px)
+        # A landmark that is out of view from there is NaN, and so is the median.
+        return bool(np.median(np.linalg.norm(there - here, axis=1)) <= _STILL_PX)
 
 
 Views = Mapping[int, View]
 """Number of an image -> what it shows."""
 
 
-def seen_together(views: Views) -> tuple[NDArray[np.int64], Array]:
+def common_landmarks(views: Views) -> tuple[NDArray[np.int64], Array]:
     """Rows (N,) of the landmarks that several views have, and where their medians have them (N, 2).
 
     A landmark counts once: what is wrong with it, or with the photograph that shows it, is wrong in all images alike.
@@ -112,36 +106,10 @@ def seen_together(views: Views) -> tuple[NDArray[np.int64], Array]:
     return named[several], np.array(medians, np.float64).reshape(-1, 2)
 
 
-def taken_elsewhere(
-    alone: Views, looked_for: Views, world_T_camera: Array, sigmas: float, tolerance_px: float
-) -> Views:
-    """The images that show that the camera was elsewhere than at a pose, by what they show.
-
-    An image that shows little of the place may be registered wrong by metres. So it is asked first for what should be
-    seen from the pose, and for its own registration only if it does not show that.
-
-    Args:
-        alone: what they show, each registered by itself.
-        looked_for: the same, by landmarks that were looked for from the pose; empty where that cannot be done.
-        world_T_camera: (4, 4) the pose.
-        sigmas, tolerance_px: see ``View.is_at``.
-    """
-    elsewhere = {}
-    for number in {*alone, *looked_for}:
-        if _tells(looked_for, number):
-            telling = looked_for[number]
-        elif _tells(alone, number) or (number in alone and alone[number].count >= _SURE):
-            telling = alone[number]
-        else:
-            continue
-        if not telling.is_at(world_T_camera, sigmas, tolerance_px):
-            elsewhere[number] = telling
-    return elsewhere
-
-
-def _tells(views: Views, number: int) -> bool:
-    """Whether an image shows about as much as the others."""
-    return number in views and views[number].count >= _FEW * np.median([view.count for view in views.values()])
+def informative(views: Views, sure: float = np.inf) -> dict[int, View]:
+    """The views that show about as many landmarks as the others, or as many as are sure to be right."""
+    usual = np.median([view.count for view in views.values()]) if views else 0.0
+    return {number: view for number, view in views.items() if view.count >= min(sure, _FEW * usual)}
 
 
 _ROUNDS = 2
@@ -200,7 +168,6 @@ class StationRegistration:
     ) -> None:
         self._camera, self._map = camera, reference_map
         self._settings = settings or StationsSettings()
-        self._tolerance = (_AGREE_SIGMAS, _STILL_PX)
 
     def register(self, images: Sequence[NDArray[np.uint8]]) -> RegisteredStation:
         """Find where the camera stands.
@@ -218,7 +185,7 @@ class StationRegistration:
         if len(alone) < LEAST_IMAGES:
             raise self._error(f"{len(alone)} of its {len(images)} images show where it stands; {_SHOW_MORE}")
         average = robust_average_pose(np.array([view.fit.world_T_camera for view in alone.values()]))
-        agreed = {number: view for number, view in alone.items() if view.is_at(average, *self._tolerance)}
+        agreed = {number: view for number, view in alone.items() if view.is_at(average)}
         if len(agreed) < LEAST_IMAGES:
             raise self._moves(alone, average)
         fit, used = self._together(agreed, average), len(agreed)
@@ -262,7 +229,14 @@ class StationRegistration:
         return views, fit
 
     def _check_still(self, alone: Views, looked_for: Views, world_T_camera: Array) -> None:
-        if elsewhere := taken_elsewhere(alone, looked_for, world_T_camera, *self._tolerance):
+        """Refuse a camera whose images show that it was elsewhere than at a pose (4, 4).
+
+        An image that shows little of the place may be registered wrong by metres. So landmarks that were looked for
+        from the pose count first, and its own registration only if it shows few of them.
+        """
+        telling = informative(alone, _SURE) | informative(looked_for)
+        elsewhere = {number: view for number, view in telling.items() if not view.is_at(world_T_camera)}
+        if elsewhere:
             raise self._moves(elsewhere, world_T_camera)
 
     def _moves(self, views: Views, world_T_camera: Array) -> StationError:
@@ -275,7 +249,7 @@ class StationRegistration:
 
     def _together(self, views: Views, near: Array) -> PoseFit:
         """One pose by the landmarks that several views have (A eq. 8, first term)."""
-        rows, pixels = seen_together(views)
+        rows, pixels = common_landmarks(views)
         return self._fit(rows, pixels, near)
 
     def _registered(self, fit: PoseFit, images: int, asked: int) -> RegisteredStation:

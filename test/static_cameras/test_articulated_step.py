@@ -95,19 +95,20 @@ def limited(body: BodyModel, name: str, limits: tuple[tuple[float, float], ...])
 
 
 def test_a_joint_beyond_its_limits_is_drawn_back_to_them(walk: Walk) -> None:
-    """Others, and those within, are left alone."""
+    """Those within are drawn to the middle of the range much less, and others are left alone."""
     hip = [joint.name for joint in walk.body.tree_joints].index("hip_left")
     body = limited(walk.body, "hip_left", ((-0.3, 0.3), (-0.4, 0.4), (-0.5, 0.5)))
     count = len(body.tree_joints)
     nothing = np.zeros((count + 1, 6, 6)), np.zeros((count + 1, 6))
-    for angle, expected_angle in ((0.9, 0.3), (0.2, 0.2), (-0.7, -0.3)):
+    for angle, least, most in ((0.9, 0.2, 0.45), (0.2, 0.12, 0.2), (-0.7, -0.45, -0.2)):
         turned = np.tile(exp_so3(np.array([0.1, 0.0, 0.0])), (count, 1, 1))
         turned[hip] = exp_so3(np.array([0.0, angle, 0.0]))
         poses = body.forward_kinematics(np.eye(4), body.joint_rotations(body.forward_kinematics(np.eye(4), turned)))
         before = body.joint_rotations(poses)
         for _ in range(8):
-            poses = ArticulatedStep(body).apply(poses, *nothing, PredictedBody(poses, np.full(6, 1e-3), 1.0))
+            poses = ArticulatedStep(body).apply(poses, *nothing, PredictedBody(poses, np.full(6, 1e-3), 0.05))
         after = body.joint_rotations(poses)
-        np.testing.assert_allclose(log_so3(after[hip]), [0.0, expected_angle, 0.0], atol=0.01)
+        np.testing.assert_allclose(log_so3(after[hip])[[0, 2]], 0.0, atol=0.01)
+        assert least < log_so3(after[hip])[1] < most
         others = np.arange(count) != hip
         np.testing.assert_allclose(after[others], before[others], atol=1e-6)
