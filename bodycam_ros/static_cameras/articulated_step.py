@@ -171,7 +171,7 @@ class ArticulatedStep:
 
 
 def _stiffness(joint: Joint, obeys_limits: bool) -> Array:
-    """Information (3, 3), in the axes of a joint, against turns that its type forbids or that are far off its middle."""
+    """Information (3, 3), in a joint's axes, against turns that its type forbids or that are far off its middle."""
     axes = joint.axes_of_rotation
     weights = np.zeros(3) if joint.type == "ball" else np.full(3, _STIFF_RAD**-2.0)
     if joint.type == "hinge":

@@ -39,23 +39,6 @@ class Surface:
         normals: Array = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return normals
 
-    @cached_property
-    def face_normals(self) -> Array:
-        """(F, 3) outward unit normals, in the segment's frame."""
-        unit: Array = self.scaled_normals / np.linalg.norm(self.scaled_normals, axis=1, keepdims=True)
-        return unit
-
-    @cached_property
-    def face_offsets(self) -> Array:
-        """(F,) distances of the faces' planes from the segment's origin, along their normals [m]."""
-        offsets: Array = (self.face_normals * self.vertices[self.faces[:, 0]]).sum(axis=1)
-        return offsets
-
-    def faces_towards(self, segment_camera: Array) -> NDArray[np.bool_]:
-        """(F,) whether each face shows its outer side to a camera at (3,) in the segment's frame [m]."""
-        towards: NDArray[np.bool_] = self.face_normals @ segment_camera > self.face_offsets
-        return towards
-
 
 def join_meshes(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
     """Several meshes, each of vertices (V, 3) and faces (F, 3), as one."""
@@ -100,13 +83,15 @@ class BodySurface:
             )
         rows, parts = np.array([*known]), list(known.values())
         vertices, faces = join_meshes([(part.vertices, part.faces) for part in parts])
+        normals = np.concatenate([part.scaled_normals for part in parts])
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
         return cls(
             len(body.segments),
             vertices,
             rows.repeat([len(part.vertices) for part in parts]),
             faces.astype(np.int64),
-            np.concatenate([part.face_normals for part in parts]),
-            np.concatenate([part.face_offsets for part in parts]),
+            normals,
+            (normals * vertices[faces[:, 0]]).sum(axis=1),
             rows.repeat([len(part.faces) for part in parts]),
             *edges_of(faces),
         )
