@@ -41,7 +41,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.offline.outside_input import UnplacedCamera, place_stations
+    from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
     from bodycam_ros.static_cameras.calibration_files import TOML_MARK

@@ -94,40 +94,26 @@ class AwaitedUpdate:
 
 
 @dataclass(frozen=True)
-class SkippedImage:
-    """An image that could not be used, and why."""
+class UnusableImages:
+    """Images that could not be used.
+
+    Attributes:
+        camera: its name.
+        stamp_ns: of the image, or of the latest one read [ns].
+        reason: why, for the user.
+        count: how many.
+        are_missing: whether the bag's metadata counts them, but they are not in it.
+    """
 
     camera: str
     stamp_ns: int
     reason: str
+    count: int = 1
+    are_missing: bool = False
 
 
-@dataclass(frozen=True)
-class DroppedImages:
-    """Images that were not read because their stamps do not increase."""
-
-    camera: str
-    stamp_ns: int
-    count: int
-
-
-@dataclass(frozen=True)
-class LostImages:
-    """Images that the bag's metadata counts, but that are not in it."""
-
-    camera: str
-    stamp_ns: int
-    count: int
-
-    def __str__(self) -> str:
-        return (
-            f"camera {self.camera}: {self.count} images that the recording should hold are not in it; its file is "
-            "damaged, copy it again"
-        )
-
-
-class UnusableImages:
-    """Counts images that could not be used, by camera, and warns of them.
+class UnusableCount:
+    """Counts images that could not be used, by camera, and warns of the first of each kind.
 
     Attributes:
         skipped: images that are in the recording.
@@ -138,18 +124,12 @@ class UnusableImages:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
 
-    def add(self, item: SkippedImage | DroppedImages | LostImages) -> None:
-        """Count an item, and warn: of images that cannot be decoded only of the first of each camera."""
-        if isinstance(item, LostImages):
-            logger.warning("%s", item)
-            self.lost[item.camera] += item.count
-        elif isinstance(item, DroppedImages):
-            logger.warning("camera %s: stamps of %d images do not increase; they are left out", item.camera, item.count)
-            self.skipped[item.camera] += item.count
-        else:
-            if not self.skipped[item.camera]:
-                logger.warning("%s; it is left out, and so will be others like it", item.reason)
-            self.skipped[item.camera] += 1
+    def add(self, item: UnusableImages) -> None:
+        """Count an item."""
+        counts = self.lost if item.are_missing else self.skipped
+        if item.count > 1 or not counts[item.camera]:
+            logger.warning("%s", item.reason)
+        counts[item.camera] += item.count
 
 
 @dataclass(frozen=True)
@@ -159,7 +139,7 @@ class WorkerFailure:
     error: BodycamError
 
 
-Result = RegisteredImage | SkippedImage | DroppedImages | LostImages
+Result = RegisteredImage | UnusableImages
 """The result of an image, or of several."""
 
 WorkerItem = Result | AwaitedUpdate | WorkerFailure | None
@@ -271,16 +251,17 @@ def register_images(
             try:
                 tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
-                yield SkippedImage(image.camera, stamp_ns, str(error))
+                text = f"{error}; it is left out, and so will be others like it"
+                yield UnusableImages(image.camera, stamp_ns, text)
                 continue
             messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
-        for camera, count in sorted(recording.dropped.items()):
-            if count:
-                yield DroppedImages(camera, stamp_ns, count)
-        for camera, count in sorted(recording.lost.items()):
-            if count:
-                yield LostImages(camera, stamp_ns, count)
+        for camera, count in sorted((+recording.dropped).items()):
+            text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
+            yield UnusableImages(camera, stamp_ns, text, count)
+        for camera, count in sorted((+recording.lost).items()):
+            text = f"camera {camera}: {count} images that the recording should have are not in it; its file is damaged"
+            yield UnusableImages(camera, stamp_ns, f"{text}, copy it again", count, are_missing=True)
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:

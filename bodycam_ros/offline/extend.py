@@ -25,7 +25,7 @@ from bodycam_ros.mapping.body_keyframe import (
 )
 from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableCount
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.progress import in_parallel
@@ -129,7 +129,7 @@ def _register(
     """Register all images; ``on_progress`` is called with the share that is done."""
     with open_recording(task.recording_path) as recording:
         start_ns, duration_s = recording.start_ns, max(recording.duration_s, 1e-9)
-    unusable = UnusableImages()
+    unusable = UnusableCount()
     for item in register_recording(task, cameras, jobs):
         if isinstance(item, RegisteredImage):
             record.add(item.matches)

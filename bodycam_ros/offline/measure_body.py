@@ -16,10 +16,10 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableImages
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableCount
 from bodycam_ros.offline.front_end import register_recording, warm_up
-from bodycam_ros.offline.outside_input import stations_of
 from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.imu_reader import read_imus
@@ -70,7 +70,7 @@ def measure_body(
     if reference_map is not None and map_path is not None:
         check_metric(reference_map, map_path)
     with open_recording(recording_path) as recording:
-        stations = stations_of(given, reference_map, recording, body)
+        stations = read_recorded_stations(given, reference_map, recording, body)
         refused: set[str] = set()
         measurement = BodyMeasurement(
             body,
@@ -196,7 +196,7 @@ def calibrate(
         with_messages=False,
     )
     sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
-    start_ns, unusable = None, UnusableImages()
+    start_ns, unusable = None, UnusableCount()
     for item in register_recording(task, models, jobs):
         if isinstance(item, RegisteredImage):
             start_ns = item.stamp_ns if start_ns is None else start_ns

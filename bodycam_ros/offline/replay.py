@@ -27,14 +27,14 @@ from bodycam_ros.offline.camera_worker import (
     RegisteredImage,
     RegistrationTask,
     Result,
-    UnusableImages,
+    UnusableCount,
     known_readouts,
 )
 from bodycam_ros.offline.extend import extend_map
 from bodycam_ros.offline.front_end import register_recording, warm_up
-from bodycam_ros.offline.outside_input import station_watch, stations_of
 from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.offline.static_input import make_image_measurement, read_recorded_stations
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.camera_poses import CameraPoseLog
@@ -105,7 +105,7 @@ def replay(
             map_path, rounds = _extend(recording_path, map_path, body, settings, jobs, passes, on_step, scratch)
         reference_map = None if map_path is None else _metric_map(map_path)
         with open_recording(recording_path) as recording:
-            stations = stations_of(outside, reference_map, recording, body) if outside else {}
+            stations = read_recorded_stations(outside, reference_map, recording, body) if outside else {}
             cameras = _mounted_cameras(recording, body, stations) if map_path else {}
             readouts = known_readouts(recording, body, cameras)
             summary = ReplaySummary(recording.duration_s, rounds=rounds)
@@ -113,7 +113,7 @@ def replay(
         seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
         static_cameras = None
         if outside is not None:
-            static_cameras = station_watch(
+            static_cameras = make_image_measurement(
                 outside, stations, body, body_path, settings, lambda *each: seen.append(each)
             )
             if not cameras and outside.start is None:
@@ -141,7 +141,7 @@ def replay(
             recording_path, map_path or Path(), settings, readouts=readouts, slim=slim, turns=camera_turns(body, imus)
         )
         spans = CameraSpans([*cameras, *stations])
-        unusable = UnusableImages()
+        unusable = UnusableCount()
         start_ns = None
         for item in _read(task, cameras, jobs, stations):
             if not isinstance(item, RegisteredImage | CameraImage):

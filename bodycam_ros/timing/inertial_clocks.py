@@ -1,22 +1,23 @@
-"""Clock offsets between the inertial sensors of a body, by their samples alone: no image, no sound, no calibration.
+"""Clock offsets between the cameras of a body by their calibrated inertial sensors alone: no image, no sound.
 
 Two segments that hang together have a joint in common. The specific force at the joint follows from each of the two
-sensors: ``a + dw x r + w x (w x r)``, with the joint at r in the sensor's frame (Seel, Schauer and Raisch 2012, "Joint
-axis and position estimation from inertial measurement data"). Its magnitude does not depend on the frame, so that both
-magnitudes are the same function of time. Both places r and the offset between the two clocks are fitted at once; what
-a step or a clap adds is in both as well. Sensors of one segment have any point in common.
-
-On four seconds of walking the offsets are right to 0.4 ms (rms), on half a minute of a range of motion to 0.05 ms.
+sensors: ``a + dw x r + w x (w x r)``, with the joint at r from the sensor (Seel, Schauer and Raisch 2012, "Joint axis
+and position estimation from inertial measurement data"). Its magnitude does not depend on the frame, so both magnitudes
+are the same function of time, and their lag is the offset between the clocks; a step or a clap is in both as well.
+Sensors of one segment have any point in common.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
-import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import gaussian_filter1d
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.geometry import Array, hat
 from bodycam_ros.inertial.imu_samples import ImuSamples
 
@@ -25,22 +26,19 @@ _SMOOTHING_S = 0.01  # sigma of the filter, for the derivative of the angular ve
 _LONGEST_S = 60.0  # of the stretch that is compared: the drift of quartz is 3 ms in it at most
 _LEAST_S = 2.0  # of motion in common
 _MAX_OFFSET_S = 2.0  # clocks further apart are not searched for
-_SEARCH_STEP = 2  # samples of a step of the search, before the fit
 _FORCE_SIGMA = 0.3  # [m/s^2] beyond which a difference counts less (Cauchy): soft tissue and noise
-_REACH_M = 0.5  # prior of a joint's distance from a sensor
-_BIAS = 0.1  # [m/s^2] prior of an accelerometer's bias
-_LEAST_RESIDUAL = 0.06 / _FORCE_SIGMA  # scale errors of accelerometers, which a small residual does not show
-_STOP = {"ftol": 1e-5, "xtol": 1e-5, "max_nfev": 40}
+_LEAST_RESIDUAL = 0.06  # [m/s^2] scale errors of accelerometers, which a small residual does not show
+_ROUNDS = 10
 _CORRELATED = 3.0  # times the sigma of independent samples: filtering, and errors that last
-_LEAST_COMMON = 0.7  # correlation of the slopes of both magnitudes
+_LEAST_COMMON = 0.5  # correlation of the slopes of both magnitudes
 _LEAST_SIGMA_S = 5e-5
-_ROUNDING = 1e-6  # [m/s^2]
+_LEAST_SLOPE = 1e-6  # [m/s^2 per sample] rounding
 _MOST_SIGMA_S = 2e-3  # of a pair; larger, it did not move enough
 
 
 @dataclass(frozen=True)
 class InertialClock:
-    """Clock of one sensor.
+    """Clock of one camera.
 
     Attributes:
         offset: by how much its stamps are ahead of the reference's [s].
@@ -51,37 +49,31 @@ class InertialClock:
     sigma: float
 
 
-def inertial_clocks(
-    imus: Mapping[str, ImuSamples], segments: Mapping[str, str], parents: Mapping[str, str | None]
-) -> dict[str, InertialClock]:
-    """Clock offsets of all sensors that moved enough, against the first on the root, or of all.
+def camera_clocks(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, InertialClock]:
+    """Clock offsets of cameras whose sensors moved enough, against the first on the root, or of all.
 
     Args:
+        body: with the sensors' calibrations in its mounts.
         imus: camera -> samples of its sensor, by its own clock.
-        segments: camera -> the segment that it is on.
-        parents: segment -> the one that it hangs on; None for the root.
 
     Returns:
         Camera -> its clock, of the largest group of cameras that are linked by joints; empty if there is none.
     """
-    start_ns = max((int(samples.stamps_ns[0]) for samples in imus.values() if len(samples)), default=0)
-    signals = {
-        camera: signal
-        for camera, samples in imus.items()
-        if (signal := _Signal.resample(samples, start_ns)) is not None
-    }
+    mounts = {name: mount for name, mount in body.mounts.items() if mount.imu is not None and name in imus}
+    start_ns = max((int(imus[name].stamps_ns[0]) for name in mounts if len(imus[name])), default=0)
+    signals = {name: signal for name, mount in mounts.items() if (signal := _resample(imus[name], mount, start_ns))}
     # The root's have the most neighbours.
-    cameras = sorted(
-        set(signals) & set(segments), key=lambda camera: (parents.get(segments[camera]) is not None, camera)
-    )
+    cameras = sorted(signals, key=lambda camera: (mounts[camera].segment != body.root, camera))
     links = []
-    for j, second in enumerate(cameras):
-        for i, first in enumerate(cameras[:j]):
-            one, other = segments[first], segments[second]
-            if one == other or parents.get(other) == one or parents.get(one) == other:
-                link = _pair_offset(signals[first], signals[second])
-                if link is not None:
-                    links.append((i, j, *link))
+    for i, j in combinations(range(len(cameras)), 2):
+        first, second = cameras[i], cameras[j]
+        if (points := _common_point(body, mounts[first], mounts[second])) is not None:
+            magnitudes = (
+                signals[camera].magnitude(_in_camera(mounts[camera], point))
+                for camera, point in zip((first, second), points, strict=True)
+            )
+            if (link := _pair_offset(*magnitudes)) is not None:
+                links.append((i, j, *link))
     group = _largest_group(len(cameras), [(i, j) for i, j, _, _ in links])
     if len(group) < 2:
         return {}
@@ -96,128 +88,97 @@ def inertial_clocks(
             g += J * offset / sigma
     covariance = np.linalg.inv(H[1:, 1:])
     offsets = np.append(0.0, covariance @ g[1:])
-    sigmas = np.append(0.0, np.sqrt(np.diag(covariance)))
+    # A sensor's stamps are late by its time offset: its error goes into the camera's clock.
+    delays = [imu.time_offset_sigma for i in group if (imu := mounts[cameras[i]].imu) is not None]
+    sigmas = np.append(0.0, np.sqrt(np.diag(covariance) + np.square(delays[1:]) + delays[0] ** 2))
     return {cameras[i]: InertialClock(float(offsets[k]), float(sigmas[k])) for i, k in row.items()}
 
 
-def camera_clocks(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, InertialClock]:
-    """Clock offsets of cameras by their calibrated sensors, against one of them; empty without any.
+def _common_point(body: BodyModel, first: CameraMount, second: CameraMount) -> tuple[Array, Array] | None:
+    """A point (3,) that the segments of two cameras have in common, in the frame of each [m]; None without a joint."""
+    if first.segment == second.segment:
+        middle = 0.5 * (first.segment_T_camera[:3, 3] + second.segment_T_camera[:3, 3])
+        return middle, middle
+    for joint in body.tree_joints:
+        places = {joint.parent: joint.parent_T_joint[:3, 3], joint.child: joint.child_T_joint[:3, 3]}
+        if joint.type != "free" and places.keys() == {first.segment, second.segment}:
+            return places[first.segment], places[second.segment]
+    return None
 
-    Args:
-        body: with the sensors' calibrations in its mounts.
-        imus: camera -> samples of its sensor, by its own clock.
-    """
-    sensors = {name: mount.imu for name, mount in body.mounts.items() if mount.imu is not None and name in imus}
-    segments = {name: body.mounts[name].segment for name in sensors}
-    parents: dict[str, str | None] = dict.fromkeys(body.segments)
-    parents |= {joint.child: joint.parent for joint in body.tree_joints}
-    found = inertial_clocks({name: imus[name] for name in sensors}, segments, parents)
-    first = sensors.get(next(iter(found), ""))
-    # The sensor's stamps are late by its time offset, and the camera's are not.
-    return {
-        name: InertialClock(
-            clock.offset - sensors[name].time_offset + first.time_offset,
-            float(np.linalg.norm([clock.sigma, sensors[name].time_offset_sigma, first.time_offset_sigma])),
-        )
-        for name, clock in found.items()
-        if first is not None
-    }
+
+def _in_camera(mount: CameraMount, point: Array) -> Array:
+    """A point (3,) of a segment in the frame of a camera on it [m]."""
+    located: Array = mount.segment_T_camera[:3, :3].T @ (point - mount.segment_T_camera[:3, 3])
+    return located
 
 
 @dataclass(frozen=True, eq=False)
 class _Signal:
-    """Filtered samples at an even rate.
+    """Filtered samples at an even rate, along the camera's axes.
 
     Attributes:
         force: (N, 3) specific force at the sensor [m/s^2].
-        by_place: (N, 3, 3) how that of a point grows with its place in the sensor's frame [1/s^2].
+        by_place: (N, 3, 3) how that of a point grows with its place from the sensor [1/s^2].
+        sensor: (3,) place of the sensor in the camera's frame [m].
     """
 
     force: Array
     by_place: Array
+    sensor: Array
 
-    def magnitude(self, count: int, part: Array) -> tuple[Array, Array]:
-        """Magnitude (N,) of the specific force at a place, and its derivative (N, 6), of the first N samples.
-
-        Args:
-            count: N.
-            part: (6,) the place [m], then the bias of the accelerometer, negated [m/s^2].
-        """
-        force = self.force[:count] + self.by_place[:count] @ part[:3] + part[3:]
-        magnitude = np.maximum(np.linalg.norm(force, axis=1), 1e-6)
-        direction = force / magnitude[:, None]
-        return magnitude, np.concatenate([(direction[:, None] @ self.by_place[:count])[:, 0], direction], axis=1)
-
-    @staticmethod
-    def resample(samples: ImuSamples, start_ns: int) -> "_Signal | None":
-        """The samples from a stamp on; None if they are too few."""
-        seconds = 1e-9 * (samples.stamps_ns - start_ns).astype(np.float64)
-        inside = seconds >= 0.0
-        if inside.sum() < 0.3 * _LEAST_S * _RATE:
-            return None
-        # Means over even intervals: the difference of integrals, whatever the sensor's rate is.
-        edges = np.arange(0.0, min(float(seconds[-1]), _LONGEST_S), 0.5 / _RATE)
-        values = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
-        integrals = scipy.integrate.cumulative_trapezoid(values, seconds, axis=0, initial=0.0)
-        even = 2.0 * _RATE * np.diff([np.interp(edges, seconds, column) for column in integrals.T], axis=1)
-        filtered = scipy.ndimage.gaussian_filter1d(even, 2.0 * _SMOOTHING_S * _RATE, axis=1)[:, ::2].T
-        w, force = hat(filtered[:, :3]), filtered[:, 3:]
-        turning = hat(np.gradient(filtered[:, :3], 1.0 / _RATE, axis=0))
-        return _Signal(np.asarray(force, np.float64), np.asarray(turning + w @ w, np.float64))
+    def magnitude(self, point: Array) -> Array:
+        """Magnitude (N,) of the specific force at a point (3,) of the camera's frame [m/s^2]."""
+        return np.asarray(np.linalg.norm(self.force + self.by_place @ (point - self.sensor), axis=1))
 
 
-def _pair_offset(first: _Signal, second: _Signal) -> tuple[float, float] | None:
-    """By how much the second clock is ahead of the first, and its sigma [s]; None if they had too little motion."""
-    count = min(len(first.force), len(second.force))
+def _resample(samples: ImuSamples, mount: CameraMount, start_ns: int) -> _Signal | None:
+    """The samples of a camera from a stamp on; None if they are too few."""
+    assert mount.imu is not None
+    samples = mount.imu.correct(samples)
+    seconds = 1e-9 * (samples.stamps_ns - start_ns).astype(np.float64)
+    if np.sum(seconds >= 0.0) < 0.3 * _LEAST_S * _RATE:
+        return None
+    # Means over even intervals: the difference of integrals, whatever the sensor's rate is.
+    edges = np.arange(0.0, min(float(seconds[-1]), _LONGEST_S), 0.5 / _RATE)
+    values = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
+    integrals = cumulative_trapezoid(values, seconds, axis=0, initial=0.0)
+    even = 2.0 * _RATE * np.diff([np.interp(edges, seconds, column) for column in integrals.T], axis=1)
+    filtered = gaussian_filter1d(even, 2.0 * _SMOOTHING_S * _RATE, axis=1)[:, ::2].T
+    w, turning = hat(filtered[:, :3]), hat(np.gradient(filtered[:, :3], 1.0 / _RATE, axis=0))
+    return _Signal(filtered[:, 3:], turning + w @ w, mount.imu.camera_p_imu)
+
+
+def _pair_offset(m: Array, n: Array) -> tuple[float, float] | None:
+    """By how much the second clock is ahead of the first, and its sigma [s], from magnitudes (M,), (N,) [m/s^2].
+
+    None if they have too little in common.
+    """
+    count = min(len(m), len(n))
     margin = round(_MAX_OFFSET_S * _RATE) if count > 4 * _MAX_OFFSET_S * _RATE else count // 8
-    if count - 2 * margin < 0.5 * _LEAST_S * _RATE:
-        return None
     inner = np.arange(margin, count - margin)
-    at = np.arange(count)
-
-    def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals in sigmas, with priors, and their Jacobian.
-
-        Of each sensor a place (3) [m] and a bias (3) [m/s^2], and of the second the offset [samples].
-        """
-        (m, by_first), (n, by_second) = (
-            signal.magnitude(count, part) for signal, part in ((first, x[:6]), (second, x[6:12]))
-        )
-        later = np.column_stack([np.interp(inner + x[12], at, column) for column in (n, np.gradient(n), *by_second.T)])
-        J = np.column_stack([by_first[inner], -later[:, 2:], -later[:, 1]]) / _FORCE_SIGMA
-        residuals = np.concatenate([(m[inner] - later[:, 0]) / _FORCE_SIGMA, prior @ x])
-        return residuals, np.concatenate([J, prior])
-
-    prior = np.eye(13)[:12] / np.tile(np.repeat([_REACH_M, _BIAS], 3), 2)[:, None]
-    best = None
-    for lag in _lags(first, second, count, margin):
-        start, scale = np.append(np.zeros(12), lag), np.append(np.full(12, 0.1), 1.0)
-        fit = scipy.optimize.least_squares(
-            lambda x: evaluate(x)[0], start, lambda x: evaluate(x)[1], loss="cauchy", x_scale=scale, **_STOP
-        )
-        if best is None or fit.cost < best.cost:
-            best = fit
-    assert best is not None  # there is a lag
-    # Noise has slopes as well, but not the same on both sides: only common ones measure the offset.
-    m, n = (signal.magnitude(count, part)[0] for signal, part in ((first, best.x[:6]), (second, best.x[6:12])))
-    slopes = np.gradient(m)[inner], np.interp(inner + best.x[12], at, np.gradient(n))
-    common = float(np.corrcoef(*slopes)[0, 1]) if min(map(np.ptp, slopes)) > _ROUNDING else 0.0
-    if common < _LEAST_COMMON or abs(best.x[12]) >= margin:
+    if len(inner) < 0.5 * _LEAST_S * _RATE:
         return None
-    variance = max(2.0 * best.cost / len(inner), _LEAST_RESIDUAL**2) / common
-    covariance = np.linalg.pinv(best.jac.T @ best.jac)
-    sigma = max(_CORRELATED * float(np.sqrt(variance * covariance[12, 12])) / _RATE, _LEAST_SIGMA_S)
-    return (float(best.x[12]) / _RATE, sigma) if sigma < _MOST_SIGMA_S else None
-
-
-def _lags(first: _Signal, second: _Signal, count: int, margin: int) -> list[int]:
-    """Lags [samples] at which the fit starts: zero, and the best match of the specific forces at the sensors."""
-    one, other = (np.linalg.norm(signal.force[:count], axis=1) for signal in (first, second))
-    inner = one[margin : count - margin]
-    lags = np.arange(-margin, margin + 1, _SEARCH_STEP)
-    shifted = [other[margin + lag : count - margin + lag] for lag in lags]
-    matches = np.array([np.corrcoef(inner, each)[0, 1] for each in shifted])
-    return sorted({0, int(lags[np.argmax(np.nan_to_num(matches, nan=-1.0))])})
+    m, n = m[:count], n[:count]
+    # Slopes, since a bias shifts a magnitude.
+    wanted, slopes = np.gradient(m)[inner], np.gradient(n)
+    if min(np.ptp(wanted), np.ptp(slopes)) < _LEAST_SLOPE:
+        return None
+    windows = sliding_window_view(slopes, len(inner))
+    common = windows @ wanted / (np.linalg.norm(windows, axis=1) * np.linalg.norm(wanted) + _LEAST_SLOPE)
+    best = int(np.argmax(common))
+    if common[best] < _LEAST_COMMON or best in (0, 2 * margin):
+        return None
+    samples, lag = np.arange(count), float(best - margin)
+    for _ in range(_ROUNDS):
+        errors = m[inner] - np.interp(inner + lag, samples, n)
+        errors -= np.median(errors)
+        slope = np.interp(inner + lag, samples, slopes)
+        weights = 1.0 / (1.0 + (errors / _FORCE_SIGMA) ** 2)
+        information = float(np.sum(weights * slope**2))
+        lag += float(np.clip(np.sum(weights * slope * errors) / information, -1.0, 1.0))
+    variance = max(float(np.average(errors**2, weights=weights)), _LEAST_RESIDUAL**2) / float(common[best])
+    sigma = max(_CORRELATED * float(np.sqrt(variance / information)) / _RATE, _LEAST_SIGMA_S)
+    return (lag / _RATE, sigma) if sigma < _MOST_SIGMA_S else None
 
 
 def _largest_group(count: int, links: list[tuple[int, int]]) -> list[int]:

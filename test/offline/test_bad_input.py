@@ -198,4 +198,4 @@ def test_what_is_lost_is_said_of_each_camera(
     printed = capfd.readouterr().out
     row = next(line for line in printed.splitlines() if CAMERAS[0] in line)
     assert [cell.strip() for cell in row.split("│")[1:-2]] == [CAMERAS[0], "12", "66.7%", "", "4"]
-    assert f"camera {CAMERAS[0]}: 4 images that the recording should hold are not in it" in caplog.text
+    assert f"camera {CAMERAS[0]}: 4 images that the recording should have are not in it" in caplog.text

@@ -1,4 +1,4 @@
-"""What a user says of static cameras, and the watch that is made of it."""
+"""Static cameras of a recording: their poses from a file or by registration, and how they measure the body."""
 
 import logging
 import re
@@ -34,13 +34,13 @@ _IMAGES = 12  # of each camera, spread over the recording: people have moved on 
 _OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
-def stations_of(
+def read_recorded_stations(
     given: StaticCameraFiles, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
 ) -> dict[str, Station]:
-    """The stations that a recording has images of; a lens that the recording knows otherwise is warned about.
+    """The static cameras that a recording has images of; a lens that contradicts its camera_info is warned about.
 
     Raises:
-        StationError: the file cannot be used, the recording has none of its cameras, or the body wears one of them.
+        StationError: the file cannot be used, the recording has none of its cameras, or one of them is on the body.
     """
     stations, cameras = read_stations(given.stations, reference_map), recording.cameras
     stations = _renamed(given.stations, stations, cameras)
@@ -59,7 +59,7 @@ def stations_of(
 
 
 def _renamed(path: Path, stations: dict[str, Station], cameras: Sequence[str]) -> dict[str, Station]:
-    """Stations under the names of the recording, where both are numbered: int_cam1_img, cam01."""
+    """Static cameras under the names of the recording, where both are numbered: int_cam1_img, cam01."""
     if set(stations) & set(cameras):
         return stations
     numbers = [{name: _number(name) for name in names} for names in (stations, cameras)]
@@ -68,8 +68,8 @@ def _renamed(path: Path, stations: dict[str, Station], cameras: Sequence[str]) -
         return stations
     pairs = {theirs[number]: ours[number] for number in theirs if number in ours}
     if pairs:
-        said = ", ".join(f"{camera} is {name}" for camera, name in pairs.items())
-        logger.warning("%s: cameras are taken by their numbers: %s", path, said)
+        listed = ", ".join(f"{camera} is {name}" for camera, name in pairs.items())
+        logger.warning("%s: cameras are taken by their numbers: %s", path, listed)
     return {camera: replace(stations[name], name=camera) for camera, name in pairs.items()} or stations
 
 
@@ -78,23 +78,23 @@ def _number(name: str) -> int | None:
     return int(digits[0]) if len(digits) == 1 else None
 
 
-def station_watch(
+def make_image_measurement(
     given: StaticCameraFiles,
     stations: dict[str, Station],
     body: BodyModel,
     body_path: Path,
     settings: PipelineSettings,
-    on_seen: Callable[[Mapping[str, int], StaticMeasurement], None],
+    on_measured: Callable[[Mapping[str, int], StaticMeasurement], None],
 ) -> ImageMeasurement:
-    """What asks the stations where a body is.
+    """The measurement of a body by images of static cameras.
 
     Args:
-        given: what the user says.
-        stations: that are asked.
+        given: files of their poses, of the start and of the surface.
+        stations: that the recording has images of.
         body: with its equipment, if any.
         body_path: its file.
         settings: of all stages.
-        on_seen: told what they say, and the stamp of each station's image [ns].
+        on_measured: called with the stamp of each camera's image [ns], and the measurement.
 
     Raises:
         BodyError: the body's surface, or the start, cannot be used.
@@ -102,18 +102,18 @@ def station_watch(
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)
     placed = None if given.start is None else read_start(given.start, given.stations, stations, body)
-    return ImageMeasurement(tracker, placed, settings.motion, on_seen)
+    return ImageMeasurement(tracker, placed, settings.motion, on_measured)
 
 
 def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:
     try:
-        said = recording.camera_model(station.name)
+        recorded = recording.camera_model(station.name)
     except LensError:
-        return  # Nobody says otherwise.
+        return
     ours = station.camera
-    scale = said.width / ours.width
-    off = abs(said.fx / (scale * ours.fx) - 1.0)
-    if off > _OTHER_LENS or (said.width, said.height) != (ours.width, ours.height):
+    scale = recorded.width / ours.width
+    off = abs(recorded.fx / (scale * ours.fx) - 1.0)
+    if off > _OTHER_LENS or (recorded.width, recorded.height) != (ours.width, ours.height):
         logger.warning(
             "camera %s: %s has a lens of %g px for %dx%d, camera_info in %s one of %g px for %dx%d; the former is used",
             station.name,
@@ -122,15 +122,15 @@ def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:
             ours.width,
             ours.height,
             recording.path,
-            said.fx,
-            said.width,
-            said.height,
+            recorded.fx,
+            recorded.width,
+            recorded.height,
         )
 
 
 @dataclass(frozen=True)
 class UnplacedCamera:
-    """A camera whose place was not found.
+    """A static camera whose pose was not found.
 
     Attributes:
         name: of the camera.
@@ -144,11 +144,11 @@ class UnplacedCamera:
 def place_stations(
     recording: Recording, cameras: Sequence[str], reference_map: ReferenceMap, settings: StationsSettings
 ) -> Iterator[RegisteredStation | UnplacedCamera]:
-    """Yield what became of each camera, in their order.
+    """Register static cameras in a map, in their order.
 
     Args:
-        recording: that holds them.
-        cameras: names of those that stand.
+        recording: with their images.
+        cameras: their names.
         reference_map: the map.
         settings: of all steps.
     """
@@ -186,5 +186,5 @@ def _spread_images(recording: Recording, camera: CameraModel, count: int) -> lis
             f"{camera.width} x {camera.height}, {mode_of_size((camera.width, camera.height), grey.shape[::-1])}"
         )
     if not images:
-        raise RecordingError(refused or f"camera {camera.name}: {recording.path} holds no image of it")
+        raise RecordingError(refused or f"camera {camera.name}: {recording.path} has no image of it")
     return images
