@@ -140,7 +140,7 @@ def test_landmarks_survive_the_wire(
 @pytest.mark.parametrize("readout", [Readout(0.012, 0.0), Readout(-0.0123, 0.0004), None])
 def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send], readout: Readout | None) -> None:
     make, send = library
-    sent = CameraTiming(STAMP_NS, "claps", readout, 0.003, 0.0005, 2e-6, 1e-6)
+    sent = CameraTiming(STAMP_NS, "sound", readout, 0.003, 0.0005, 2e-6, 1e-6)
     message = send(timing_message(make, "head", sent))
     assert message.header.frame_id == "head_optical_frame"
     assert camera_timing(message) == sent

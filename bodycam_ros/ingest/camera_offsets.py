@@ -18,8 +18,8 @@ from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes, TimeSource, rel
 from bodycam_ros.ingest.frame_stream import for_each_camera
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.ingest.motion_sync import motion_times
-from bodycam_ros.ingest.sound_peaks import CameraSound, scan_sound
-from bodycam_ros.ingest.sound_sync import CommonSound, sound_times
+from bodycam_ros.ingest.sound_envelope import CameraSound, scan_sound
+from bodycam_ros.ingest.sound_sync import sound_times
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.sound import SoundBlock, SoundSource
@@ -47,7 +47,6 @@ class Offsets:
         reference: camera whose media time is the recording's.
         times: camera -> its clock, in the order in which they were given.
         confidence: camera -> 0 to 1: how far ahead the chosen offset is of the second best; 1 of a given one.
-        claps: in order of time.
         unplaced: camera without a clock -> why; it is in neither ``times`` nor ``confidence``.
         remarks: for the user, a line each.
     """
@@ -55,7 +54,6 @@ class Offsets:
     reference: str
     times: Mapping[str, CameraTime]
     confidence: Mapping[str, float]
-    claps: tuple[CommonSound, ...] = ()
     unplaced: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
@@ -99,9 +97,6 @@ def camera_times(
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
     found = sound_times(scanned, middle, lambda done, count: on_progress("comparing sounds", done, count))
     times, confidence = dict(found.times), dict(found.confidence)
-    claps = tuple(sound for sound in found.sounds if sound.clap)
-    if times and not claps:
-        remarks.append("no clap was found; cameras are placed by their sound as a whole")
     tried = []
     for source in sources:
         more = source(times)
@@ -116,9 +111,8 @@ def camera_times(
         reference,
         relative_to(reference, {name: times[name] for name in placed}),
         {name: confidence[name] for name in placed},
-        tuple(clap.relative_to(times[reference]) for clap in claps),
         reasons,
-        tuple(remarks + _doubts(placed, times, confidence, claps)),
+        tuple(remarks + _doubts(placed, times, confidence)),
     )
 
 
@@ -182,22 +176,12 @@ def _added(
     return remarks
 
 
-def _doubts(
-    names: Sequence[str],
-    times: Mapping[str, CameraTime],
-    confidence: Mapping[str, float],
-    claps: Sequence[CommonSound],
-) -> list[str]:
-    doubts = [
+def _doubts(names: Sequence[str], times: Mapping[str, CameraTime], confidence: Mapping[str, float]) -> list[str]:
+    return [
         f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})"
         for n in names
         if confidence[n] < _DOUBTFUL and times[n].start_sigma_s <= _ROUGH_S
     ]
-    for name in names:
-        missing = [f"{s.recording_s:.2f} s" for s in claps if name not in s.heard_s]
-        if times[name].source == "claps" and missing:
-            doubts.append(f"{name}: does not have the clap at {', '.join(missing[:_MOST_NAMED])}")
-    return doubts
 
 
 def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Sequence[str]) -> str:

@@ -13,9 +13,6 @@ from scipy.sparse.csgraph import connected_components
 
 Array = NDArray[np.float64]
 
-SOUND_SPEED = 343.0
-"""Of air at 20 degrees [m/s]; at -10 degrees 325."""
-
 _DRIFT_SIGMA = 100e-6  # of two cameras: crystals are sold with 20 to 50 ppm, and get warm; a minute outweighs it
 _ROUNDS = 30
 _CAUCHY = 2.4  # sigmas: 95 % efficient where nothing is wrong
@@ -33,7 +30,7 @@ class CameraTime:
         drift: seconds by which the recording's time gains on the media time, per second.
         start_sigma_s: standard deviation of ``start_s`` [s].
         drift_sigma: standard deviation of ``drift``.
-        source: what it was found by: claps, sound, motion, telemetry or given.
+        source: what it was found by: sound, motion, telemetry or given.
     """
 
     camera: str
@@ -73,21 +70,6 @@ class SharedEvents:
         return SharedEvents(event.astype(np.int64), camera.astype(np.int64), media_s, sigma_s)
 
 
-@dataclass(frozen=True, eq=False)
-class ClockFit:
-    """Clocks of the cameras that share events with the reference, if only through others.
-
-    Attributes:
-        times: camera -> its clock.
-        events_s: (E,) times of the events in the recording [s]; NaN of those of other cameras.
-        residuals_s: (N,) by how much each record is later than the fit [s].
-    """
-
-    times: Mapping[str, CameraTime]
-    events_s: Array
-    residuals_s: Array
-
-
 def fit_clocks(
     cameras: Sequence[str],
     events: SharedEvents,
@@ -95,8 +77,10 @@ def fit_clocks(
     source: str,
     floor_s: float = 0.0,
     drift_sigma: float = _DRIFT_SIGMA,
-) -> ClockFit:
+) -> dict[str, CameraTime]:
     """Fit all clocks to the time of the reference camera by robust least squares; the events' times are eliminated.
+
+    Cameras that share no event with the reference, if only through others, are left out.
 
     Args:
         cameras: names (C,), as the events count them.
@@ -136,7 +120,7 @@ def fit_clocks(
         residuals = centred(design @ solution + media_s, weight)
         weight = base / (1.0 + residuals**2 * base / _CAUCHY**2)
     sigma = np.sqrt(np.diag(covariance))
-    times = {
+    return {
         name: CameraTime(
             name,
             float(solution[k]),
@@ -148,12 +132,6 @@ def fit_clocks(
         for k, name in enumerate(cameras)
         if joined[k]
     }
-    at = design @ solution + media_s
-    total = np.bincount(event, weight, number)
-    events_s = np.where(total > 0.0, np.bincount(event, weight * at, number) / np.maximum(total, 1e-300), np.nan)
-    late_s = np.full(len(used), np.nan)
-    late_s[used] = residuals
-    return ClockFit(times, events_s, late_s)
 
 
 def _joined(events: SharedEvents, cameras: int, reference: int) -> NDArray[np.bool_]:
@@ -186,7 +164,7 @@ class FoundTimes:
     """Clocks by one source, such as motion or satellites.
 
     Attributes:
-        source: motion, telemetry or given.
+        source: sound, motion, telemetry or given.
         times: camera -> its clock, in the time of those known before, or in one of its own.
         confidence: camera -> 0 to 1, the lead over the second best offset; 0 of one that is not in it.
         remarks: for the user, a sentence each.

@@ -7,13 +7,8 @@ cameras:
     start_sigma_s: 0.0013        standard deviation, the travel of sound included
     drift_ppm: 3.1
     drift_sigma_ppm: 31.0
-    source: claps                claps, sound, motion, telemetry or given
+    source: sound                sound, motion, telemetry or given
     confidence: 0.49             0 to 1: lead over the second best start; 1 of a given one
-claps:
-- recording_s: 3.0032            when it reached the reference
-  share: 1.0                     of the cameras that ran then, which recorded it
-  heard_s: {head: 5.0589}        camera -> media time
-  late_ms: {head: -0.31}         camera -> by how much later than by its clock; the travel of sound, and error
 unplaced: {foot_left: has no sound}
 remarks: []
 """
@@ -84,15 +79,6 @@ def _document(offsets: Offsets) -> dict[str, Any]:
             }
             for name, time in offsets.times.items()
         },
-        "claps": [
-            {
-                "recording_s": round(clap.recording_s, 6),
-                "share": round(clap.share, 3),
-                "heard_s": {name: round(heard, 6) for name, heard in clap.heard_s.items()},
-                "late_ms": {name: round(_MS * late, 3) for name, late in clap.late_s.items()},
-            }
-            for clap in offsets.claps
-        ],
         "unplaced": dict(offsets.unplaced),
         "remarks": list(offsets.remarks),
     }
