@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
@@ -22,13 +21,8 @@ from bodycam_ros.results.solved_recording import SolvedRecording
 
 Item = TypeVar("Item")
 
-CAMERAS = 6
-"""Cameras that are shown, spread over the body."""
-
-_LATEST_S = 20.0
-"""The middle of the recording is shown, but nothing later than this: bags are read from their start."""
-
-_COLUMNS = 3
+_CAMERAS, _COLUMNS = 6, 3  # that are shown, spread over the body
+_LATEST_S = 20.0  # the middle of the recording is shown, but nothing later: bags are read from their start
 _PANEL_INCHES = (5.3, 4.3)
 _WHITE_PERCENTILE = 99.5
 
@@ -53,7 +47,7 @@ class OverlayView:
 
 
 def middle_stamp(solved: SolvedRecording) -> int:
-    """Stamp of the frame nearest to the middle of the recording, or to ``_LATEST_S`` [ns]."""
+    """Stamp of the state nearest to the middle of the recording, or to ``_LATEST_S`` [ns]."""
     middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
     return int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
 
@@ -65,7 +59,7 @@ def pick_evenly(items: Sequence[Item], count: int) -> list[Item]:
 
 
 def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView, ...]:
-    """The views of some cameras at one instant in the middle of the recording.
+    """The views of some cameras at one time in the middle of the recording.
 
     Args:
         solved: the body.
@@ -75,15 +69,52 @@ def overlay_views(solved: SolvedRecording, recording: Path) -> tuple[OverlayView
         RecordingError: not a recording, or an image that cannot be decoded.
         LensError: the recording's intrinsics cannot be used.
     """
-    at_ns = middle_stamp(solved)
+    at_ns, views = middle_stamp(solved), []
     with open_recording(recording) as images:
         known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in images.cameras]
-        found = [(*each, _image_at(images, each[0], at_ns, solved.frame_ns)) for each in pick_evenly(known, CAMERAS)]
-        return tuple(
-            _view(solved, record, poses, image, images.camera_model(record.camera))
-            for record, poses, image in found
-            if image is not None and _time_of(record, image) in record.stamps_ns
-        )
+        for record, poses in pick_evenly(known, _CAMERAS):
+            image = _image_near(images, record, at_ns, solved.frame_ns)
+            if image is not None:
+                views.append(_view(solved, record, poses, image, images))
+    return tuple(view for view in views if view is not None)
+
+
+def _image_near(images: Recording, record: CameraRecord, at_ns: int, frame_ns: int) -> CameraImage | None:
+    """The camera's image within half a frame of a time, if there is one."""
+    early_ns = at_ns - frame_ns // 2
+    given_ns = 2 * early_ns - _time_of(record, early_ns)  # by the camera's own clock
+    image = images.first_image(record.camera, given_ns)
+    is_near = image is not None and _time_of(record, image.stamp_ns) <= at_ns + frame_ns // 2
+    return image if is_near else None
+
+
+def _time_of(record: CameraRecord, stamp_ns: int) -> int:
+    """A stamp by the camera's own clock, as a time of the recording [ns]."""
+    return int(record.time_of(np.array([stamp_ns]))[0])
+
+
+def _view(
+    solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, image: CameraImage, images: Recording
+) -> OverlayView | None:
+    """The view of an image; None without a registration message of it."""
+    time_ns = np.array([_time_of(record, image.stamp_ns)])
+    found = (each for each in solved.landmarks((record.camera,)) if each.stamp_ns == time_ns[0])
+    if (matches := next(found, None)) is None:
+        return None
+    at_ns = np.clip(time_ns, solved.stamps_ns[0], solved.stamps_ns[-1])
+    trajectories = (*np.moveaxis(solved.world_T_segment, 1, 0), world_T_camera)
+    *segments, camera = (
+        poses[0] if len(poses) == 1 else interpolated(solved.stamps_ns, poses, at_ns)[0] for poses in trajectories
+    )
+    is_placed = solved.placed[np.abs(solved.stamps_ns - at_ns[0]).argmin()]
+    limbs = [bone for bone in solved.bones(np.array(segments)[None]) if is_placed or not bone.is_equipment]
+    return OverlayView(
+        camera=record.camera,
+        seconds=float(solved.seconds(time_ns)[0]),
+        registered=matches.world_T_camera is not None,
+        image=decode_grey(image),
+        overlay=project_overlay(images.camera_model(record.camera), camera, limbs, matches),
+    )
 
 
 def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
@@ -92,19 +123,17 @@ def draw_overlays(views: Sequence[OverlayView], path: Path) -> None:
     Raises:
         OSError: the file cannot be written.
     """
-    rows = -(-CAMERAS // _COLUMNS)
+    rows = -(-_CAMERAS // _COLUMNS)
     with open_picture(path, _COLUMNS * _PANEL_INCHES[0], rows * _PANEL_INCHES[1]) as figure:
-        for axes, view in zip(figure.subplots(rows, _COLUMNS).flat, [*views, *[None] * CAMERAS], strict=False):
+        for axes, view in zip(figure.subplots(rows, _COLUMNS).flat, [*views, *[None] * _CAMERAS], strict=False):
             axes.axis("off")
             if view is not None:
                 _draw_view(axes, view)
-        figure.text(
-            0.015,
-            0.012,
+        note = (
             f"Points: named tracks, green if the landmark falls within {GOOD_PX:g} px in the solved pose, else red "
-            "with a line to where it falls. Thick lines: the wearer's limbs as solved; thin ones: equipment.",
-            color=QUIET,
+            "with a line to where it falls. Thick lines: the person's limbs as solved; thin ones: equipment."
         )
+        figure.text(0.015, 0.012, note, color=QUIET)
         figure.subplots_adjust(left=0.015, right=0.985, top=0.95, bottom=0.045, wspace=0.04, hspace=0.14)
 
 
@@ -118,52 +147,15 @@ def _draw_view(axes: Axes, view: OverlayView) -> None:
     for segment, line in overlay.limbs:
         axes.plot(*line.T, color=side_colour(segment), linewidth=3.0, alpha=0.75, solid_capstyle="round")
     good = errors <= GOOD_PX
-    colours = np.where(good, GOOD, WARNING)
     lines = np.stack([overlay.pixels, overlay.projected], axis=1)
     axes.add_collection(LineCollection(list(lines[~good]), colors=WARNING, linewidths=0.9))
-    x, y = overlay.pixels.T
-    axes.scatter(x, y, s=9.0, facecolors="none", edgecolors=colours.tolist(), linewidths=1.0)
+    colours = np.where(good, GOOD, WARNING).tolist()
+    axes.scatter(
+        overlay.pixels[:, 0], overlay.pixels[:, 1], s=9.0, facecolors="none", edgecolors=colours, linewidths=1.0
+    )
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
     state = "" if view.registered else ", LOST"
     error = f", {np.nanmedian(errors):.2f} px median" if len(overlay.pixels) else ""
     note = f"{view.seconds:.2f} s, {len(overlay.pixels)} landmarks{error}{state}"
     panel_title(axes, view.camera.replace("_", " "), note)
-
-
-def _image_at(images: Recording, record: CameraRecord, at_ns: int, frame_ns: int) -> CameraImage | None:
-    """The camera's image within half a frame of a time, if there is one."""
-    early_ns = at_ns - frame_ns // 2
-    given_ns = 2 * early_ns - int(record.time_of(np.array([early_ns]))[0])  # by the camera's own clock
-    image = images.first_image(record.camera, given_ns)
-    return image if image is not None and _time_of(record, image) <= at_ns + frame_ns // 2 else None
-
-
-def _time_of(record: CameraRecord, image: CameraImage) -> int:
-    """The time of the recording at which an image was taken [ns]."""
-    return int(record.time_of(np.array([image.stamp_ns]))[0])
-
-
-def _view(
-    solved: SolvedRecording, record: CameraRecord, poses: Array, image: CameraImage, model: CameraModel
-) -> OverlayView:
-    time_ns = _time_of(record, image)
-    at_ns = np.clip(np.array([time_ns]), solved.stamps_ns[0], solved.stamps_ns[-1])
-    found = solved.landmarks((record.camera,))
-    matches = next(matches for matches in found if matches.stamp_ns == time_ns)
-    poses_at = [_pose_at(solved, solved.world_T_link[segment], at_ns) for segment in solved.body.segments]
-    limbs = solved.bones(np.array(poses_at)[None])
-    if not solved.placed[np.abs(solved.stamps_ns - at_ns[0]).argmin()]:
-        limbs = [limb for limb in limbs if not limb.is_equipment]
-    return OverlayView(
-        camera=record.camera,
-        seconds=float(solved.seconds(np.array([time_ns]))[0]),
-        registered=matches.world_T_camera is not None,
-        image=decode_grey(image),
-        overlay=project_overlay(model, _pose_at(solved, poses, at_ns), limbs, matches),
-    )
-
-
-def _pose_at(solved: SolvedRecording, poses: Array, at_ns: NDArray[np.int64]) -> Array:
-    pose: Array = poses[0] if len(poses) == 1 else interpolated(solved.stamps_ns, poses, at_ns)[0]
-    return pose

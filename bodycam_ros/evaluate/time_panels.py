@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
 from bodycam_ros.calibration.anthropometry import JOINT_ABOVE
 from bodycam_ros.evaluate.anatomical_angles import kind_and_side, planes_of
-from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
@@ -31,9 +30,8 @@ LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_a
 """Joint -> the kind of segment that it moves."""
 
 ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
-_SHORT_SCALE = 30.0  # ends of the scale: up to this ratio there are ticks at 2 and 5 too
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
-_LEAST_ERROR = 1e-3  # [mm] and [deg] a logarithm needs an end; below this nobody can measure
+_MIN_ERROR = 1e-3  # [mm] and [deg] lower end of a logarithmic scale
 _DASHED = (0, (3, 2))
 _LONG_S = 15.0  # recordings whose curves would cover each other as thick lines
 _THINNEST = 0.35
@@ -60,9 +58,7 @@ def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         if segments:
             light_grid(axes)
         else:
-            axes.text(
-                0.5, 0.5, f"no {name} in this body", transform=axes.transAxes, ha="center", va="center", color=QUIET
-            )
+            axes.text(0.5, 0.5, f"no {name} in this body", transform=axes.transAxes, ha="center", color=QUIET)
             axes.set_yticks([])
         axes.set_ylabel(f"{name} [°]")
         axes.margins(y=0.12)
@@ -71,13 +67,9 @@ def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     if evaluation.comparison is not None:
         handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle=_DASHED, label="truth"))
     panels[0].legend(
-        handles=handles,
-        loc="lower right",
-        bbox_to_anchor=(1.0, 0.98),
-        ncols=len(handles),
-        handlelength=1.6,
+        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(handles), handlelength=1.6,
         borderaxespad=0,
-    )
+    )  # fmt: skip
 
 
 def _draw_joint(axes: Axes, evaluation: Evaluation, segment: str) -> None:
@@ -90,48 +82,41 @@ def _draw_joint(axes: Axes, evaluation: Evaluation, segment: str) -> None:
     axes.plot(*curve, color=side_colour(segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
     if evaluation.comparison is not None and segment in evaluation.comparison.joints:
         true = flexion_deg(segment, evaluation.comparison.joints[segment].true)
-        axes.plot(
-            *solved.curve(evaluation.comparison.stamps_ns, true),
-            color=INK,
-            linewidth=0.8 * thinner,
-            linestyle=_DASHED,
-        )
+        curve = solved.curve(evaluation.comparison.stamps_ns, true)
+        axes.plot(*curve, color=INK, linewidth=0.8 * thinner, linestyle=_DASHED)
 
 
 def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
-    """Draw two panels, of position and of rotation, with frames without any measurement in red."""
-    if evaluation.comparison is not None:
-        _draw_true_errors(panels, evaluation, evaluation.comparison)
+    """Draw two panels, of position and of rotation or without truth of noise; frames without measurement in red."""
+    solved, comparison = evaluation.solved, evaluation.comparison
+    if comparison is not None:
+        rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()]).T
+        for axes, errors in zip(panels, (1e3 * comparison.position_errors, rotations), strict=True):
+            _draw_spread(axes, solved.curve(comparison.stamps_ns, errors))
+            if errors.max() > 0.0:  # errors of a lost limb are larger by orders of magnitude
+                axes.set_yscale("log", nonpositive="clip")
+                least, most = float(errors.mean(axis=1).min()), float(errors.max())
+                axes.set_ylim(max(least / _ROOM, _MIN_ERROR), max(most * _ROOM, 2.0 * _MIN_ERROR))
+                axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
+                axes.yaxis.set_major_formatter("{x:g}")
+                axes.yaxis.set_minor_locator(NullLocator())
+        labels, title, note = ("position\n[mm]", "rotation\n[°]"), "Error against the truth", "of joints"
     else:
-        _draw_uncertainty(panels, evaluation)
-    for axes in panels:
-        light_grid(axes)
-        _mark_blind(axes, evaluation)
-    panels[-1].set_xlabel("time [s]")
-
-
-def _draw_true_errors(panels: Sequence[Axes], evaluation: Evaluation, comparison: Comparison) -> None:
-    rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()]).T
-    for axes, errors, label in (
-        (panels[0], 1e3 * comparison.position_errors, "position\n[mm]"),
-        (panels[1], rotations, "rotation\n[°]"),
-    ):
-        _draw_spread(axes, evaluation.solved.curve(comparison.stamps_ns, errors))
-        _scale_by_decades(axes, errors)
+        _draw_spread(panels[0], solved.curve(solved.stamps_ns, 1e3 * evaluation.position_sigma[:, None]))
+        _draw_spread(panels[1], solved.curve(solved.stamps_ns, 1e3 * evaluation.jitter))
+        labels, title, note = ("root sigma\n[mm]", "jitter\n[mm]"), "Uncertainty", "of the root; jitter of segments"
+        for axes in panels:
+            axes.set_ylim(bottom=0.0)
+    panel_title(panels[0], title, f"{note}: mean, and the worst")
+    half_s = 0.5e-9 * solved.frame_ns
+    for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
-    panel_title(panels[0], "Error against the truth", "mean over joints, and the worst joint")
-
-
-def _draw_uncertainty(panels: Sequence[Axes], evaluation: Evaluation) -> None:
-    solved = evaluation.solved
-    sigma = solved.curve(solved.stamps_ns, 1e3 * evaluation.position_sigma)
-    panels[0].plot(*sigma, color=INK, linewidth=1.4, marker=_lone_marker(sigma))
-    panels[0].set_ylabel("root sigma\n[mm]")
-    _draw_spread(panels[1], solved.curve(solved.stamps_ns, 1e3 * evaluation.jitter))
-    panels[1].set_ylabel("jitter\n[mm]")
-    for axes in panels:
-        axes.set_ylim(bottom=0.0)
-    panel_title(panels[0], "Uncertainty", "of the root; jitter of all segments: mean, and the worst")
+        light_grid(axes)
+        for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
+            axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
+        for start, end in evaluation.figures["gaps_s"]:
+            axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
+    panels[-1].set_xlabel("time [s]")
 
 
 def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
@@ -140,37 +125,12 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
     mean, worst = values.mean(axis=1), values.max(axis=1)
     axes.fill_between(seconds, mean, worst, color=TRUTH, alpha=0.45, linewidth=0.0)
     axes.plot(seconds, mean, color=INK, linewidth=1.4, marker=_lone_marker(curves))
-    known = mean[np.isfinite(mean)]
-    if len(known):
-        overall = float(known.mean())
+    if np.isfinite(mean).any():
+        overall = float(np.nanmean(mean))
         axes.annotate(
             f"mean {overall:#.2g}", (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
             textcoords="offset points", va="center", fontsize=8.0, color=QUIET,
         )  # fmt: skip
-
-
-def _scale_by_decades(axes: Axes, errors: Array) -> None:
-    """Set a logarithmic scale: errors of a lost limb are larger by orders of magnitude."""
-    low = max(float(errors.mean(axis=1).min()), _LEAST_ERROR) / _ROOM
-    high = max(float(errors.max()), _LEAST_ERROR) * _ROOM
-    if errors.max() <= 0.0:
-        return
-    axes.set_yscale("log", nonpositive="clip")
-    axes.set_ylim(low, high)
-    subs = (1.0, 2.0, 5.0) if high < _SHORT_SCALE * low else (1.0,)
-    ticks = [sub * 10.0**decade for decade in range(-4, 6) for sub in subs]
-    axes.set_yticks([tick for tick in ticks if low <= tick <= high])
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_locator(NullLocator())
-
-
-def _mark_blind(axes: Axes, evaluation: Evaluation) -> None:
-    solved = evaluation.solved
-    half_s = 0.5e-9 * solved.frame_ns
-    for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
-        axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
-    for start, end in evaluation.figures["gaps_s"]:
-        axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
 
 
 def _lone_marker(curve: tuple[Array, Array]) -> str:
@@ -178,38 +138,32 @@ def _lone_marker(curve: tuple[Array, Array]) -> str:
     return "o" if len(curve[0]) == 1 else ""
 
 
-def _joint_errors(evaluation: Evaluation) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
-    """Position [cm] and rotation [deg] errors (T,) by segment, against the truth or another system.
-
-    Rotations are geodesic against a truth, angles since the first frame (A figure 7a) against another system.
-    """
-    if (comparison := evaluation.comparison) is not None:
-        columns = zip(comparison.segments, 100.0 * comparison.position_errors.T, strict=True)
-        turns = {segment: np.degrees(joint.rotation_errors) for segment, joint in comparison.joints.items()}
-        return dict(columns), turns
-    assert (agreement := evaluation.agreement) is not None
-    positions = {point.link: 100.0 * point.errors for point in reversed(agreement.joints)}
-    return positions, {segment: np.degrees(errors) for segment, errors in agreement.angle_errors.items()}
-
-
 def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
     """Write the picture as PNG: a panel for each kind of joint, left and right in their colours.
+
+    Rotations are geodesic against a truth, angles since the first frame (A figure 7a) against another system.
 
     Raises:
         OSError: the file cannot be written.
     """
-    of = evaluation.comparison or evaluation.agreement
-    assert of is not None
-    positions, turns = _joint_errors(evaluation)
-    rows = [(errors, unit, kinds) for errors, unit in ((positions, "cm"), (turns, "°")) if errors for kinds in _ROWS]
+    if (comparison := evaluation.comparison) is not None:
+        stamps_ns, joints = comparison.stamps_ns, comparison.joints.items()
+        positions = dict(zip(comparison.segments, comparison.position_errors.T, strict=True))
+        turns = {segment: joint.rotation_errors for segment, joint in joints}
+    else:
+        assert (agreement := evaluation.agreement) is not None
+        stamps_ns, turns = agreement.stamps_ns, dict(agreement.angle_errors)
+        positions = {point.link: point.errors for point in reversed(agreement.joints)}
+    kinds_of_errors = (positions, 100.0, "position [cm]"), (turns, float(np.degrees(1.0)), "rotation [°]")
+    rows = [(*kind, joints) for kind in kinds_of_errors if kind[0] for joints in _ROWS]
     height = _ROW_HEIGHT * len(rows) + 0.4
     with open_picture(path, _WIDTH, height) as figure:
         panels = figure.subplots(len(rows), 4, sharex=True, squeeze=False)
-        for row, (errors, unit, kinds) in zip(panels, rows, strict=True):
+        for row, (errors, factor, label, kinds) in zip(panels, rows, strict=True):
             for axes, kind in zip(row, kinds, strict=True):
-                here = {segment: e for segment, e in errors.items() if _joint_kind(segment) == kind}
-                _draw_panel(axes, kind, unit, {s: evaluation.solved.curve(of.stamps_ns, e) for s, e in here.items()})
-            row[0].set_ylabel("position [cm]" if unit == "cm" else "rotation [°]")
+                here = {segment: factor * e for segment, e in errors.items() if _joint_kind(segment) == kind}
+                _draw_panel(axes, kind, {s: evaluation.solved.curve(stamps_ns, e) for s, e in here.items()})
+            row[0].set_ylabel(label)
         for axes in panels[-1]:
             axes.set_xlabel("time [s]")
         sides = (("left", LEFT), ("right", RIGHT), ("trunk", CENTRE))
@@ -225,7 +179,7 @@ def _joint_kind(segment: str) -> str:
     return JOINT_ABOVE.get(kind, kind)
 
 
-def _draw_panel(axes: Axes, kind: str, unit: str, curves: Mapping[str, tuple[Array, Array]]) -> None:
+def _draw_panel(axes: Axes, kind: str, curves: Mapping[str, tuple[Array, Array]]) -> None:
     for segment, curve in curves.items():
         axes.plot(*curve, color=side_colour(segment), linewidth=1.2)
     values = np.concatenate([np.zeros(0), *(values for _, values in curves.values())])
@@ -233,6 +187,6 @@ def _draw_panel(axes: Axes, kind: str, unit: str, curves: Mapping[str, tuple[Arr
     if not known.size:
         axes.axis("off")
         return
-    panel_title(axes, kind, f"mean {known.mean():.2f} {unit}")
+    panel_title(axes, kind, f"mean {known.mean():.2f}")
     axes.set_ylim(0.0, 1.1 * float(known.max()) + 1e-6)
     light_grid(axes)
