@@ -1,9 +1,9 @@
-"""Angles of joints in the anatomical planes, one definition for all joints and for every system.
+"""Angles of joints in the anatomical planes, one definition for all joints and systems, and two systems side by side.
 
-A segment's swing is the shortest turn that brings its long axis to where it is, its twist the turn about that axis
-which is left. Of the swing, what is about the axis that points left is in the sagittal plane, what is about the one
-that points forward in the frontal plane; the twist is in the transverse plane. Unlike angles of Cardan or Euler this
-knows no gimbal lock before a limb points the opposite way, and the swing needs no more than the two ends of a limb.
+The swing of a segment is the shortest turn of its long axis to its direction, the twist the remaining turn about that
+axis. The part of the swing about the axis to the left is in the sagittal plane, that about the axis to the front in the
+frontal plane; the twist is in the transverse plane. Unlike Cardan or Euler angles these have no gimbal lock before a
+limb points the opposite way, and the swing needs no more than the two ends of a limb.
 """
 
 from collections.abc import Mapping
@@ -21,19 +21,18 @@ PLANES = ("sagittal", "frontal", "transverse")
 
 _WITHIN = 1.96  # standard deviations on either side that 95 % lie within
 _ORDER = ("torso", "head", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
-
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
 
 
 def kind_and_side(segment: str) -> tuple[str, str]:
-    """``thigh_left`` -> thigh, left; of what has no side the side is empty."""
+    """``thigh_left`` -> thigh, left; the side is empty where there is none."""
     name = SegmentName(segment)
     return name.kind, name.side.removeprefix("_")
 
 
 def joint_name(segment: str) -> str:
-    """``thigh_left`` -> hip left; of a segment that nobody knows its own name."""
+    """``thigh_left`` -> hip left; of an unknown segment its own name."""
     kind, side = kind_and_side(segment)
     return f"{JOINT_ABOVE.get(kind, kind.replace('_', ' '))} {side}".strip()
 
@@ -41,76 +40,43 @@ def joint_name(segment: str) -> str:
 def planes_of(segment: str, parent_R_child: Array) -> Array:
     """Angles (T, 3) [rad] in the planes, of rotations (T, 3, 3) of a segment in its parent.
 
-    Segments hang along -z in the N-pose, x forward, y left; the trunk's stand along z, which swings by the same.
+    Limbs point along -z in the N-pose, x forward, y left; the trunk's segments along z, which swings by the same.
     """
-    swing = swing_to(-parent_R_child[:, :, 2])
+    swing = _swing(-parent_R_child[:, :, 2])
     twist = log_so3(np.swapaxes(exp_so3(swing), 1, 2) @ parent_R_child)[:, 2]
-    return _signed(segment, np.column_stack([swing[:, 1], swing[:, 0], twist]))
+    return _signed(segment, swing, twist)
 
 
-def planes_of_direction(segment: str, direction: Array) -> Array:
-    """The same of the direction (T, 3) of a limb in its parent; nobody knows its twist, which is NaN."""
-    swing = swing_to(direction)
-    return _signed(segment, np.column_stack([swing[:, 1], swing[:, 0], np.full(len(swing), np.nan)]))
-
-
-def swing_to(direction: Array) -> Array:
-    """Rotation vectors (T, 3) [rad], without a part along z, that bring -z to directions (T, 3)."""
+def _swing(direction: Array) -> Array:
+    """Rotation vectors (T, 3) [rad], without a part along z, that turn -z to directions (T, 3)."""
     d = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    across = np.column_stack([d[:, 1], -d[:, 0]])  # -z x d
+    across = np.column_stack([d[:, 1], -d[:, 0], np.zeros(len(d))])  # -z x d
     sine = np.linalg.norm(across, axis=1)
     angle = np.arctan2(sine, -d[:, 2])
-    swing = np.zeros_like(d)
-    swing[:, :2] = across * (angle / np.where(sine > 0.0, sine, 1.0))[:, None]
-    return np.asarray(swing, np.float64)
+    swing: Array = across * (angle / np.where(sine > 0.0, sine, 1.0))[:, None]
+    return swing
 
 
-def _signed(segment: str, turns: Array) -> Array:
-    """Turns (T, 3) about y, x and the long axis, with the signs that anatomy gives them."""
+def _signed(segment: str, swing: Array, twist: Array) -> Array:
+    """Swing (T, 3) and twist (T,) as angles (T, 3) in the planes, with the signs of anatomy."""
     kind, side = kind_and_side(segment)
     mirrored = -1.0 if side == "right" else 1.0
     signs = [1.0 if kind in _BENDS_BACKWARDS else -1.0, mirrored, -mirrored]
+    turns = np.column_stack([swing[:, 1], swing[:, 0], twist])
     signed: Array = turns * np.array([1.0, -1.0, 1.0] if kind in _TRUNK else signs)
     return signed
 
 
-def frames_of_trunk(points: Mapping[str, Array]) -> dict[str, Array]:
-    """Axes (T, 3, 3) of the pelvis and the torso, forward left up, as hips and shoulders have them; of those known.
-
-    Args:
-        points: segment -> where the joint is that it hangs on (T, 3).
-    """
-    frames: dict[str, Array] = {}
-    hips = [points[f"thigh_{side}"] for side in ("left", "right") if f"thigh_{side}" in points]
-    shoulders = [points[f"upper_arm_{side}"] for side in ("left", "right") if f"upper_arm_{side}" in points]
-    middle = (hips[0] + hips[1]) / 2.0 if len(hips) == 2 else points.get("pelvis")
-    above = (shoulders[0] + shoulders[1]) / 2.0 if len(shoulders) == 2 else points.get("head", points.get("torso"))
-    if middle is None or above is None:
-        return {}
-    for segment, pair in (("pelvis", hips), ("torso", shoulders)):
-        if len(pair) == 2:
-            frames[segment] = _axes(pair[0] - pair[1], above - middle)
-    return frames
-
-
-def _axes(left: Array, up: Array) -> Array:
-    """Rotations (T, 3, 3) whose columns are forward, left, up; left is exact."""
-    y = left / np.linalg.norm(left, axis=1, keepdims=True)
-    x = np.cross(y, up)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return np.stack([x, y, np.cross(x, y)], axis=2)
-
-
-def angles_of_points(points: Mapping[str, Array]) -> dict[str, Array]:
-    """Segment -> angles (T, 3) [rad] in the planes, as far as centres of joints tell them; NaN where they do not.
+def angles_of_centres(centres: Mapping[str, Array]) -> dict[str, Array]:
+    """Segment -> angles (T, 3) [rad] in the planes, by joint centres alone; NaN where these do not give them.
 
     Hips and shoulders swing in the frames of pelvis and torso; knees and elbows are the angle between the two bones,
-    which is put into the sagittal plane; what is about a bone's own axis is not known.
+    which counts as sagittal; twists are unknown.
 
     Args:
-        points: segment -> where the joint is that it hangs on (T, 3).
+        centres: segment -> its joint to the parent (T, 3).
     """
-    frames = frames_of_trunk(points)
+    frames = _trunk_frames(centres)
     found: dict[str, Array] = {}
     if {"pelvis", "torso"} <= set(frames):
         found["torso"] = planes_of("torso", np.swapaxes(frames["pelvis"], 1, 2) @ frames["torso"])
@@ -119,21 +85,39 @@ def angles_of_points(points: Mapping[str, Array]) -> dict[str, Array]:
             ("torso", f"upper_arm_{side}", f"forearm_{side}", f"hand_{side}"),
             ("pelvis", f"thigh_{side}", f"shin_{side}", f"foot_{side}"),
         ):
-            if not {upper, lower} <= set(points):
+            if not {upper, lower} <= set(centres):
                 continue
-            bone = points[lower] - points[upper]
+            bone = centres[lower] - centres[upper]
+            unknown = np.full(len(bone), np.nan)
             if trunk in frames:
                 direction = (np.swapaxes(frames[trunk], 1, 2) @ bone[..., None])[..., 0]
-                found[upper] = planes_of_direction(upper, direction)
-            if last in points:
-                found[lower] = np.full((len(bone), 3), np.nan)
-                found[lower][:, 0] = _between(bone, points[last] - points[lower])
+                found[upper] = _signed(upper, _swing(direction), unknown)
+            if last in centres:
+                next_bone = centres[last] - centres[lower]
+                sine, cosine = np.linalg.norm(np.cross(bone, next_bone), axis=1), (bone * next_bone).sum(axis=1)
+                found[lower] = np.column_stack([np.arctan2(sine, cosine), unknown, unknown])
     return found
 
 
-def _between(a: Array, b: Array) -> Array:
-    angle: Array = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
-    return angle
+def _trunk_frames(centres: Mapping[str, Array]) -> dict[str, Array]:
+    """Axes (T, 3, 3) of pelvis and torso, forward left up, by hips and shoulders; of those with both."""
+
+    def middle(kind: str, *others: str) -> Array | None:
+        pair = [centres[f"{kind}_{side}"] for side in ("left", "right") if f"{kind}_{side}" in centres]
+        if len(pair) == 2:
+            return np.asarray((pair[0] + pair[1]) / 2.0)
+        return next((centres[other] for other in others if other in centres), None)
+
+    below, above = middle("thigh", "pelvis"), middle("upper_arm", "head", "torso")
+    frames: dict[str, Array] = {}
+    for segment, kind in (("pelvis", "thigh"), ("torso", "upper_arm")):
+        if below is not None and above is not None and {f"{kind}_left", f"{kind}_right"} <= set(centres):
+            y = centres[f"{kind}_left"] - centres[f"{kind}_right"]
+            y = y / np.linalg.norm(y, axis=1, keepdims=True)
+            x = np.cross(y, above - below)
+            x /= np.linalg.norm(x, axis=1, keepdims=True)
+            frames[segment] = np.stack([x, y, np.cross(x, y)], axis=2)
+    return frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +195,7 @@ def compare_centre_angles(ours: Mapping[str, Array], theirs: Mapping[str, Array]
     known = np.all([np.isfinite(points).all(axis=1) for points in theirs.values()], axis=0)
     if not known.any():
         return ()
-    both = [angles_of_points({name: points[known] for name, points in each.items()}) for each in (ours, theirs)]
+    both = [angles_of_centres({name: points[known] for name, points in each.items()}) for each in (ours, theirs)]
     found = []
     for segment in sorted(both[0], key=_order):
         planes = np.full((2, len(known), 3), np.nan)

@@ -1,4 +1,4 @@
-"""The true motion of a recording, to score against. Only the evaluation reads it."""
+"""The true motion of a recording, to score against."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class TrueMotion:
     Attributes:
         path: of the folder that holds them.
         stamps_ns: (K,) increasing [ns].
-        root: the segment that hangs on no other.
-        parents: segment -> the segment that it hangs on, of those that carry a camera or lie between such.
+        root: the segment without a parent.
+        parents: segment -> its parent, of segments that carry a camera or lie between such.
         world_T_segment: segment -> (K, 4, 4) [m], z up; may hold more segments, such as hands.
     """
 
@@ -83,7 +83,7 @@ def read_true_motion(path: Path) -> TrueMotion:
 
 
 def read_true_camera(truth: TrueMotion, camera: str) -> Array | None:
-    """Poses (K, 4, 4) of a camera at the truth's stamps, from ``cameras/*.tum``; None where it does not say.
+    """Poses (K, 4, 4) of a camera at the truth's stamps, from ``cameras/*.tum``; None without that file.
 
     Raises:
         RecordingError: the file is malformed, or has other stamps.
@@ -101,7 +101,7 @@ def _tree(truth: Path) -> tuple[str, dict[str, str]]:
         (folder / "rig.yaml" for folder in (truth, truth.resolve().parent) if (folder / "rig.yaml").is_file()), None
     )
     if path is None:
-        raise RecordingError(f"{truth}: no rig.yaml in it or beside it; it says which segment hangs on which")
+        raise RecordingError(f"{truth}: no rig.yaml in it or beside it, with the parent of each segment")
     document = read_yaml(path, "rig file", RecordingError)
     try:
         segments = dict(document["segments"])

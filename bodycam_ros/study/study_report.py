@@ -5,6 +5,7 @@ import io
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,8 @@ class RecordingResult:
     """The result of a recording.
 
     Attributes:
-        figures: of the evaluation, with the ``took_s`` of its own steps; empty if a step failed.
+        figures: of the evaluation, with ``took_s`` of its own steps and ``registered``, the share of images of all
+            cameras; empty if a step failed.
         report: folder of the evaluation.
         failure: its first step that failed, or was not run; None if all are done.
     """
@@ -61,25 +63,16 @@ def read_results(
         own = [step for step in steps if step.name.startswith(f"{recording.name}: ")]
         report = next(step.output for step in own if step.stage == "evaluate")
         failure = next((failures[step.name] for step in own if step.name in failures), None)
-        figures = {} if failure is not None else _read_figures(report / _FIGURES)
-        if figures:
+        figures: dict[str, Any] = {}
+        if failure is None:
+            with suppress(OSError, ValueError):
+                figures = dict(json.loads((report / _FIGURES).read_text(encoding="utf-8")))
+            cameras = figures.get("cameras", {}).values()
+            if images := sum(camera["images"] for camera in cameras):
+                figures["registered"] = sum(camera["images"] * camera["registered"] for camera in cameras) / images
             figures["took_s"] = sum(notes.seconds(step) or 0.0 for step in own)
         results.append(RecordingResult(recording, figures, report, failure))
     return results
-
-
-def _read_figures(path: Path) -> dict[str, Any]:
-    """The figures of an evaluation, and the share of images of all cameras that were registered."""
-    try:
-        figures = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if not isinstance(figures, dict):
-        return {}
-    cameras = figures.get("cameras", {}).values()
-    if images := sum(camera["images"] for camera in cameras):
-        figures["registered"] = sum(camera["images"] * camera["registered"] for camera in cameras) / images
-    return figures
 
 
 @dataclass(frozen=True)
@@ -145,43 +138,30 @@ def write_study_report(title: str, results: Sequence[RecordingResult], folder: P
     Raises:
         OutputError: they cannot be written.
     """
-    page = _page(title, results, folder)
-    with whole_files(folder) as unfinished:
-        (unfinished / PAGE).write_text(render_page(page), encoding="utf-8")
-        (unfinished / CSV).write_text(study_csv(results, folder), encoding="utf-8")
-
-
-def _page(title: str, results: Sequence[RecordingResult], folder: Path) -> Page:
     columns = known_columns(results)
     headings = ("recording", "subject", "place", "verdict", *(column.heading for column in columns))
     rows: list[tuple[str | Link, ...]] = []
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    keys = [column.key for column in COLUMNS]
+    table.writerow(["recording", "subject", "place", "verdict", *keys, "report", "failed_step", "reason"])
     for result in results:
         name, *others = result.names
-        page = (result.report / _REPORT).relative_to(folder).as_posix()
-        first = name if result.failure else Link(name, page)
+        values = ["" if value is None else f"{value:.6g}" for value in (column.value(result) for column in COLUMNS)]
+        report = result.report.relative_to(folder).as_posix()
+        end = result.failure
+        last = [report, "", ""] if end is None else ["", end.step.name, end.failure or ""]
+        table.writerow([*result.names, *values, *last])
+        first = Link(name, f"{report}/{_REPORT}") if end is None else name
         rows.append((first, *others, *(column.cell(result) for column in columns)))
     sections = [Section(table=Table(headings, rows, frozenset(range(4))))]
     failures = [(r.recording.name, r.failure.step.name, r.failure.failure or "") for r in results if r.failure]
     if failures:
         sections.append(Section("Failed", table=Table(("recording", "step", "reason"), failures, frozenset(range(3)))))
-    return Page(title, [f"{count_verdicts(results)}."], sections)
-
-
-def study_csv(results: Sequence[RecordingResult], folder: Path) -> str:
-    """A row a recording; what is unknown is empty, shares are from 0 to 1; reports are named from ``folder`` on."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    columns = [column.key for column in COLUMNS]
-    writer.writerow(["recording", "subject", "place", "verdict", *columns, "report", "failed_step", "reason"])
-    for result in results:
-        values = [column.value(result) for column in COLUMNS]
-        cells = ["" if value is None else f"{value:.6g}" for value in values]
-        if result.failure is None:
-            last = [result.report.relative_to(folder).as_posix(), "", ""]
-        else:
-            last = ["", result.failure.step.name, result.failure.failure or ""]
-        writer.writerow([*result.names, *cells, *last])
-    return text.getvalue()
+    with whole_files(folder) as unfinished:
+        page = render_page(Page(title, [f"{count_verdicts(results)}."], sections))
+        (unfinished / PAGE).write_text(page, encoding="utf-8")
+        (unfinished / CSV).write_text(text.getvalue(), encoding="utf-8")
 
 
 def count_verdicts(results: Sequence[RecordingResult]) -> str:
