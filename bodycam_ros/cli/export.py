@@ -4,20 +4,19 @@ Several recordings are written into a folder, a file each.
 """
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
+import math
 from pathlib import Path
 
-from bodycam_ros.cli.export_robot import ROBOT, run_robot
-from bodycam_ros.cli.options import add_config, add_output, given_flags
+from bodycam_ros.cli.options import add_config, add_output, given_flags, read_settings
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.export import FORMATS, export
 from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
 from bodycam_ros.formats.sampled_motion import MAX_RATE, UP_AXES, MotionOptions
 from bodycam_ros.output_place import check_output
-from bodycam_ros.progress import Advance
 from bodycam_ros.shown import printable
+
+ROBOT = "robot"
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -90,24 +89,62 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.mass,
     )
     if arguments.to == ROBOT:
-        return run_robot(arguments, options)
+        return _export_robot(arguments, options)
     given = given_flags(arguments, "urdf", "mapping", "config")
     given += [f"--{group}.{name}" for group, values in arguments.settings.items() for name in values]
     if given:
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
     check_output(output, sources, makes_folders=len(sources) > 1)
-    written = export(sources, arguments.to, output, arguments.force, options, _Bars())
+    with shown_progress() as progress:
+        written = export(sources, arguments.to, output, arguments.force, options, progress)
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")
     return 0
 
 
-class _Bars:
-    """A bar for each step, and none where there is no step: a body file is written at once."""
+def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
+    """Write a bag with a robot that follows the person, and print how well it does.
 
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        with shown_progress() as progress, progress.step(name, total) as advance:
-            yield advance
+    Raises:
+        SettingsError: the robot or the mapping is missing, or an option of other formats is given.
+        BodycamError: as of ``write_robot``.
+    """
+    import numpy as np
+
+    from bodycam_ros.robot.retargeting import RobotSettings
+    from bodycam_ros.robot.robot_recording import write_robot
+
+    if lacking := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is None]:
+        raise SettingsError(
+            f"--to {ROBOT} needs {' and '.join(lacking)}: the robot, and the segments that its links follow"
+        )
+    if options.given:
+        raise SettingsError(
+            f"{', '.join(f'--{name}' for name in options.given)} has no effect on {ROBOT}; leave it out"
+        )
+    if len(arguments.sources) > 1:
+        raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
+    check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping, arguments.config))
+    settings = read_settings(arguments, RobotSettings)
+    with shown_progress() as progress:
+        summary = write_robot(
+            arguments.sources[0],
+            arguments.urdf,
+            arguments.mapping,
+            arguments.output,
+            settings.retarget,
+            arguments.force,
+            progress,
+        )
+    errors_cm = 100.0 * np.concatenate(list(summary.errors_m.values()))
+    figures = (errors_cm.mean(), np.percentile(errors_cm, 95), errors_cm.max())
+    print("hands and feet from their scaled targets: mean {:.2f}, 95 % {:.2f}, at most {:.2f} cm".format(*figures))
+    nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"
+    print(f"{summary.frames} frames at {summary.scale:.2f} of the person's size; between its links {nearest}")
+    if summary.blocked:
+        print(f"at {summary.blocked} of them no step satisfied all limits")
+    each_ms = 1e3 * summary.cpu_s / summary.frames
+    print(f"{each_ms:.1f} ms of inverse kinematics a frame; written to {printable(str(arguments.output))}")
+    return 0
 
 
 def _formats_with(option: str) -> str:

@@ -10,7 +10,7 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.live.camera_diagnostics import verdict_status
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.live.solver_diagnostics import equipment_status
@@ -19,9 +19,11 @@ from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import check_metric, load_map
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.static_measurement import ReportedMeasurement
 from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.stations_file import read_stations
 
 
 class LiveBody:
@@ -151,3 +153,32 @@ class LiveBody:
             # Interpolated states have no report.
             self._coupling = output.state.equipment or self._coupling
         return outputs
+
+
+def read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
+    """Static cameras of the solver in the frame of its map, or of their file without one; empty without ``stations``.
+
+    Raises:
+        StationError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
+            estimate of the body, or a parameter of static cameras is given without any.
+    """
+    stations, start, worn = parameters.stations, parameters.start, parameters.worn
+    if not stations:
+        if start or not worn:
+            given = f"start {start}" if start else "worn false"
+            raise StationError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
+        return {}
+    if parameters.rig:
+        raise StationError(
+            f"{stations}: static cameras are not used in a range of motion; make the body first, then start again "
+            "with 'stations' and without 'rig'"
+        )
+    if not worn and not start:
+        raise StationError(
+            f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a file of "
+            "segments, and give that as the parameter 'start'"
+        )
+    reference_map = load_map(Path(parameters.map)) if parameters.map else None
+    if reference_map is not None:
+        check_metric(reference_map, Path(parameters.map))
+    return read_stations(Path(stations), reference_map)

@@ -12,7 +12,6 @@ from bodycam_ros.body_state import LatestState
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import StationError
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
-from bodycam_ros.live.static_world import read_world
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import (
@@ -25,10 +24,12 @@ from bodycam_ros.messages.segment_poses import (
 from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.registration.reference_map import check_metric, load_map
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.single_camera import SingleCamera
 from bodycam_ros.static_cameras.start_file import PlacedBody
+from bodycam_ros.static_cameras.stations_file import read_stations
 from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
@@ -50,7 +51,10 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         super().__init__(node)
         given = self.parameters
         file, path = Path(self.required("stations")), Path(self.required("body"))
-        stations = read_world(file, given.map)
+        reference_map = load_map(Path(given.map)) if given.map else None
+        if reference_map is not None:
+            check_metric(reference_map, Path(given.map))
+        stations = read_stations(file, reference_map)
         if self.camera not in stations:
             raise StationError(f"{file}: there is no camera {self.camera}; it has {', '.join(stations)}")
         person = with_hands(read_body(path))

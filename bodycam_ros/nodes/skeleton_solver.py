@@ -14,10 +14,9 @@ from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.live.dropped_messages import LostMessages
-from bodycam_ros.live.live_body import LiveBody
+from bodycam_ros.live.live_body import LiveBody, read_static_cameras
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics
-from bodycam_ros.live.static_world import read_static_cameras
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row

@@ -5,6 +5,7 @@ import pytest
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.checked_fields import Entry, read_entry
 from bodycam_ros.errors import BodyError
 
 STOOL = """
@@ -78,3 +79,14 @@ def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new:
     assert old in STOOL
     with pytest.raises(BodyError, match=rf"(?s)stool\.yaml.*{named}"):
         read(tmp_path, STOOL.replace(old, new, 1))
+
+
+def test_a_number_is_no_truth_value_and_an_exponent_is_a_number() -> None:
+    class Switch(Entry):
+        on: bool = False
+        size: float = 0.0
+
+    assert read_entry(Switch, {"size": "1e-4"}, "here").size == 1e-4
+    for wrong in ("1", 1, "yes"):
+        with pytest.raises(BodyError, match="here: on: Expected bool"):
+            read_entry(Switch, {"on": wrong}, "here")

@@ -99,7 +99,6 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
         ("longest_wait", 2, "type"),
         ("most_ahead", 7, ""),
         ("most_ahead", 0, "most_ahead"),
-        ("longest_wait", "soon", "type"),
         ("image_queue", 10, "image_queue"),
         ("moments", "times.csv", "moments"),
         ("keypoints.max_keypoints", 300, "keypoints.max_keypoints"),
