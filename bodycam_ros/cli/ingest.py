@@ -63,9 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.camera_offsets import find_offsets
-    from bodycam_ros.ingest.given_offsets import read_offsets, synchronous_offsets
     from bodycam_ros.ingest.ingest import find_cameras, ingest, lens_remarks
-    from bodycam_ros.ingest.timing_report import timing_table, write_timing_report
+    from bodycam_ros.ingest.timing_file import read_offsets, synchronous_offsets, timing_table, write_timing_report
 
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)

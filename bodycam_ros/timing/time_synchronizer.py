@@ -3,8 +3,8 @@
 Cameras that share their stamps pass as they are, and their stamps are the common ones. The others are interpolated to
 them; where no cameras share, the common stamps are equally spaced.
 
-The pose of an interpolated camera is that of its path between the image before and the image after; where one of them
-is missing, the nearest image moves on by its twist, if it is near. docs/architecture.md has the alternatives.
+The pose of an interpolated camera is that of its path between the image before and the image after; without one of
+them close by there is none, and the solver predicts.
 """
 
 from collections import deque
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import Array, adjoint, exp_se3, exp_so3, inverse, log_so3
+from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.camera_path import CameraPath
@@ -28,7 +28,6 @@ _MISSING_NS = 1_000_000_000  # after so long without cameras that share their st
 _LONGEST_GAP_NS = 60_000_000_000  # no common stamps are made for a gap longer than this
 _KEPT_NS = 1_000_000_000  # of images: live, common stamps may be known only later
 _FORGOTTEN_NS = 30_000_000_000  # common stamps that a camera has no image near
-_ACCELERATION = np.repeat([60.0, 15.0], 3)  # [rad/s^2, m/s^2] of a limb: what its twist leaves open
 
 
 class TimeSynchronizer:
@@ -186,14 +185,8 @@ class CameraInterpolator:
             return self._restamped(nearest, stamp_ns, world_T_camera=None)
         path = CameraPath(np.array([own_ns for own_ns, _ in known], np.int64), np.stack([pose for _, pose in known]))
         wanted = np.array([stamp_ns], np.int64)
-        if path.covers(wanted, MAX_GAP_S)[0]:
-            return self._restamped(nearest, stamp_ns, world_T_camera=path.interpolate(wanted).poses[0])
-        twist = path.interpolate(np.array([nearest.stamp_ns], np.int64)).twists[0]
-        step = exp_se3(off_s * twist)
-        carried = adjoint(inverse(step))
-        covariance = carried @ nearest.pose_covariance @ carried.T + np.diag((0.5 * off_s**2 * _ACCELERATION) ** 2)
-        pose = nearest.world_T_camera @ step
-        return self._restamped(nearest, stamp_ns, world_T_camera=pose, pose_covariance=covariance)
+        pose = path.interpolate(wanted).poses[0] if path.covers(wanted, MAX_GAP_S)[0] else None
+        return self._restamped(nearest, stamp_ns, world_T_camera=pose)
 
     def _restamped(self, image: LandmarkMatches, stamp_ns: int, **changes: Any) -> LandmarkMatches:
         """An image without its landmarks at a common stamp, with the rotation since the one before, if known."""

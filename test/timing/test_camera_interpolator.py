@@ -79,11 +79,8 @@ def test_an_unregistered_image_keeps_its_rotation_alone() -> None:
     assert said.world_T_camera is None and said.stamp_ns == instant_ns
 
 
-def test_into_a_gap_it_speaks_from_its_nearest_image_and_says_that_it_knows_less() -> None:
+def test_a_gap_has_no_pose() -> None:
     images = [image(number) for number in (*range(4), *range(12, 16))]
     near, far = START_NS + 4 * FRAME_NS, START_NS + 8 * FRAME_NS
     (said,) = said_of([near, far], images)
-    assert said.stamp_ns == near and said.world_T_camera is not None
-    np.testing.assert_allclose(log_se3(inverse(pose_at(near)) @ said.world_T_camera), 0.0, atol=1e-9)
-    assert np.all(np.diag(said.pose_covariance) > np.diag(images[0].pose_covariance))
-    assert np.sqrt(said.pose_covariance[0, 0]) > 0.02
+    assert said.stamp_ns == near and said.world_T_camera is None
