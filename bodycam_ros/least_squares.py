@@ -35,7 +35,7 @@ def damped_gauss_newton(
     """
     state, damping = start, _FIRST_DAMPING
     residuals, J, cost = linearise(state)
-    for _ in range(steps):
+    for _ in range(steps if J.shape[1] else 0):
         hessian, gradient, before = J.T @ J, J.T @ residuals, cost
         if cost <= solved:
             break
