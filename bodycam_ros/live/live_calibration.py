@@ -86,7 +86,6 @@ class LiveCalibration:
             self._rig,
             cameras,
             calibration,
-            settings.pose_fit,
             settings.evidence,
             self._facing,
             settings.clock,

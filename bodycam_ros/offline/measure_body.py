@@ -182,7 +182,6 @@ def calibrate(
         rig,
         models,
         settings,
-        pipeline.pose_fit,
         pipeline.evidence,
         facing_rad,
         pipeline.clock,
