@@ -1,4 +1,4 @@
-"""A calibration as a picture: where the board was seen, what errors are left, and how far rays are off."""
+"""A calibration as a picture: where the board was seen, and what errors are left."""
 
 import textwrap
 from io import BytesIO
@@ -7,7 +7,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
@@ -17,7 +16,6 @@ from bodycam_ros.picture_style import (
     FAINT,
     GOOD,
     INK,
-    LEFT,
     QUIET,
     TYPOGRAPHY,
     WARNING,
@@ -25,27 +23,24 @@ from bodycam_ros.picture_style import (
     panel_title,
 )
 
-_INCHES, _DPI = (13.0, 8.5), 110
-_ARROWS = (12, 16)  # rows and columns of the field of residuals
-_ARROW_PX = 0.045  # of the width, length of the arrow in the legend
-_LEAST_IN_ARROW = 3
+_INCHES, _DPI = (13.0, 5.5), 110
+_LEAST_IN_BIN = 3
 _LETTERS = 165  # of a line of the verdict
 _BINS = 12
 
 
 def calibration_plot(calibration: LensCalibration, title: str) -> bytes:
-    """A PNG with three panels."""
+    """A PNG with two panels."""
     refused, warned = calibration.objections, calibration.warnings
     verdict = f"not to be used: {'; '.join(refused)}" if refused else "; ".join(warned) or "good to use"
     with mpl.rc_context(TYPOGRAPHY):
         figure = Figure(figsize=_INCHES, dpi=_DPI)
-        panels: Any = figure.subplot_mosaic([["seen", "left"], ["errors", "errors"]], height_ratios=[1.6, 1.0])
-        figure.subplots_adjust(left=0.05, right=0.97, top=0.85, bottom=0.07, wspace=0.08, hspace=0.25)
+        panels: Any = figure.subplot_mosaic([["seen", "errors"]])
+        figure.subplots_adjust(left=0.05, right=0.97, top=0.82, bottom=0.1, wspace=0.08, hspace=0.25)
         figure.text(0.05, 0.962, title, fontsize=13.0, weight="bold", color=INK)
         lines = "\n".join(textwrap.wrap(verdict, _LETTERS))
         figure.text(0.05, 0.953, lines, fontsize=9.0, color=WARNING if refused or warned else GOOD, va="top")
         _draw_coverage(panels["seen"], calibration)
-        _draw_residuals(panels["left"], calibration)
         _draw_errors(panels["errors"], calibration)
         written = BytesIO()
         figure.savefig(written, format="png")
@@ -68,33 +63,6 @@ def _draw_coverage(axes: Axes, calibration: LensCalibration) -> None:
     axes.plot(x, y, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
 
 
-def _draw_residuals(axes: Axes, calibration: LensCalibration) -> None:
-    fit = calibration.chosen.fit
-    height, width = calibration.is_lit.shape
-    rows, columns = _ARROWS
-    row = np.clip((fit.pixels[:, 1] / height * rows).astype(int), 0, rows - 1)
-    column = np.clip((fit.pixels[:, 0] / width * columns).astype(int), 0, columns - 1)
-    number = row * columns + column
-    middles, arrows = [], []
-    for cell in np.unique(number).tolist():
-        here = number == cell
-        if here.sum() >= _LEAST_IN_ARROW:
-            middles.append(fit.pixels[here].mean(axis=0))
-            arrows.append(np.median(fit.residuals[here], axis=0))
-    unit = max(0.02, float(np.percentile(np.linalg.norm(arrows, axis=1), 90.0))) if arrows else 0.02
-    scale = _ARROW_PX * width / unit
-    panel_title(axes, "What the lens leaves unexplained", "medians; good if they point anywhere")
-    _image_axes(axes, calibration)
-    if arrows:
-        starts, ends = np.array(middles), np.array(middles) + scale * np.array(arrows)
-        axes.add_collection(LineCollection(list(np.stack([starts, ends], axis=1)), colors=LEFT, linewidths=1.0))
-        axes.scatter(ends[:, 0], ends[:, 1], s=5.0, c=LEFT, linewidths=0.0)
-    length = _ARROW_PX * width
-    at = (0.02 * width, 0.965 * height)
-    axes.plot([at[0], at[0] + length], [at[1], at[1]], color=INK, linewidth=1.4)
-    axes.text(at[0] + 1.2 * length, at[1], f"{unit:.2f} px", va="center", fontsize=8.0)
-
-
 def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
     validation, fit, radius = calibration.chosen.validation, calibration.chosen.fit, calibration.area.radius_px
     note = (
@@ -113,7 +81,7 @@ def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
             axes.scatter(at, np.minimum(errors, top), s=3.0, c=QUIET, alpha=0.35, linewidths=0.0)
         edges = np.linspace(0.0, 1.0, _BINS + 1)
         bins = np.clip(np.digitize(at, edges) - 1, 0, _BINS - 1)
-        full = [k for k in range(_BINS) if (bins == k).sum() >= _LEAST_IN_ARROW]
+        full = [k for k in range(_BINS) if (bins == k).sum() >= _LEAST_IN_BIN]
         medians = [float(np.median(errors[bins == k])) for k in full]
         axes.plot([0.5 * (edges[k] + edges[k + 1]) for k in full], medians, color=colour, linewidth=1.6, label=label)
     light_grid(axes)

@@ -17,6 +17,7 @@ from bodycam_ros.lens.lens_fit import LensFit, as_model, fit_lens, fit_unplaced,
 from bodycam_ros.lens.lens_images import LensImage, illuminated_pixels
 from bodycam_ros.lens.lens_quality import (
     CELLS,
+    DIRECTIONS,
     TRUSTED_RADIUS,
     BoardCoverage,
     Validation,
@@ -24,6 +25,7 @@ from bodycam_ros.lens.lens_quality import (
     cell_numbers,
     objections,
     ray_grid,
+    turned,
     validate,
     warnings,
 )
@@ -33,8 +35,6 @@ _MIN_VIEWS = 3  # as many as cameras' five to twelve numbers need
 _MAX_VIEWS = 60  # sharp pictures that are spread best; more add time, hardly truth
 _TRIED_PICTURES = 12  # on which variants of the board are compared
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
-_TILTED = np.sin(np.radians(15.0))
-_DIRECTIONS = 4  # that the board's face may be turned to, beside straight at the camera
 _TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
 _TWO_CAMERAS = 1.5  # times the errors of lenses of their own, by which one lens of two groups of pictures is off
@@ -169,9 +169,9 @@ def _spread_views(fit: LensFit, width: int, height: int) -> list[int]:
     sharpness = np.array([view.sharpness for view in fit.views])
     usual = max(1e-9, float(np.percentile(sharpness, _SHARP)))
     left = [row for row in range(len(fit.views)) if sharpness[row] >= _MIN_SHARPNESS * usual]
-    kinds = _turned(fit.poses)
+    kinds = turned(fit.poses)
     cells = [np.unique(cell_numbers(view.pixels, width, height)) for view in fit.views]
-    seen = np.zeros((1 + _DIRECTIONS, CELLS[0] * CELLS[1]))
+    seen = np.zeros((1 + DIRECTIONS, CELLS[0] * CELLS[1]))
     chosen: list[int] = []
     while left and len(chosen) < _MAX_VIEWS:
         gains = [
@@ -181,15 +181,6 @@ def _spread_views(fit: LensFit, width: int, height: int) -> list[int]:
         seen[kinds[row], cells[row]] += 1.0
         chosen.append(row)
     return chosen
-
-
-def _turned(poses: Array) -> NDArray[np.int64]:
-    """(V,) 0 where the board faces the camera, else which way it is turned."""
-    towards = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
-    faces = poses[:, :3, 2]
-    across = faces - np.sum(faces * towards, axis=1, keepdims=True) * towards
-    way = np.floor((np.arctan2(across[:, 1], across[:, 0]) + np.pi) / (2.0 * np.pi) * _DIRECTIONS).astype(np.int64)
-    return np.where(np.linalg.norm(across, axis=1) < _TILTED, 0, 1 + np.clip(way, 0, _DIRECTIONS - 1))
 
 
 def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:

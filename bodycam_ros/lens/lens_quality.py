@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, nearest_rotation
-from bodycam_ros.lens.board_detector import view_rotation
 from bodycam_ros.lens.lens_fit import LensFit, fit_lens, lens_numbers
 
 TRUSTED_RADIUS = 0.9
@@ -16,10 +15,13 @@ TRUSTED_RADIUS = 0.9
 CELLS = (6, 8)
 """Rows and columns that a picture is divided into."""
 
+DIRECTIONS = 4
+"""That the board's face may be turned to, beside straight at the camera."""
+
 _GRID = (25, 33)
 _FOLDS, _FOLD_ROUNDS = 5, 2  # rounds of weights; they start from the whole fit
 _REACHED = 99.5  # percentile of the points' distances from the centre
-_APART = np.cos(np.radians(15.0))
+_TILTED = np.sin(np.radians(15.0))
 _LIT_SHARE, _LEAST_POINTS = 0.5, 2  # of a cell that the lens shows; points in a cell that is covered
 
 _MAX_ERROR_PX = 1.0  # median of pictures left out; more is a wrong model or board
@@ -172,7 +174,7 @@ def board_coverage(fit: LensFit, is_lit: NDArray[np.bool_]) -> BoardCoverage:
         is_covered=(points >= _LEAST_POINTS).reshape(CELLS),
         radius_px=radius,
         reach=min(1.0, float(np.percentile(distances, _REACHED)) / radius),
-        tilts=_distinct(_faces_in_view(fit.poses)),
+        tilts=len(np.unique(turned(fit.poses))),
     )
 
 
@@ -212,7 +214,7 @@ def warnings(fit: LensFit, validation: Validation, area: BoardCoverage, must_be_
     if area.coverage < _MIN_COVERAGE:
         found.append(
             f"the board was seen in {area.coverage:.0%} of the picture, less than {_MIN_COVERAGE:.0%}; bring it to the "
-            f"{_where_lacking(area)} of the picture"
+            "cells that are red in the picture of the calibration"
         )
     if area.reach < (_MIN_REACH_WHOLE if must_be_whole else _MIN_REACH):
         how = "whole, as near to the corners as it goes" if must_be_whole else "close by, cut off by the border"
@@ -237,31 +239,10 @@ def _pixels(error_px: float) -> str:
     return f"{error_px:.1f} px" if np.isfinite(error_px) else "some have no ray"
 
 
-def _faces_in_view(poses: Array) -> Array:
-    """(V, 3) the boards' faces in a view straight at each."""
+def turned(poses: Array) -> NDArray[np.int64]:
+    """(V,) 0 where the board faces the camera, by poses (V, 4, 4), else the number of the way it is turned."""
     towards = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
-    turns = np.array([view_rotation(direction) for direction in towards])
-    faces: Array = np.einsum("vij,vj->vi", turns, poses[:, :3, 2])
-    return faces
-
-
-def _distinct(faces: Array) -> int:
-    """How many of the directions (V, 3) are apart from each other."""
-    kept: list[Array] = []
-    for face in faces:
-        if all(float(face @ other) < _APART for other in kept):
-            kept.append(face)
-    return len(kept)
-
-
-def _where_lacking(area: BoardCoverage) -> str:
-    """The parts of the picture, in words, where the board was seen least."""
-    lacking = area.is_lit & ~area.is_covered
-    parts = []
-    for down, upper in enumerate(("upper", "middle", "lower")):
-        for across, left in enumerate(("left", "middle", "right")):
-            rows, columns = (np.array_split(np.arange(n), 3)[k] for n, k in zip(CELLS, (down, across), strict=True))
-            cells = np.ix_(rows, columns)
-            if lacking[cells].sum() > 0.5 * max(1, area.is_lit[cells].sum()):
-                parts.append("centre" if upper == left else f"{upper} {left}")
-    return ", ".join(parts) or "border"
+    faces = poses[:, :3, 2]
+    across = faces - np.sum(faces * towards, axis=1, keepdims=True) * towards
+    way = np.floor((np.arctan2(across[:, 1], across[:, 0]) + np.pi) / (2.0 * np.pi) * DIRECTIONS).astype(np.int64)
+    return np.where(np.linalg.norm(across, axis=1) < _TILTED, 0, 1 + np.clip(way, 0, DIRECTIONS - 1))

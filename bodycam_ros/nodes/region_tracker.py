@@ -92,12 +92,10 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         self.unanswered.clear()
         self._latest.clear()
         self._answered_ns = self._solved_ns = 0
-        self._waiting_since_s: float | None = None
         self._processing_since_s: float | None = None
 
     def is_outdated(self) -> bool:
         """Whether the solver is past the next image."""
-        self._waiting_since_s = self._waiting_since_s or time.monotonic()
         return self.images.oldest.item.image.stamp_ns <= self._solved_ns <= self.images.newest_ns
 
     def waiting_reason(self) -> str:
@@ -110,7 +108,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
             return ""
         if self._placed is None:
             return f"there is no estimate of the body on {SEGMENTS_NOW}, and no start file"
-        waited_s = time.monotonic() - (self._waiting_since_s or time.monotonic())
+        waited_s = time.monotonic() - self.images.oldest.item.arrival_s
         return "" if waited_s >= _START_WAIT_S else "the solver may have an estimate of the body"
 
     def processing_since_s(self) -> float:

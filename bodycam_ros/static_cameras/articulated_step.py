@@ -17,8 +17,7 @@ from bodycam_ros.kinematics.tangent import segment_tangents
 _ROOT = 6
 _STIFF_RAD = 1e-3  # of a rotation that a joint's type excludes
 _LIMIT_RAD = 0.1  # of a rotation beyond a joint's limits, which were measured on another day
-_NARROW_RAD = 0.5  # a range below it is passive: a knee's about its other axes
-_NARROW_SHARE, _WIDE_SHARE = 0.25, 0.5
+_RANGE_SHARE = 0.25
 """Sigma of an angle about the middle of its range, as a share of that: what no contour measures, such as the turn of a
 round limb about its long axis, returns there within seconds instead of drifting to a limit."""
 
@@ -47,7 +46,7 @@ class ArticulatedStep:
 
     Args:
         body: segments and joints.
-        obeys_limits: whether limits of joints apply, and ranges draw to their middle, narrow ones more.
+        obeys_limits: whether limits of joints apply, and angles are drawn to the middle of their range.
     """
 
     def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
@@ -178,7 +177,6 @@ def _stiffness(joint: Joint, obeys_limits: bool) -> Array:
         weights[0] = 0.0
     if joint.type == "ball" and joint.limits and obeys_limits:
         for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
-            share = _NARROW_SHARE if high - low < _NARROW_RAD else _WIDE_SHARE
-            weights["xyz".index(axis)] = max(share * (high - low), _STIFF_RAD) ** -2.0
+            weights["xyz".index(axis)] = max(_RANGE_SHARE * (high - low), _STIFF_RAD) ** -2.0
     information: Array = axes.T @ (weights[:, None] * axes)
     return information

@@ -183,10 +183,15 @@ def _torso(left: Array, right: Array, neck: Array | None, stature: float) -> lis
 
 
 def _head(stature: float) -> list[Limb]:
-    """An ellipsoid from chin to vertex, and the neck up to it."""
+    """An ellipsoid from chin to vertex, and the neck up to it.
+
+    It is round from above: with hair a head is broader than these measures, and a flat ellipsoid in a broader contour
+    turns its long side to the cameras.
+    """
     half, throat = 0.5 * person.HEAD_HEIGHT * stature, person.NECK * stature
     centre = (person.NECK_TO_VERTEX * stature - half) * _Z
-    skull = Ball(0.0, half, person.HEAD_BREADTH / person.HEAD_HEIGHT, person.HEAD_LENGTH / person.HEAD_HEIGHT)
+    breadth = 0.5 * (person.HEAD_BREADTH + person.HEAD_LENGTH) / person.HEAD_HEIGHT
+    skull = Ball(0.0, half, breadth, breadth)
     return [
         (centre, centre + _Z, [skull], _Y),
         (np.zeros(3), centre, [Ball(0.0, throat), Ball(0.8, throat)], _Y),

@@ -46,7 +46,7 @@ def test_a_fisheye_is_measured_from_images_of_a_charuco_board(tmp_path, capsys, 
     assert (camera.name, camera.distortion_model, camera.width, camera.height) == ("chest", "equidistant", 480, 360)
     assert _off_by_px(lens, truth) < _CLOSE_PX
     picture = cv2.imread(str(lens.with_suffix(".png")))
-    assert picture.shape[0] > 800
+    assert picture.shape[0] > 500
     assert picture.std() > 10.0
     assert "coverage and errors" in capsys.readouterr().out
     # What is there is replaced only when that is said.

@@ -25,7 +25,7 @@ def test_a_board_held_everywhere_makes_a_lens():
     assert against == warned == []
     assert area.coverage > 0.9
     assert area.reach > 0.85
-    assert area.tilts > 4
+    assert area.tilts > 3
 
 
 def test_a_board_held_in_the_middle_and_never_tilted_is_named_with_what_to_film():
@@ -36,7 +36,7 @@ def test_a_board_held_in_the_middle_and_never_tilted_is_named_with_what_to_film(
     ]
     area, _, warned = _judged(views_of(LENSES["plumb_bob"], poses, CHARUCO.inner_corners))
     assert area.tilts == 1
-    assert "tilt it by" in " ".join(warned) and "upper left" in " ".join(warned)
+    assert "tilt it by" in " ".join(warned) and "red" in " ".join(warned)
 
 
 def test_a_board_that_is_bent_is_refused():
