@@ -41,7 +41,8 @@ class ProgressBars:
 def shown_progress() -> Iterator[ProgressBars]:
     """Bars that are shown while the block lasts."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Terminal(stderr=True), transient=True) as bars:
+    terminal = Terminal(stderr=True)
+    with Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as bars:
         yield ProgressBars(bars)
 
 
