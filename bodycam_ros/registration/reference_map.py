@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from weakref import WeakValueDictionary
 
+import msgspec
 import numpy as np
 import yaml
 from numpy.typing import NDArray
@@ -22,7 +23,6 @@ from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, cluster_words
-from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
 
@@ -32,8 +32,6 @@ _SUMMARY_FILE = "map.yaml"
 _PARTS = re.compile(
     r"map\.yaml|landmarks\.npz|photographs\.npz|structure\.ply|(coverage|rounds)\.png|sparse/(cameras|frames|images|points3D|rigs)\.(bin|txt)"
 )
-
-_GROWN = "grown_landmarks"
 
 MAP_R_BOARD = "map_R_board"
 """In a map's summary: how the axes of the board turned, which the origin is on; None where no board was seen."""
@@ -130,11 +128,11 @@ class ReferenceMap:
         path = Path(path)
         if not path.is_dir():
             raise MapError(f"{path}: there is no map folder; make one with 'bodycam map REFERENCE_DIR -o {path}'")
-        summary = _read_summary(path / _SUMMARY_FILE)
-        if summary.get("version") != VERSION:
+        header, summary = _read_header(path / _SUMMARY_FILE)
+        if header.version != VERSION:
             raise MapError(
-                f"{path}: the map has version {shown(summary.get('version'))}, this program reads {VERSION}; "
-                "build it again with 'bodycam map'"
+                f"{path}: the map has version {header.version}, this program reads {VERSION}; build it again with "
+                "'bodycam map'"
             )
         arrays = read_arrays(path / _ARRAYS_FILE, _DTYPES, _WORDS_DTYPES)
         names = arrays.pop("image_names")
@@ -142,11 +140,11 @@ class ReferenceMap:
         reference_map = cls(
             **arrays,
             image_names=tuple(map(str, names.ravel())),
-            metric=_flag(summary, "metric", path),
-            gravity_aligned=_flag(summary, "gravity_aligned", path),
+            metric=header.metric,
+            gravity_aligned=header.gravity_aligned,
             photographs=MapPhotographs.load(path, arrays["world_T_camera"], len(arrays["landmark_ids"])),
             words=VisualWords(*words) if len(words) == len(_WORDS_DTYPES) else None,
-            grown=_count(summary, _GROWN, len(arrays["landmark_ids"]), path),
+            grown=header.grown_landmarks,
             summary=summary,
         )
         reference_map._check(path)
@@ -166,13 +164,8 @@ class ReferenceMap:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
         words = self.index_words(len(self.descriptors))
         arrays |= dict(zip(_WORDS_DTYPES, (words.centres, words.word_of_descriptor), strict=True))
-        summary = {
-            "version": VERSION,
-            "metric": self.metric,
-            "gravity_aligned": self.gravity_aligned,
-            _GROWN: self.grown,
-        }
-        document = {**summary, **{k: v for k, v in self.summary.items() if k not in summary}}
+        header = msgspec.to_builtins(_Header(VERSION, self.metric, self.gravity_aligned, self.grown))
+        document = header | {name: value for name, value in self.summary.items() if name not in header}
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
             folder.mkdir()
             write_arrays(folder / _ARRAYS_FILE, arrays)
@@ -208,9 +201,8 @@ class ReferenceMap:
             raise MapError(
                 f"{path}: the map is empty ({landmarks} landmarks, {descriptors} descriptors); build it again"
             )
-        if int(self.descriptor_landmark.max()) >= landmarks or np.any(
-            np.diff(self.descriptor_landmark.astype(np.int64)) < 0
-        ):
+        owners = self.descriptor_landmark.astype(np.int64)
+        if owners.max() >= landmarks or np.any(np.diff(owners) < 0) or self.grown > landmarks:
             raise MapError(f"{path}: damaged: descriptors do not follow the landmarks; build the map again")
 
 
@@ -241,28 +233,22 @@ def check_replaceable(path: Path, force: bool) -> None:
         check_folder(path, force, _SUMMARY_FILE, _PARTS, "map")
 
 
-def _read_summary(path: Path) -> dict[str, Any]:
+class _Header(msgspec.Struct):
+    """What ``map.yaml`` must say of a map; the rest of it documents how the map was made."""
+
+    version: int
+    metric: bool
+    gravity_aligned: bool
+    grown_landmarks: Annotated[int, msgspec.Meta(ge=0)] = 0
+
+
+def _read_header(path: Path) -> tuple[_Header, dict[str, Any]]:
+    """The header of a map, and all of its summary."""
     try:
         summary = read_yaml(path, "summary of a map", MapError)
-    except MapError as error:
-        raise MapError(f"{path.parent}: not a map: {error}") from error
-    if not isinstance(summary, dict):
-        raise MapError(f"{path.parent}: not a map: expected the fields of a map in {path.name}")
-    return summary
-
-
-def _flag(summary: Mapping[str, Any], name: str, path: Path) -> bool:
-    value = summary.get(name)
-    if not isinstance(value, bool):
-        raise MapError(f"{path / _SUMMARY_FILE}: {name} must be true or false, not {shown(value)}")
-    return value
-
-
-def _count(summary: Mapping[str, Any], name: str, most: int, path: Path) -> int:
-    value = summary.get(name, 0)
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
-        raise MapError(f"{path / _SUMMARY_FILE}: {name} must be a number from 0 to {most}, not {shown(value)}")
-    return value
+        return msgspec.convert(summary, _Header), summary
+    except (MapError, msgspec.ValidationError) as error:
+        raise MapError(f"{path.parent}: not a map: {path.name}: {error}") from error
 
 
 def check_metric(reference_map: ReferenceMap, path: Path) -> None:
