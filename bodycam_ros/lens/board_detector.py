@@ -12,7 +12,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
-from bodycam_ros.mapping.apriltag import find_tags, find_tags_in_picture, refined_tags
+from bodycam_ros.mapping.apriltag import find_tags, refined_tags
 
 Grey = NDArray[np.uint8]
 
@@ -201,7 +201,7 @@ def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Fo
     assert board.dictionary is not None
     tags: dict[int, tuple[Array, float]]
     if camera is None:
-        tags = {tag: (corners, 1.0) for tag, corners in find_tags_in_picture(gray, board.dictionary)}
+        tags = {tag: (corners, 1.0) for tag, corners in find_tags(gray, None, board.dictionary)}
     else:
         views = refined_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX)
         tags = {view.tag: (view.corners, max(1.0, _CLEAR_PX / view.breadths.min())) for view in views}
@@ -232,7 +232,7 @@ def _checkerboard(gray: Grey, layout: BoardLayout) -> Found | None:
 def _charuco(gray: Grey, board: LensBoard, layout: BoardLayout, camera: CameraModel | None) -> Found | None:
     """Corners of squares, predicted by the tags beside them."""
     assert board.dictionary is not None
-    tags = find_tags_in_picture(gray, board.dictionary) if camera is None else find_tags(gray, camera, board.dictionary)
+    tags = find_tags(gray, camera, board.dictionary)
     predicted: dict[int, list[Array]] = {}
     reach = 0.5 * _NEAR_SQUARES * float(np.hypot(*layout.pitch_m))
     for tag, corners in tags:

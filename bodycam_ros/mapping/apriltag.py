@@ -30,13 +30,15 @@ _BETWEEN_DEG = 45.0  # neighbouring views, which have so much in common that a t
 _FINER = 1.3  # scale of a view's middle over the picture's: what is small is found rather when it is enlarged
 
 
-def find_tags(gray: Grey, camera: CameraModel, family: int) -> Iterator[tuple[int, Array]]:
+def find_tags(gray: Grey, camera: CameraModel | None, family: int) -> Iterator[tuple[int, Array]]:
     """Tags of a family of ``cv2.aruco`` with their corners (4, 2) [px], clockwise from the upper left of the print.
 
-    The same tag may come more than once.
+    The same tag may come more than once. With an unknown lens (None) tags whose edges are bent may be missing.
     """
-    yield from find_tags_in_picture(gray, family)
     dictionary = cv2.aruco.getPredefinedDictionary(family)
+    yield from _detected(gray, dictionary)
+    if camera is None:
+        return
     for camera_R_view, focal_px, columns, rows in _views(camera):
         size = len(columns)
         view = cv2.remap(gray, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0.0)
@@ -45,11 +47,6 @@ def find_tags(gray: Grey, camera: CameraModel, family: int) -> Iterator[tuple[in
             pixels, valid = camera.project(rays)
             if valid.all():
                 yield tag, pixels
-
-
-def find_tags_in_picture(gray: Grey, family: int) -> Iterator[tuple[int, Array]]:
-    """As ``find_tags``, with an unknown lens: tags whose edges are bent may be missing."""
-    yield from _detected(gray, cv2.aruco.getPredefinedDictionary(family))
 
 
 def _detected(gray: Grey, dictionary: cv2.aruco.Dictionary) -> Iterator[tuple[int, Array]]:

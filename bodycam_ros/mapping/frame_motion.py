@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
-from bodycam_ros.geometry import exp_so3, log_so3
+from bodycam_ros.geometry import log_so3
 from bodycam_ros.mapping.moving_camera import MovingCamera
+from bodycam_ros.registration.pose_fit import turned_pixels
 from bodycam_ros.tracking.rotation import estimate_rotation
 
 Array = NDArray[np.float64]
@@ -193,18 +194,8 @@ def steady_picture(
         shown = steady
         # The place of a pixel depends on the row in which it was exposed.
         for _ in range(_ITERATIONS):
-            shown = shown + (steady - _steady_pixels(camera, shown, angular_velocity, readout_s))
+            later_s = (shown / [camera.width - 1, camera.height - 1] - 0.5) @ np.array(readout_s)
+            shown = shown + (steady - turned_pixels(camera, shown, later_s[:, None] * angular_velocity))
         source[rows] = shown.reshape(len(rows), camera.width, 2)
     straight = cv2.remap(picture, source, np.empty(0), cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
     return np.asarray(straight, np.uint8)
-
-
-def _steady_pixels(
-    camera: CameraModel, pixels: Array, angular_velocity: Array, readout_s: tuple[float, float]
-) -> Array:
-    """Pixels (M, 2) as if all were exposed with the middle of the picture."""
-    bearings, in_view = camera.unproject(pixels)
-    later_s = (pixels / [camera.width - 1, camera.height - 1] - 0.5) @ np.array(readout_s)
-    turns = exp_so3(later_s[:, None] * angular_velocity)
-    steady, valid = camera.project((turns @ bearings[:, :, None])[:, :, 0])
-    return np.where((in_view & valid)[:, None], steady, pixels)

@@ -24,7 +24,6 @@ class LiveMapper:
     Attributes:
         map: the map in which the cameras are registered.
         enabled: whether landmarks are added and removed.
-        changes: how often the map has changed.
         dropped: keyframes that were replaced by a newer one of their camera before they were processed.
     """
 
@@ -37,12 +36,17 @@ class LiveMapper:
     ) -> None:
         self.map = make_extendable(reference_map, settings.capacity)
         self.enabled = settings.enabled
-        self.changes = self.dropped = 0
+        self.dropped = 0
         self._request_keyframe, self._defer = request_keyframe, defer
         self._cameras: dict[str, CameraModel] = {}
         self._selections: dict[str, KeyframeSelection] = {}
         self._pending: dict[str, BodyKeyframe] = {}
         self._mapper = LocalMapper(self.map, self._cameras)
+
+    @property
+    def changes(self) -> int:
+        """How often the map has changed."""
+        return self.map.changes
 
     @property
     def landmarks(self) -> int:
@@ -65,7 +69,7 @@ class LiveMapper:
             return
         camera, selection = matches.camera, self._selections[matches.camera]
         self._mapper.update(matches)
-        self._take_changes()
+        self._mapper.take_changes()
         keyframe = selection.take_keyframe(frame, matches)
         if keyframe is not None:
             self.dropped += camera in self._pending
@@ -79,21 +83,18 @@ class LiveMapper:
         removed = self.landmarks
         self._pending.clear()
         self._mapper.clear()
-        self._take_changes()
+        self._mapper.take_changes()
         return removed
 
     def restore(self, added: AddedLandmarks) -> int:
         """Replace the added landmarks by those of an earlier run; returns how many there was room for."""
         self.clear()
         count = self._mapper.restore(added)
-        self._take_changes()
+        self._mapper.take_changes()
         return count
 
     def _add_keyframe(self) -> None:
         """Process one pending keyframe."""
         if self._pending and self.enabled:
             self._mapper.add_keyframe(self._pending.pop(next(iter(self._pending))))
-            self._take_changes()
-
-    def _take_changes(self) -> None:
-        self.changes += self._mapper.take_changes() is not None
+            self._mapper.take_changes()

@@ -33,6 +33,10 @@ _PROJECTIONS = np.zeros((0, 2))
 _ONE_CAMERA = np.zeros(1, np.uint16)
 _STILL = np.zeros(6)
 
+_References = tuple[Array, NDArray[np.uint16], Array, NDArray[np.uint8], NDArray[np.int64]]
+"""Pictures that patches are taken from: lenses of their cameras, the camera and the pose of each, their pyramids, and
+the levels of these; as ``align_patches`` takes them."""
+
 
 @dataclass(frozen=True)
 class DirectSettings:
@@ -127,26 +131,14 @@ class DirectRegistration:
         """
         rows, views = self._choose(near, motion)
         photographs = self._photographs
-        pixels, likeness = align_patches(
-            self._lens,
-            as_rows(near),
-            *_twist_and_time(near, motion),
-            self._pyramids[0],
-            self._levels,
+        references = (
             photographs.lenses,
             photographs.camera_of_view,
             as_rows(photographs.world_T_camera),
             photographs.pyramids,
             photographs.levels,
-            views,
-            _PROJECTIONS,
-            self._points[rows],
-            as_rows(photographs.normals[rows]),
-            first_level,
-            0,
-            _LIKENESS,
         )
-        found = np.flatnonzero(np.isfinite(likeness))
+        pixels, found = self._align(near, motion, rows, references, views, _PROJECTIONS, (first_level, 0))
         fit = self._fit(rows[found], pixels[found], near, motion)
         inliers = np.zeros(0, np.int64) if fit is None else np.flatnonzero(fit.errors_px < _INLIER_PX)
         if fit is None or len(inliers) < _LEAST_FOUND:
@@ -191,30 +183,44 @@ class DirectRegistration:
         """The pose by some landmarks of the image before, each by its patch in that image (A eq. 2)."""
         few = np.linspace(0, len(before.rows) - 1, min(_COARSE, len(before.rows))).astype(np.int64)
         rows = before.rows[few]
-        pixels, likeness = align_patches(
-            self._lens,
-            as_rows(predicted),
-            *_twist_and_time(predicted, motion),
-            self._pyramids[0],
-            self._levels,
-            self._lens[None],
-            _ONE_CAMERA,
-            as_rows(before.world_T_camera)[None],
-            self._pyramids[1][None],
-            self._levels[None],
-            np.zeros(len(rows), np.int64),
-            as_rows(before.pixels[few]),
-            self._points[rows],
-            as_rows(self._photographs.normals[rows]),
-            _COARSE_LEVEL,
-            1,
-            _LIKENESS,
-        )
-        found = np.isfinite(likeness)
+        seen_from = as_rows(before.world_T_camera)[None]
+        references = (self._lens[None], _ONE_CAMERA, seen_from, self._pyramids[1][None], self._levels[None])
+        views, shown = np.zeros(len(rows), np.int64), as_rows(before.pixels[few])
+        pixels, found = self._align(predicted, motion, rows, references, views, shown, (_COARSE_LEVEL, 1))
         fit = self._fit(rows[found], pixels[found], predicted, motion)
-        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, _AGREE * found.sum()):
+        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, _AGREE * len(found)):
             return None
         return fit.world_T_camera
+
+    def _align(
+        self,
+        pose: Array,
+        motion: ImageMotion | None,
+        rows: NDArray[np.int64],
+        references: _References,
+        views: NDArray[np.int64],
+        reference_pixels: Array,
+        levels: tuple[int, int],
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Pixels (N, 2) of landmarks in the latest image by patches of other pictures, and which were found."""
+        twist, readout_time = _twist_and_time(pose, motion)
+        pixels, likeness = align_patches(
+            self._lens,
+            as_rows(pose),
+            twist,
+            readout_time,
+            self._pyramids[0],
+            self._levels,
+            *references,
+            views,
+            reference_pixels,
+            self._points[rows],
+            as_rows(self._photographs.normals[rows]),
+            levels[0],
+            levels[1],
+            _LIKENESS,
+        )
+        return pixels, np.flatnonzero(np.isfinite(likeness))
 
     def _fit(self, rows: NDArray[np.int64], pixels: Array, start: Array, motion: ImageMotion | None) -> PoseFit | None:
         """Pose from landmarks (A eq. 8, first term)."""

@@ -139,7 +139,11 @@ def steady_pixels(
     given = np.asarray(pixels, np.float64)
     if readout_time == 0.0 or not len(given):
         return given
-    bearings, in_view = camera.unproject(given)
-    turns = exp_so3(readout_time * row_shares(camera, given)[:, None] * angular_velocity)
-    steady, valid = camera.project((turns @ bearings[:, :, None])[:, :, 0])
-    return np.where((in_view & valid)[:, None], steady, given)
+    return turned_pixels(camera, given, readout_time * row_shares(camera, given)[:, None] * angular_velocity)
+
+
+def turned_pixels(camera: CameraModel, pixels: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places of pixels (M, 2) whose rays are turned by (M, 3) [rad]; those that leave the view stay where they are."""
+    bearings, in_view = camera.unproject(pixels)
+    turned, valid = camera.project((exp_so3(turns) @ bearings[:, :, None])[:, :, 0])
+    return np.where((in_view & valid)[:, None], turned, pixels)
