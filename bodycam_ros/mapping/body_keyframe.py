@@ -90,7 +90,7 @@ class KeyframeSelection:
         """The keyframe of an image whose new features were described; None if it has none, or is not registered."""
         if not frame.keyframe or matches.world_T_camera is None or not len(frame.described):
             return None
-        self._world_T_latest = matches.world_T_camera
+        self._world_T_latest, self._due_ns = matches.world_T_camera, matches.stamp_ns
         described = frame.described.astype(np.int64)
         readout_time = matches.readout.in_use if matches.readout else 0.0
         ids = np.full(len(described), NO_LANDMARK, np.uint32)
