@@ -84,6 +84,19 @@ def offset_curve(
     return OffsetCurve(int(offsets[0]), centred / max(spread, 1e-9))
 
 
+def chance_curve(
+    first: EvenMotion, second: EvenMotion, min_overlap_s: float, max_offset_s: float
+) -> OffsetCurve | None:
+    """Evidence that two such motions have by chance: the second's time is reversed, its rhythm is not.
+
+    Its offsets are ``-start_second - start_first``.
+    """
+    curve = offset_curve(first, EvenMotion(second.first, second.values[::-1]), min_overlap_s, max_offset_s)
+    return (
+        None if curve is None else OffsetCurve(curve.lowest + 2 * second.first + len(second.values) - 1, curve.values)
+    )
+
+
 def _lagged_products(x: Array, y: Array) -> Array:
     """(P, 4, 4) sums over i of x[i] y[i - shift]; index it by the shift, negative ones from the end."""
     length = 1 << int(np.ceil(np.log2(len(x) + len(y))))

@@ -12,13 +12,13 @@ import numpy as np
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
-from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, even_motion, offset_curve
+from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, chance_curve, even_motion, offset_curve
 from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
 
 _MAX_OFFSET_S = 600.0  # cameras started by hand run within minutes of each other; more is more chance of a wrong match
 _SEARCHED_S = 300.0  # the liveliest stretch of this length decides which second; drift is 30 ms within it at most
 _LEAST_SHARE = 0.1  # of the shorter recording that two must have in common
-_MIN_CONFIDENCE = 0.25  # limbs that have nothing to do with each other mostly lead by less, linked ones by 0.8
+_MIN_CONFIDENCE = 0.25  # limbs that have nothing to do with each other lead by less 19 times in 20, linked ones by 0.8
 _APART_S = 0.25
 _MIN_OVERLAP_S = 2.0  # shorter stretches of motion resemble each other by chance
 _DRIFT_SIGMA = 7e-5  # of two cameras: each crystal is within 50 millionths
@@ -44,8 +44,8 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
     on_root = [camera for camera in lively if rig is not None and rig.cameras.get(camera) == rig.root]
     reference = next(iter(on_root or lively))
     begin_s = _liveliest(lively)
-    curves = _curves(lively, rig, begin_s)
-    agreed = agreed_offsets(reference, curves, round(_APART_S * SEARCH_RATE))
+    curves, chance = _curves(lively, rig, begin_s)
+    agreed = agreed_offsets(reference, curves, round(_APART_S * SEARCH_RATE), chance)
     sure = {camera: offset for camera, offset in agreed.items() if offset.confidence >= _MIN_CONFIDENCE}
     for camera in lively:
         if rig is not None and camera not in rig.cameras:
@@ -89,14 +89,16 @@ def _pairs(cameras: Mapping[str, AngularSpeed], rig: Rig | None) -> list[Pair]:
     return chosen
 
 
-def _curves(speeds: Mapping[str, AngularSpeed], rig: Rig | None, begin_s: float) -> dict[Pair, OffsetCurve]:
-    """Evidence for the offsets of all pairs, of the stretch that begins at a media time [s]."""
+def _curves(
+    speeds: Mapping[str, AngularSpeed], rig: Rig | None, begin_s: float
+) -> tuple[dict[Pair, OffsetCurve], dict[Pair, OffsetCurve]]:
+    """Evidence for the offsets of all pairs, of the stretch that begins at a media time [s], and what chance gives."""
     end_s = begin_s + _SEARCHED_S
     inner = {camera: even_motion(speed, begin_s, end_s) for camera, speed in speeds.items()}
     outer = {
         camera: even_motion(speed, begin_s - _MAX_OFFSET_S, end_s + _MAX_OFFSET_S) for camera, speed in speeds.items()
     }
-    curves = {}
+    curves, chance = {}, {}
     for pair in _pairs(speeds, rig):
         first, second = outer[pair[0]], inner[pair[1]]
         if first is None or second is None:
@@ -104,9 +106,10 @@ def _curves(speeds: Mapping[str, AngularSpeed], rig: Rig | None, begin_s: float)
         shorter = min(len(first.values), len(second.values)) / SEARCH_RATE
         overlap = max(_MIN_OVERLAP_S, _LEAST_SHARE * shorter)
         curve = offset_curve(first, second, overlap, _MAX_OFFSET_S)
-        if curve is not None:
-            curves[pair] = curve
-    return curves
+        by_chance = chance_curve(first, second, overlap, _MAX_OFFSET_S)
+        if curve is not None and by_chance is not None:
+            curves[pair], chance[pair] = curve, by_chance
+    return curves, chance
 
 
 def _liveliest(speeds: Mapping[str, AngularSpeed]) -> float:

@@ -44,14 +44,16 @@ class AgreedOffset:
 
     Attributes:
         samples: its offset from the reference.
-        confidence: 0 to 1, how far its evidence is above the next best offset's.
+        confidence: 0 to 1, how far its evidence is above the next best offset's and above chance.
     """
 
     samples: int
     confidence: float
 
 
-def agreed_offsets(reference: str, curves: Mapping[Pair, OffsetCurve], apart: int) -> dict[str, AgreedOffset]:
+def agreed_offsets(
+    reference: str, curves: Mapping[Pair, OffsetCurve], apart: int, chance: Mapping[Pair, OffsetCurve] | None = None
+) -> dict[str, AgreedOffset]:
     """Offsets that maximise the evidence of all pairs together, for the cameras that pairs link to the reference.
 
     From a spanning tree on, the cameras on one side of an edge are moved against the others to wherever all pairs
@@ -61,6 +63,8 @@ def agreed_offsets(reference: str, curves: Mapping[Pair, OffsetCurve], apart: in
         reference: the camera whose offset is 0.
         curves: (first, second) -> evidence for ``offset_second - offset_first``.
         apart: offsets that differ by less are the same answer [samples].
+        chance: (first, second) -> evidence with the second's time reversed, for ``-offset_second - offset_first``: what
+            two such motions have in common by chance.
     """
     best: dict[str, int] = {reference: 0}
     best_parts: list[frozenset[str]] = []
@@ -83,7 +87,7 @@ def agreed_offsets(reference: str, curves: Mapping[Pair, OffsetCurve], apart: in
             best, best_parts, most = offsets, parts, evidence
     confidence = dict.fromkeys(best, 1.0)
     for part in best_parts:
-        lead = _lead(part, best, curves, apart)
+        lead = _lead(part, best, curves, apart, chance)
         for camera in part:
             confidence[camera] = min(confidence[camera], lead)
     return {camera: AgreedOffset(samples, confidence[camera]) for camera, samples in best.items()}
@@ -147,9 +151,31 @@ def _move(part: frozenset[str], offsets: dict[str, int], curves: Mapping[Pair, O
     return shift != 0
 
 
-def _lead(part: frozenset[str], offsets: Mapping[str, int], curves: Mapping[Pair, OffsetCurve], apart: int) -> float:
-    """How far the evidence for a part's offset is above that for any other, as a share of it."""
+def _lead(
+    part: frozenset[str],
+    offsets: Mapping[str, int],
+    curves: Mapping[Pair, OffsetCurve],
+    apart: int,
+    chance: Mapping[Pair, OffsetCurve] | None,
+) -> float:
+    """How far the evidence for a part's offset is above that for any other and above chance, as a share of it."""
     shifts, evidence = _across(part, offsets, curves)
     here = float(evidence[np.abs(shifts) < apart].max())
     elsewhere = float(evidence[np.abs(shifts) >= apart].max(initial=0.0))
+    if chance is not None:
+        across = {pair: curve for pair, curve in chance.items() if (pair[0] in part) != (pair[1] in part)}
+        elsewhere = max(elsewhere, _by_chance(across, offsets))
     return max(0.0, 1.0 - elsewhere / here) if here > 0.0 else 0.0
+
+
+def _by_chance(curves: Mapping[Pair, OffsetCurve], offsets: Mapping[str, int]) -> float:
+    """The most evidence that a part has with the rest at any shift if its time runs backwards.
+
+    Reversing the first of a pair is reversing the second and the shift, so one formula serves both.
+    """
+    known = {pair: curve for pair, curve in curves.items() if pair[0] in offsets}
+    places = {(first, second): offsets[first] + offsets[second] for first, second in known}
+    low = min(curve.lowest + places[pair] for pair, curve in known.items())
+    high = max(curve.lowest + len(curve.values) + places[pair] for pair, curve in known.items())
+    shifts = np.arange(low, high)
+    return float(sum((curve.evidence(shifts - places[pair]) for pair, curve in known.items()), np.zeros(1)).max())
