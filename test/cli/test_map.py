@@ -44,15 +44,13 @@ def few(sample, tmp_path):
     return folder
 
 
-def test_all_photographs_register_and_the_table_says_so(built, sample):
+def test_all_photographs_register_and_the_summary_says_so(built, sample):
     path, done = built
     names = [p.name for p in find_photographs(sample / "reference").paths]
     reference_map = ReferenceMap.load(path)
     assert list(reference_map.image_names) == names
     assert reference_map.metric and reference_map.gravity_aligned
     assert f"{len(names)} of {len(names)} photographs registered" in done.stdout
-    for name in names:
-        assert name in done.stdout
     assert "Traceback" not in done.stderr and "glog" not in done.stderr
 
 

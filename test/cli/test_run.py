@@ -54,7 +54,7 @@ def test_a_step_that_fails_costs_only_what_needs_it(capfd: pytest.CaptureFixture
     assert main(["run", str(folder), "--jobs", "1"]) == 1
     captured = capfd.readouterr()
     assert "bodycam: error:" in captured.err and "body.yaml" in captured.err
-    assert "walk: evaluate: FAILED: not run, because a step before it failed" in captured.out
+    assert "walk: evaluate: FAILED: not run, because step 'walk: replay' failed" in captured.out
     assert not (folder / "solved" / "takes" / "walk" / "out").exists()
 
 
