@@ -12,10 +12,11 @@ from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, Motio
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
 from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
+from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_limits import JointLimitSettings, limited_body
 from bodycam_ros.calibration.joint_search import FoundJoints, find_joints
-from bodycam_ros.calibration.refinement import MAX_ROWS, pose_evidence, refine
+from bodycam_ros.calibration.refinement import MAX_ROWS, refine
 from bodycam_ros.calibration.rest_pose import (
     RestPose,
     facing_direction,
@@ -29,6 +30,7 @@ from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.timing.clock_state import ClockSettings
@@ -60,7 +62,7 @@ class BodyCalibrator:
         rig: which camera is on which segment, and how the segments hang together.
         cameras: models of the cameras, by name.
         settings: of all steps.
-        evidence: noise of registrations, that of the solver.
+        pose_fit, evidence: noise of landmarks and registrations, those of the solver.
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
         clock: how far the cameras' clocks may be off.
@@ -75,6 +77,7 @@ class BodyCalibrator:
         rig: Rig,
         cameras: Mapping[str, CameraModel],
         settings: CalibrationSettings | None = None,
+        pose_fit: PoseFitSettings | None = None,
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
         clock: ClockSettings | None = None,
@@ -88,6 +91,7 @@ class BodyCalibrator:
         self._models = cameras
         self._modes = modes or {}
         self._settings = settings or CalibrationSettings()
+        self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
         self._clock = clock or ClockSettings()
@@ -149,6 +153,7 @@ class BodyCalibrator:
         refined = refine(
             first,
             pose_evidence(motion, rows, self._evidence),
+            image_evidence(motion, rows, self._models, self._pose_fit, self._evidence),
             found.trust[rows],
             straight_limbs(first, hinges),
             self._clock,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.camera_path import CameraPath
@@ -73,6 +73,8 @@ class CameraMotion:
         world_T_camera: (T, C, 4, 4); the identity where a camera is unknown.
         known: (T, C) whether it is known.
         matches: (T) camera -> the image nearest to the stamp, with its landmarks; registered ones only.
+        instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the stamp: the
+            identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
         triggered: (C) whether a camera shares its stamps with most others.
     """
@@ -82,6 +84,7 @@ class CameraMotion:
     world_T_camera: Array
     known: NDArray[np.bool_]
     matches: tuple[Mapping[str, LandmarkMatches], ...]
+    instant_T_image: Array
     twists: Array
     triggered: NDArray[np.bool_]
 
@@ -130,6 +133,7 @@ def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | Non
     stamps_ns = own_stamps_ns[clock] - delays_ns[clock]
     shape = (len(stamps_ns), len(logs))
     world_T_camera = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy()
+    instant_T_image = world_T_camera.copy()
     twists = np.zeros((*shape, 6))
     known = np.zeros(shape, dtype=bool)
     nearest: list[dict[str, LandmarkMatches]] = [{} for _ in stamps_ns]
@@ -143,6 +147,7 @@ def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | Non
         world_T_camera[rows, column] = points.poses
         twists[rows, column] = points.twists
         known[rows, column] = True
+        instant_T_image[rows, column] = inverse(points.poses) @ path.world_T_camera[points.nearest]
         for row, image in zip(rows, points.nearest, strict=True):
             nearest[row][log.camera] = seen[image]
     return CameraMotion(
@@ -151,6 +156,7 @@ def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | Non
         world_T_camera=world_T_camera,
         known=known,
         matches=tuple(nearest),
+        instant_T_image=instant_T_image,
         twists=twists,
         triggered=np.array([log.camera in together for log in logs]),
     )

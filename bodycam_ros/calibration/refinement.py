@@ -1,9 +1,10 @@
-"""Least squares of a body over its range of motion: joints, mounts and poses against the registrations.
+"""Bundle adjustment of a body over its range of motion: joints, mounts and poses against the image measurements.
 
-Seed A stops at the SVD and a person's corrections. Here the poses of all cameras decide, under the articulation (A eq.
-3-5). A camera enters as in the solver (``measurements``, DESIGN 4.2): as a pose with its information, floored and
-robust. The solver's tight joints are exact here, and its smoothness is left out: the instants then depend on each other
-through the body alone, and each is eliminated on its own (Schur complement).
+Seed A stops at the SVD and a person's corrections. Here the reprojection errors of all landmarks (A eq. 8-9) decide,
+under the articulation (A eq. 3-5). A camera enters as in the solver (``measurements``, DESIGN 4.2): as a pose with
+its information, here linearised anew on its landmarks wherever an iteration puts it, floored and robust. The solver's
+tight joints are exact here, and its smoothness is left out: the instants then depend on each other through the body
+alone, and each is eliminated on its own (Schur complement).
 """
 
 from collections.abc import Callable, Sequence
@@ -13,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, eliminate_instants
-from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.hinge import StraightLimb
-from bodycam_ros.estimation.measurements import EvidenceSettings, evidence_floor
-from bodycam_ros.geometry import Array, inverse, log_se3
+from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
+from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
 
 MAX_ROWS = 120
@@ -25,38 +25,12 @@ MAX_ROWS = 120
 STRAIGHT_SIGMA_M = 0.005
 """How straight a limb stands in the N-pose: it alone fixes a hinge's joint along its axis."""
 
-_ITERATIONS = 4  # from the joint centres; further ones move joints by 0.01 mm
+_POSE_ITERATIONS = 4  # on the registrations' own poses, from the joint centres to within a pixel
+_IMAGE_ITERATIONS = 4  # on the landmarks in the images; further ones move joints by 0.1 mm
+_LANDMARK_SIGMA_M = 0.02  # of a landmark in the map; the images of the whole recording correct the rest
 _SIGMA_BLOCKS = 12  # stretches that are left out one by one for the covariance; each must outlast the tracks
 _OUTLIER_SIGMAS = 4.0  # a camera this far from the body counts half (Cauchy), as in the solver
 _FIXED = 1e12  # information on what is a matter of choice: each segment's axes, and the root's origin
-
-
-@dataclass(frozen=True, eq=False)
-class PoseEvidence:
-    """The registrations' own poses.
-
-    Attributes:
-        world_T_camera: (T, C, 4, 4).
-        information: (T, C, 6, 6), zero where a camera is not known.
-    """
-
-    world_T_camera: Array
-    information: Array
-
-    def linearised(self, world_T_camera: Array) -> tuple[Array, Array]:
-        """Hessians (T, C, 6, 6) and gradients (T, C, 6) of half the squared Mahalanobis distance, in camera axes."""
-        errors = log_se3(inverse(self.world_T_camera) @ world_T_camera)
-        return self.information, (self.information @ errors[..., None])[..., 0]
-
-
-def pose_evidence(motion: CameraMotion, rows: NDArray[np.intp], evidence: EvidenceSettings) -> PoseEvidence:
-    """The registrations of some instants, as far as an image is near them."""
-    information = np.zeros((len(rows), len(motion.cameras), 6, 6))
-    floor = evidence_floor(evidence)
-    for index, row in enumerate(rows):
-        for camera, matches in motion.matches[row].items():
-            information[index, motion.cameras.index(camera)] = np.linalg.inv(matches.pose_covariance + floor)
-    return PoseEvidence(motion.world_T_camera[rows], information)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +79,7 @@ class Refined:
 def refine(
     motion: ArticulatedMotion,
     poses: PoseEvidence,
+    images: ImageEvidence,
     trust: Array,
     limbs: Sequence[StraightLimb],
     clock: ClockSettings,
@@ -115,14 +90,21 @@ def refine(
     Args:
         motion: where to start.
         poses: the registrations' own poses.
+        images: their landmarks in the images.
         trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
         limbs: the straight limbs of the N-pose.
         clock: how far clocks may be off.
         on_progress: called with the share that is done.
     """
     start = motion
-    for iteration in range(_ITERATIONS):
-        hessians, gradients = poses.linearised(motion.world_T_camera())
+    total = _POSE_ITERATIONS + _IMAGE_ITERATIONS
+    for iteration in range(total):
+        world_T_camera = motion.world_T_camera()
+        if iteration < _POSE_ITERATIONS:
+            hessians, gradients = poses.linearised(world_T_camera)
+        else:
+            images = images.with_landmarks_refined(world_T_camera, _LANDMARK_SIGMA_M)
+            hessians, gradients = images.linearised(world_T_camera)
         weights = trust * _cauchy(hessians, gradients)
         eliminated = eliminate_instants(
             *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
@@ -131,7 +113,7 @@ def refine(
         equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
         lasting = equations.step()
         motion = motion.moved(eliminated.moving(lasting), lasting)
-        on_progress((iteration + 1) / _ITERATIONS)
+        on_progress((iteration + 1) / total)
     return Refined(motion, jackknife_covariance(equations, _SIGMA_BLOCKS), weights)
 
 

@@ -86,6 +86,7 @@ class LiveCalibration:
             self._rig,
             cameras,
             calibration,
+            settings.pose_fit,
             settings.evidence,
             self._facing,
             settings.clock,

@@ -182,6 +182,7 @@ def calibrate(
         rig,
         models,
         settings,
+        pipeline.pose_fit,
         pipeline.evidence,
         facing_rad,
         pipeline.clock,
