@@ -60,11 +60,14 @@ class Timeline:
         return sorted((each for kept in there.values() for each in kept), key=lambda each: each.stamp_ns)
 
     def apart_s(self, camera: str) -> float | None:
-        """How far a camera's stamps are ahead of the latest of all [s], or behind (negative); None if it stopped."""
-        if camera not in self._lively():
-            return None
+        """How far a camera's stamps are ahead of the latest of all [s], or behind (negative).
+
+        None if it stopped, or sent nothing since the epoch began.
+        """
         elsewhere = self._elsewhere.get(camera)
-        own_ns = elsewhere[-1].stamp_ns if elsewhere else self._admitted_ns[camera]
+        own_ns = elsewhere[-1].stamp_ns if elsewhere else self._admitted_ns.get(camera)
+        if own_ns is None or camera not in self._lively():
+            return None
         return 1e-9 * (own_ns - max(self._admitted_ns.values(), default=own_ns))
 
     def _lively(self) -> list[str]:

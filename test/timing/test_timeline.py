@@ -76,6 +76,15 @@ def test_a_clock_that_was_never_set_costs_the_others_nothing(off: int, cameras: 
     assert timeline.apart_s("d") is None, "it stopped"
 
 
+def test_a_camera_that_has_not_followed_the_others_to_a_new_epoch_has_no_offset_yet() -> None:
+    timeline = Timeline(1.0)
+    admitted(timeline, together("abcd", range(0, 2000, 40)))
+    admitted(timeline, together("bcd", range(HOUR, HOUR + 120, 40)))
+    assert timeline.epoch == 1
+    assert timeline.apart_s("a") is None
+    assert timeline.apart_s("b") == pytest.approx(0.0, abs=0.1)
+
+
 def test_images_out_of_order_begin_no_epoch() -> None:
     timeline = Timeline(1.0)
     assert admitted(timeline, [("a", 0), ("a", 80), ("a", 40), ("a", 120)]) == [("a", 0), ("a", 80), ("a", 120)]
