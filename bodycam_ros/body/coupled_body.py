@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.equipment import Equipment, UnknownLengths, attachment_joint, fitted_equipment
+from bodycam_ros.body.equipment import Equipment, UnknownLengths, attachment_joint, fitted_equipment, unknown_lengths
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import equipment_path, read_equipment
 from bodycam_ros.errors import BodyError
@@ -57,12 +57,6 @@ def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
         raise BodyError(f"equipment {equipment.name} with body {body.name}: {error}") from error
 
 
-def unknown_lengths(equipment: Equipment) -> dict[str, Array]:
-    """Attachment or joint of unknown place -> (3) sigmas of that place in the axes of its equipment segment [m]."""
-    unknown = {each.name: each.unknown for each in equipment.attachments} | dict(equipment.unknown)
-    return {name: sigmas for name, sigmas in unknown.items() if np.any(sigmas)}
-
-
 def length_joint(name: str) -> str:
     """Name of the joint that slides by what is unknown of the place of an attachment or joint."""
     return f"{name} length"
@@ -87,7 +81,7 @@ def body_with_lengths(body: BodyModel, equipment: Equipment) -> BodyModel:
 
 _SETTLED_M = 1e-3
 _SETTLED_NS = 5_000_000_000
-"""Lengths that change by less for so long, ten fits, are settled."""
+"""Lengths that change by less for so long are settled."""
 
 
 def learned_body(body: BodyModel, equipment: Equipment, values: Array) -> BodyModel:
@@ -98,7 +92,7 @@ def learned_body(body: BodyModel, equipment: Equipment, values: Array) -> BodyMo
         equipment: that it is coupled to, as far as it can hold it.
         values: (L) lengths of the equipment that its file leaves open, in the order of ``UnknownLengths`` [m].
     """
-    lengths = UnknownLengths(equipment, equipment.joints)
+    lengths = UnknownLengths(equipment)
     shifts = values - lengths.given
     return replace(body, joints=tuple(lengths.joint(joint, shifts) for joint in body.joints)) if len(lengths) else body
 
@@ -111,7 +105,7 @@ class SettledLengths:
     """
 
     def __init__(self, equipment: Equipment) -> None:
-        self._given = UnknownLengths(equipment, equipment.joints).given
+        self._given = UnknownLengths(equipment).given
         self._values = self._given
         self._since_ns: int | None = None
         self._is_done = not len(self._given)

@@ -10,7 +10,7 @@ or more weld.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -203,12 +203,17 @@ def _alignment(on_body: Array, on_equipment: Array, weights: Array) -> Array:
     return np.eye(3) if np.linalg.norm(scatter, 2) < 1e-12 else nearest_rotation(scatter)
 
 
+def unknown_lengths(equipment: Equipment) -> dict[str, Array]:
+    """Attachment or joint of unknown place -> (3) sigmas of that place in the axes of its equipment segment [m]."""
+    unknown = {each.name: each.unknown for each in equipment.attachments} | dict(equipment.unknown)
+    return {name: sigmas for name, sigmas in unknown.items() if np.any(sigmas)}
+
+
 class UnknownLengths:
     """All (L) lengths of a piece of equipment that are to be estimated.
 
     Args:
         equipment: with the sigmas of its lengths.
-        tree: its own joints.
 
     Attributes:
         owners: (L) attachment or joint, and the axis 0, 1 or 2 of its equipment segment or parent.
@@ -216,11 +221,10 @@ class UnknownLengths:
         given: (L) as in the file, of an attachment the mean of its points [m].
     """
 
-    def __init__(self, equipment: Equipment, tree: Sequence[Joint]) -> None:
-        unknown = {attachment.name: attachment.unknown for attachment in equipment.attachments}
-        unknown |= dict(equipment.unknown)
+    def __init__(self, equipment: Equipment) -> None:
+        unknown = unknown_lengths(equipment)
         places = {attachment.name: attachment.on_equipment.mean(axis=0) for attachment in equipment.attachments}
-        places |= {joint.name: joint.parent_T_joint[:3, 3] for joint in tree}
+        places |= {joint.name: joint.parent_T_joint[:3, 3] for joint in equipment.joints}
         self.owners = tuple((name, int(axis)) for name, off in unknown.items() for axis in np.flatnonzero(off))
         self.priors = np.array([unknown[name][axis] for name, axis in self.owners])
         self.given = np.array([places[name][axis] for name, axis in self.owners])
@@ -233,15 +237,12 @@ class UnknownLengths:
         """(L) ``<attachment or joint>_<x, y or z>``."""
         return tuple(f"{name}_{'xyz'[axis]}" for name, axis in self.owners)
 
-    def columns(self, name: str) -> list[tuple[int, int]]:
-        """Number and axis of each length of an attachment or joint."""
-        return [(number, axis) for number, (owner, axis) in enumerate(self.owners) if owner == name]
-
     def along_axes(self, name: str, values: Array) -> Array:
         """(3) values (L) of an attachment's or joint's lengths along its axes; zero along what is known."""
         along = np.zeros(3)
-        for number, axis in self.columns(name):
-            along[axis] = values[number]
+        for (owner, axis), value in zip(self.owners, values, strict=True):
+            if owner == name:
+                along[axis] = value
         return along
 
     def joint(self, joint: Joint, shifts: Array) -> Joint:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.coupled_body import body_with_lengths, length_joint, unknown_lengths
-from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.coupled_body import body_with_lengths, length_joint
+from bodycam_ros.body.equipment import Equipment, unknown_lengths
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, joint_gap, turn_jacobian

@@ -66,7 +66,7 @@ class Attachments:
 
     def __init__(self, body: BodyModel, equipment: Equipment, settings: CouplingSettings) -> None:
         self._settings, self._given = settings, equipment.attachments
-        self._lengths = UnknownLengths(equipment, equipment.joints)
+        self._lengths = UnknownLengths(equipment)
         self.names = tuple(each.name for each in self._given)
         closing = {joint.name: joint for joint in body.loop_joints}
         self._joints = [closing[name] for name in self.names]

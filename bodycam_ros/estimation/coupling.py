@@ -66,7 +66,7 @@ class Coupling:
         own = {joint.name for joint in tree if joint.child in equipment.segments}
         self.joint_names = frozenset({*own, *lengths, *self.attachments.names})
         self._root, self._stands = self.body.segment_index[equipment.root], equipment.segments[equipment.root].stands
-        self._lengths = UnknownLengths(equipment, equipment.joints)
+        self._lengths = UnknownLengths(equipment)
         self._length_places = [(self.body.joint_row[length_joint(name)], axis) for name, axis in self._lengths.owners]
         self._length_columns = np.array(
             [

@@ -67,7 +67,7 @@ def _attachment_fault(record: EquipmentRecord, column: int, attachment: Attachme
 
 def _far_lengths(record: EquipmentRecord, equipment: Equipment) -> Iterator[_Fault]:
     """Lengths much farther from the file's than its sigmas."""
-    lengths = UnknownLengths(equipment, equipment.joints)
+    lengths = UnknownLengths(equipment)
     given = dict(zip(lengths.names, lengths.given.tolist(), strict=True))
     for name, prior, value in zip(record.lengths, record.priors.tolist(), record.values.tolist(), strict=True):
         off = abs(value - given[name]) / prior
