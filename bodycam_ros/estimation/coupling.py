@@ -119,8 +119,9 @@ class Coupling:
             start: initial coordinates of the state, at which the body is as measured.
             evidence: measured poses of segments.
         """
+        assert self._start_ns is not None  # set by ``start``
         observed, attachments = self.body.named(pose.segment for pose in evidence), self.attachments
-        attachments.observe(1e-9 * (stamp_ns - (self._start_ns or stamp_ns)), observed)
+        attachments.observe(1e-9 * (stamp_ns - self._start_ns), observed)
         measured = tuple(attachments.measured.tolist())
         if measured != self._searched_with:
             self._search_due_ns, self._search_wait_ns, self._searched_with = stamp_ns, _SEARCH_NS, measured
