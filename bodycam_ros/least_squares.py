@@ -31,13 +31,13 @@ def damped_gauss_newton(
         steps: at most.
         longest_step: greatest component of an increment.
         enough: relative decrease of the cost at which it ends.
-        solved: cost at which it ends.
+        solved: cost at which it ends, as it does where nothing can be moved (K = 0).
     """
     state, damping = start, _FIRST_DAMPING
     residuals, J, cost = linearise(state)
-    for _ in range(steps if J.shape[1] else 0):
+    for _ in range(steps):
         hessian, gradient, before = J.T @ J, J.T @ residuals, cost
-        if cost <= solved:
+        if cost <= solved or not len(gradient):
             break
         scale = np.diag(hessian) + _FLOOR * np.trace(hessian) / len(hessian)
         while damping < _MOST_DAMPING:
