@@ -61,10 +61,9 @@ class Coupling:
         self.attachments = Attachments(self.body, equipment, settings)
         self._search, self._tangent = EquipmentSearch(mechanism), TreeTangent(self.body, SLIDES_M)
         tree = self.body.tree_joints
-        self._joint_rows = [row for row, joint in enumerate(tree) if joint.child in equipment.segments]
-        lengths = {length_joint(name) for name in mechanism.lengths}
-        own = {joint.name for joint in tree if joint.child in equipment.segments}
-        self.joint_names = frozenset({*own, *lengths, *self.attachments.names})
+        self._of_equipment = np.array([joint.child in equipment.segments for joint in tree])
+        own = [joint.name for joint in tree if joint.child in equipment.segments]
+        self.joint_names = frozenset({*own, *map(length_joint, mechanism.lengths), *self.attachments.names})
         self._root, self._stands = self.body.segment_index[equipment.root], equipment.segments[equipment.root].stands
         self._lengths = UnknownLengths(equipment)
         self._length_places = [(self.body.joint_row[length_joint(name)], axis) for name, axis in self._lengths.owners]
@@ -158,15 +157,13 @@ class Coupling:
         self, at: Coordinates, start: Coordinates, before: ActiveAttachments | None
     ) -> tuple[Coordinates, NDArray[np.bool_]]:
         """Coordinates and their columns (K,) without a past: of equipment just placed, of hinges driven again."""
-        columns, motion = np.zeros(self._tangent.count, bool), at.motion.copy()
+        motion, joints = at.motion.copy(), np.zeros(len(at.motion), bool)
         if not self._was_placed:
-            motion[self._joint_rows] = start.motion[self._joint_rows]
-            for row in self._joint_rows:
-                columns[self._tangent.columns[row]] = True
+            joints |= self._of_equipment
+            motion[joints] = start.motion[joints]
         for row in self.motion.coasting_rows:
-            if self.motion.is_driven(row, self.active) and not self.motion.is_driven(row, before):
-                columns[self._tangent.columns[row]] = True
-        return replace(at, motion=motion), columns
+            joints[row] |= self.motion.is_driven(row, self.active) and not self.motion.is_driven(row, before)
+        return replace(at, motion=motion), self._tangent.columns_of(joints)
 
     def closed_joints(self) -> tuple[ClosedJoint, ...]:
         """Joints of the active attachments."""

@@ -55,7 +55,6 @@ class EquipmentMotion:
             for row, joint in enumerate(body.tree_joints)
             if joint.type == "hinge" and joint.child in self._row and equipment.segments[joint.child].keeps_speed
         ]
-
         self.reset()
 
     def reset(self) -> None:
@@ -76,12 +75,12 @@ class EquipmentMotion:
         tangent = model.tangent
         density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
         for row, joint in enumerate(tangent.tree.tree_joints):
-            if joint.child not in self._row and joint.child in tangent.tree.equipment_segments:
-                density[tangent.columns[row]] = _CONSTANT
-            elif joint.child in self._row:
+            if joint.child in self._row:
                 columns, sigmas = tangent.columns[row], self.accelerations[self._row[joint.child]]
                 turns = tangent.twists[row][:3].any(axis=0)
                 density[columns] = np.where(turns, sigmas[0], sigmas[3]) ** 2 * LASTS_S
+            elif joint.child in tangent.tree.equipment_segments:
+                density[tangent.columns[row]] = _CONSTANT
         for row in self.coasting_rows:
             fade_s[tangent.columns[row]] = _KEPT_S
             density[self._led_columns(row, tangent, active)] = _LED**2 * LASTS_S

@@ -27,17 +27,14 @@ class EquipmentSearch:
         assert equipment is not None  # by the caller
         self._mechanism, self._equipment, self._tree = mechanism, equipment, mechanism.tree
         self._root_row = self._tree.joint_row[equipment.name]
-        own = [row for row, joint in enumerate(self._tree.tree_joints) if joint.parent not in self._people]
+        beside = self._tree.equipment_segments
+        own = [row for row, joint in enumerate(self._tree.tree_joints) if joint.parent in beside]
         columns = [mechanism.tangent.columns[row] for row in (self._root_row, *own)]
         self._columns = np.concatenate([np.arange(each.start, each.stop) for each in columns])
         endless = [j for j in equipment.joints if j.type == "hinge" and j.limits is None]
         # Pedals follow the foot once their crank is found.
         turning = {joint.child for joint in endless}
         self._searched = next((joint for joint in endless if joint.parent not in turning), None)
-
-    @property
-    def _people(self) -> set[str]:
-        return set(self._tree.segments) - self._tree.equipment_segments
 
     def find(self, start: Configuration, measured: Collection[str], is_root_measured: bool) -> Configuration | None:
         """The configuration with the equipment where it fits best; None while the attachments do not determine it.
