@@ -1,9 +1,9 @@
 """The stages wired together once, for the offline replay and for the live nodes alike.
 
-    image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodySmoother--> BodyOutput
+    image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodyEstimator--> BodyOutput
 
-What happens to one camera is in ``camera_pipeline.py``, ``camera_pipeline.py`` and, offline, ``camera_pipeline.py``;
-``SkeletonPipeline`` is what happens to all cameras' registrations.
+What happens to one camera is in ``camera_pipeline.py``; ``SkeletonPipeline`` is what happens to all cameras'
+registrations.
 """
 
 from collections import Counter, deque
@@ -142,15 +142,11 @@ class SkeletonPipeline:
         """Add samples of a camera's inertial sensor, in order of time; before the images that follow them."""
         self.inertial.add(camera, samples)
 
-    def add(self, matches: LandmarkMatches) -> list[BodyOutput]:
-        """Add what one camera says; return what is ready to be published, in order of time."""
-        return self._admit(matches)
+    def add(self, message: Message) -> list[BodyOutput]:
+        """Add a registration, or an image or measurements of a static camera; outputs that are ready, in order of time.
 
-    def add_static(self, seen: CameraImage | SegmentMeasurements) -> list[BodyOutput]:
-        """As ``add``, of a static camera: its image, or what it says; it waits for worn ones as long as clocks take."""
-        return self._admit(seen)
-
-    def _admit(self, message: Message) -> list[BodyOutput]:
+        Messages of static cameras wait for registrations as long as clocks take.
+        """
         outputs, epoch = list[BodyOutput](), self.timeline.epoch
         for each in self.timeline.admit(message):
             if self.timeline.epoch > epoch:

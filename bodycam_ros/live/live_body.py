@@ -105,8 +105,6 @@ class LiveBody:
         self._is_flushed = False
         if self.pipeline is None:
             return []
-        if isinstance(measured, SegmentMeasurements):
-            return self._judge(self.pipeline.add_static(measured))
         return self._judge(self.pipeline.add(measured))
 
     def poll(self) -> list[BodyOutput]:

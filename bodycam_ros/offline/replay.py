@@ -153,7 +153,7 @@ def replay(
             summary.images[item.camera] += 1
             spans.add(item.camera, item.stamp_ns)
             if isinstance(item, CameraImage):
-                out.write_states(skeleton.add_static(item))
+                out.write_states(skeleton.add(item))
             else:
                 rows.add(item.matches)
                 out.write_registration(item)
