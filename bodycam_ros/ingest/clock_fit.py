@@ -76,7 +76,6 @@ def fit_clocks(
     reference: str,
     source: str,
     floor_s: float = 0.0,
-    drift_sigma: float = _DRIFT_SIGMA,
 ) -> dict[str, CameraTime]:
     """Fit all clocks to the time of the reference camera by robust least squares; the events' times are eliminated.
 
@@ -88,7 +87,6 @@ def fit_clocks(
         reference: the camera that has start 0 and drift 0.
         source: written into the clocks.
         floor_s: standard deviation that all events of a camera have in common [s].
-        drift_sigma: standard deviation of a drift of which nothing is known.
     """
     count, zero = len(cameras), list(cameras).index(reference)
     joined = _joined(events, count, zero)
@@ -100,7 +98,7 @@ def fit_clocks(
     design[rows, camera] = 1.0
     design[rows, count + camera] = media_s
     free = np.tile(joined & (np.arange(count) != zero), 2)
-    prior = np.diag(np.repeat([0.0, drift_sigma**-2.0], count)[free])
+    prior = np.diag(np.repeat([0.0, _DRIFT_SIGMA**-2.0], count)[free])
 
     def centred(values: Array, weight: Array) -> Array:
         """Less the weighted mean of the event, by which its time is eliminated."""
