@@ -86,9 +86,11 @@ class BodyEstimator:
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         self._offline, self._coupling, self._static_cameras = offline, coupling, static_cameras
-        self._published, self._inertial = body, inertial
-        # Unknown lengths of equipment are joints that slide; their segments come last.
+        self._inertial = inertial
+        # Unknown lengths of equipment are joints that slide; their segments come last, and are not published.
         self.body = coupling.body if coupling else body
+        self._published = slice(len(body.segments))
+        self._published_joints = [self.body.joint_row[joint.name] for joint in body.tree_joints]
         self.settings = settings or SmootherSettings()
         self._cameras = {name for name in cameras if name in body.mounts}
         if not self._cameras and static_cameras is None:
@@ -111,7 +113,7 @@ class BodyEstimator:
     def _restart(self) -> None:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
         self._chain: list[ChainState] = []
-        self._static = StaticEvidence(self.body, self._static_cameras, len(self._published.segments))
+        self._static = StaticEvidence(self.body, self._static_cameras, self._published.stop)
         self._whole.reset()
         self.latest_states: list[LatestState] = []
         if self._coupling:
@@ -217,7 +219,7 @@ class BodyEstimator:
             uncertainty=static.widen(body_uncertainty(estimate, tangent, step.dt_s, bool(observed[self._root]))),
             active=self._coupling.active if self._coupling else None,
         )
-        rows = slice(len(self._published.segments))
+        rows = self._published
         covariances = state.uncertainty.segments[rows]
         now = LatestState(state.stamp_ns, estimate.at.poses(tangent)[rows], covariances, observed[rows])
         self.latest_states = [*self.latest_states[-1:], now]
@@ -268,12 +270,7 @@ class BodyEstimator:
         return self._restart_columns(step, at, columns), start
 
     def _couple(
-        self,
-        stamp_ns: int,
-        evidence: Sequence[SegmentPose],
-        measured: Measurements,
-        step: Step,
-        start: Coordinates,
+        self, stamp_ns: int, evidence: Sequence[SegmentPose], measured: Measurements, step: Step, start: Coordinates
     ) -> tuple[Measurements, Step, Coordinates]:
         """Measurements and initial estimate with the equipment."""
         coupling = self._coupling
@@ -351,19 +348,15 @@ class BodyEstimator:
         return [self._body_state(*each) for each in zip(pending, estimates, strict=False)]
 
     def _body_state(self, state: ChainState, estimate: Estimate) -> BodyState:
-        report, covariance = None, state.estimate.covariance
+        report, rows, uncertainty = None, self._published, state.uncertainty
         if self._coupling:
-            report = self._coupling.report(estimate.at, covariance, state.active)
-        rows = slice(len(self._published.segments))
-        joints = [self.body.joint_row[joint.name] for joint in self._published.tree_joints]
-        uncertainty = replace(
-            state.uncertainty, joints=state.uncertainty.joints[joints], segments=state.uncertainty.segments[rows]
-        )
+            report = self._coupling.report(estimate.at, state.estimate.covariance, state.active)
+        joints, segments = uncertainty.joints[self._published_joints], uncertainty.segments[rows]
         return BodyState(
             stamp_ns=state.stamp_ns,
-            segments=self._published.segments,
+            segments=self.body.segments[rows],
             world_T_segment=estimate.at.poses(self._tangent)[rows],
-            uncertainty=uncertainty,
+            uncertainty=replace(uncertainty, joints=joints, segments=segments),
             observed=state.observed[rows],
             cameras_used=state.cameras_used,
             equipment=report,
