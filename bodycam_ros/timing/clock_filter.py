@@ -63,14 +63,14 @@ class ClockFilter:
         return self._covariance[:count, :count] + _REFERENCE_S**2 * np.eye(count)
 
     def advance(self, seconds: float) -> None:
-        """Predict by some time [s]."""
+        """Predict by some time [s]; negative where a recording is played again."""
         count = len(self.offsets)
         F = np.eye(2 * count)
         F[:count, count:] = seconds * np.eye(count)
         self.offsets = self.offsets + seconds * self.drifts
         self._covariance = F @ self._covariance @ F.T
         walking = np.arange(count, 2 * count)[np.arange(count) != self.reference]
-        self._covariance[walking, walking] += seconds * _DRIFT_WALK**2
+        self._covariance[walking, walking] += abs(seconds) * _DRIFT_WALK**2
 
     def free(self, camera: int) -> None:
         """Reset one clock to unknown: it jumped, or its camera is not triggered after all."""
