@@ -34,10 +34,6 @@ class DrivenCamera:
         blobs = np.random.default_rng(3).integers(0, 255, (HEIGHT // 4, WIDTH // 4), dtype=np.uint8)
         self._pixels = cv2.resize(blobs, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC).reshape(-1)
 
-    def read_by(self, more: dict[str, object]) -> GraphNode:
-        """Its tracker, with more parameters."""
-        return GraphNode("tracker", self.tracker.name, {**self.tracker.parameters, **more})
-
     def show(self, stamps: Iterable[int]) -> None:
         for stamp in stamps:
             header = header_message(self._make, stamp, "")

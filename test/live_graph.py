@@ -249,14 +249,6 @@ class Graph:
             assert time.monotonic() < deadline_s, f"after {timeout_s:g} s still not: {what}\n{self.report()}"
             self._executor.spin_once(0.05)
 
-    def hear(self, longest_s: float) -> None:
-        """Wait a moment for something to be said."""
-        self._executor.spin_once(longest_s)
-
-    def publishers_of(self, topic: str) -> set[bytes]:
-        """Those that publish a topic, each with an identity of its own; who was killed goes after a while."""
-        return {bytes(each.endpoint_gid) for each in self._node.get_publishers_info_by_topic(topic)}
-
     def messages(self, topic: str, start: int = 0) -> list[Any]:
         """What was said on a topic, from a message of a number on; of a negative number, the latest."""
         return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][start:]]

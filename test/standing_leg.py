@@ -10,8 +10,8 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 STEP_NS = 33_333_333
 SHIN_M = 0.43
-HEEL, BALL = sole_points(SHIN_M)
-FLAT, ROLLS, SWINGS = range(20), range(20, 30), range(30, 42)
+_, BALL = sole_points(SHIN_M)
+ROLLS, SWINGS = range(20, 30), range(30, 42)
 FRAMES = 62
 STRIDE_M, PITCH_RAD, TURN_RAD = 0.7, 0.7, 0.3
 
@@ -28,8 +28,8 @@ def leg() -> BodyModel:
     return BodyModel("leg", "shin_left", ("shin_left", "foot_left"), (ankle,), mounts)
 
 
-def true_poses(frame: int, floor: float = 0.0) -> Array:
-    """world_T_segment (2, 4, 4); the sole stands on a floor at some height."""
+def true_poses(frame: int) -> Array:
+    """world_T_segment (2, 4, 4); the sole stands on the floor."""
     pitch, ahead, lift = 0.0, 0.0, 0.0
     if frame in ROLLS:
         pitch = PITCH_RAD * ((frame - ROLLS[0]) / len(ROLLS)) ** 2
@@ -40,21 +40,18 @@ def true_poses(frame: int, floor: float = 0.0) -> Array:
     elif frame >= SWINGS.stop:
         ahead = STRIDE_M
     R = exp_so3(np.array([0.0, pitch, 0.0]))
-    foot = rigid(R, BALL - R @ BALL + np.array([ahead, 0.0, lift + floor - BALL[2]]))
+    foot = rigid(R, BALL - R @ BALL + np.array([ahead, 0.0, lift - BALL[2]]))
     lean = exp_so3(np.array([0.02 * np.sin(0.2 * frame), 0.1 + 0.004 * frame, 0.0]))
     shin = rigid(lean, foot[:3, 3] + lean @ np.array([0.0, 0.0, SHIN_M]))
     return rigid(exp_so3(np.array([0.0, 0.0, TURN_RAD])), np.zeros(3)) @ np.stack([shin, foot])
 
 
-def frame_of(
-    body: BodyModel, frame: int, rng: np.random.Generator, cameras: tuple[str, ...], floor: float
-) -> BodyFrame:
-    """What these cameras say, with noise as their covariance has it."""
+def frame_of(body: BodyModel, frame: int, rng: np.random.Generator) -> BodyFrame:
+    """Registrations of its cameras, with noise as their covariance has it."""
     said = {}
-    for camera in cameras:
-        mount = body.mounts[camera]
+    for camera, mount in body.mounts.items():
         row = body.segment_index[mount.segment]
-        pose, before = (true_poses(f, floor)[row] @ mount.segment_T_camera for f in (frame, frame - 1))
+        pose, before = (true_poses(f)[row] @ mount.segment_T_camera for f in (frame, frame - 1))
         noisy = pose @ exp_se3(np.sqrt(np.diag(NOISE)) * rng.standard_normal(6))
         said[camera] = LandmarkMatches(
             camera=camera, stamp_ns=(frame + 1) * STEP_NS, previous_stamp_ns=frame * STEP_NS,

@@ -11,7 +11,6 @@ from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.geometry import Array
 
 OFF = ContactSettings(enabled=False)
-ALL, SHIN_ALONE = ("shin", "foot"), ("shin",)
 
 
 @pytest.fixture(scope="module")
@@ -24,25 +23,19 @@ def lenses(body: BodyModel) -> dict[str, CameraModel]:
     return {name: camera_from_info(name, 640, 480, "equidistant", [0.0] * 4, k) for name in body.mounts}
 
 
-def solved(
-    body: BodyModel,
-    settings: ContactSettings,
-    cameras: tuple[str, ...] = ALL,
-    seed: int = 0,
-    floor: float = 0.0,
-) -> Array:
+def solved(body: BodyModel, settings: ContactSettings, seed: int = 0) -> Array:
     """Poses (FRAMES, 2, 4, 4)."""
     rng = np.random.default_rng(seed)
     smoother = BodyEstimator(body, lenses(body), contact=settings)
     states = []
     for frame in range(FRAMES):
-        states += smoother.update(frame_of(body, frame, rng, cameras, floor))
+        states += smoother.update(frame_of(body, frame, rng))
     states += smoother.flush()
     return np.array([state.world_T_segment for state in states])
 
 
-def truth(floor: float = 0.0) -> Array:
-    return np.array([true_poses(frame, floor) for frame in range(FRAMES)])
+def truth() -> Array:
+    return np.array([true_poses(frame) for frame in range(FRAMES)])
 
 
 def sliding_mm(poses: Array) -> float:

@@ -11,7 +11,6 @@ from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_
 
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
 STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)
-PRIOR_S = 0.05
 
 
 def tracks(recording: Recording) -> dict[str, CameraTrack]:
