@@ -122,14 +122,13 @@ def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
         document = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise StationError(f"{path}: cannot be read as TOML: {error}") from error
-    tables = {key: value for key, value in document.items() if isinstance(value, Mapping)}
-    unit = str(tables.get("metadata", {}).get("units", ""))
+    tables = _tables(document)
+    unit = str(dict(tables).get("metadata", {}).get("units", ""))
     if unit and unit not in _UNITS_M:
         raise StationError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
-    for table in [*tables.values()]:
-        tables |= {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    tables += [inner for _, table in tables for inner in _tables(table)]
     stations = []
-    for key, table in tables.items():
+    for key, table in tables:
         if "matrix" in table:
             name = str(table.get("name") or (f"cam_{key}" if key.isdigit() else key))
             where = f"{path}: camera {name}"
@@ -137,6 +136,10 @@ def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
             pose, fisheye = (table.get("rotation"), table.get("translation")), bool(table.get("fisheye", False))
             stations.append(_station(where, name, table.get("size"), table["matrix"], D, *pose, fisheye))
     return stations, unit
+
+
+def _tables(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    return [(key, value) for key, value in table.items() if isinstance(value, Mapping)]
 
 
 def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:

@@ -1,5 +1,6 @@
 """Calibrations of other programs: the same cameras by every format, and what is wrong is named."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -50,6 +51,15 @@ def test_toml_is_read_in_the_unit_that_its_cameras_are_apart_by(tmp_path: Path, 
 def test_toml_that_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "cameras.toml"
     path.write_text(toml_text(STATIONS.values()))
+    assert_same(read_stations(path))
+
+
+def test_cameras_of_two_tables_may_have_the_same_key(tmp_path: Path) -> None:
+    text = toml_text(STATIONS.values())
+    for header, key in zip(re.findall(r"^\[.*\]", text, re.MULTILINE), ("[front.0]", "[rear.0]"), strict=False):
+        text = text.replace(header, key)
+    path = tmp_path / "cameras.toml"
+    path.write_text(text)
     assert_same(read_stations(path))
 
 
