@@ -207,6 +207,8 @@ def _project_by_table(lens: Array, gains: Array, x: float, y: float, z: float) -
         return u, v
     near = 1.0 / math.sqrt(x * x + y * y + z * z)
     place = 0.5 * (z * near + 1.0) * (len(gains) - 1)
+    if math.isnan(place):  # moved by the time of a row that is out of view: as a whole number it is anywhere
+        return math.nan, math.nan
     below = min(int(place), len(gains) - 2)
     gain = near * (gains[below] + (place - below) * (gains[below + 1] - gains[below]))
     return lens[3] * gain * x + lens[5], lens[4] * gain * y + lens[6]
