@@ -100,7 +100,7 @@ class Comparison:
         position_errors: (T, S) [m], after one rigid alignment of the whole recording (A figure 7b).
         similarity_errors: (T, S) [m], after one alignment with scale (A 5.1).
         joints: child segment -> its rotation in its parent.
-        true_segments: (S, T, 4, 4) the truth in the map [m], by the rigid alignment.
+        true_segments: segment -> (T, 4, 4) the truth in the map [m], by the rigid alignment.
     """
 
     truth_name: str
@@ -113,7 +113,7 @@ class Comparison:
     position_errors: Array
     similarity_errors: Array
     joints: Mapping[str, JointRotation]
-    true_segments: Array
+    true_segments: Mapping[str, Array]
 
     def figures(self) -> dict[str, Any]:
         """Figures by name, the unit at the end of the name."""
@@ -184,7 +184,7 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
             for child, parent in truth.parents.items()
             if child in segments and parent in segments
         },
-        true_segments=inverse(rigid(R, t)) @ np.stack([true[s] for s in segments]),
+        true_segments={s: inverse(rigid(R, t)) @ poses for s, poses in true.items()},
     )
 
 

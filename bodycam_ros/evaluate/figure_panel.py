@@ -39,11 +39,9 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     """Draw the panel: left, right and centre in their colours, the truth in grey beneath."""
     solved, comparison = evaluation.solved, evaluation.comparison
     rows = np.unique(np.linspace(0, len(solved.stamps_ns) - 1, _FIGURES).round().astype(int)).tolist()
-    body, truth = solved.bones(), []
+    body = solved.bones()
+    truth = [] if comparison is None else limb_bones(comparison.true_segments, solved.parents)
     floor_z = min(float(np.minimum(b.start, b.end)[:, 2].min()) for b in body if not b.is_equipment)
-    if comparison is not None:
-        known = dict(zip(comparison.segments, comparison.true_segments, strict=True))
-        truth = limb_bones(known, solved.parents)
     for number, row in enumerate(rows):
         world_T_root = solved.motion.world_T_root[row]
         ground = np.array([*world_T_root[:2, 3], floor_z])

@@ -241,8 +241,7 @@ def solved_gait(solved: SolvedRecording, comparison: Comparison | None) -> dict[
         return {}
     figures = gait_figures(strides)
     if comparison is not None:
-        segments = dict(zip(comparison.segments, comparison.true_segments, strict=True))
-        true = _strides_of(solved, comparison.stamps_ns, segments)
+        true = _strides_of(solved, comparison.stamps_ns, comparison.true_segments)
         for key in MEASURES if true else ():
             figures[key]["true"] = _statistic(true, key, np.mean)
     return figures

@@ -47,7 +47,7 @@ def sliding_figures(solved: SolvedRecording, comparison: Comparison | None) -> d
     if comparison is None:
         return figures
     inside = np.isin(solved.stamps_ns, comparison.stamps_ns)
-    segments = dict(zip(comparison.segments, comparison.true_segments, strict=True))
+    segments = comparison.true_segments
     true = {foot: sole_of(solved, foot, segments[foot]) for foot in soles if foot in segments}
     stances = _stances(true, comparison.stamps_ns, solved.longest_step_ns)
     errors = {foot: soles[foot][inside] - true[foot] for foot in true}
