@@ -58,8 +58,13 @@ class ImageStage(Stage[P]):
         self.every(_POLL_S, self._poll)
 
     @abstractmethod
-    def restart(self) -> None:
+    def forget(self) -> None:
         """Forget all images so far."""
+
+    def restart(self) -> None:
+        """Forget all images so far, and count it in the diagnostics."""
+        self.diagnostics.restarts += 1
+        self.forget()
 
     @abstractmethod
     def waiting_reason(self) -> str:
@@ -90,7 +95,6 @@ class ImageStage(Stage[P]):
         if following.restarts and following is not self._restarted_at:
             # Once: the image may have to wait here.
             self._restarted_at = following
-            self.diagnostics.restarts += 1
             self.log.warning(f"camera {self.camera}: the time of its images goes back; restart")
             self.restart()
         if self.is_outdated():

@@ -71,7 +71,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         self._latest: deque[LatestState] = deque(maxlen=2)
         self._poses = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
         self.subscription(SEGMENT_POSES_TYPE, SEGMENTS_NOW, self._add_body, latched(STAGE_DEPTH), even_inactive=True)
-        self.restart()
+        self.forget()
         self.subscribe_images()
         self.trigger("~/reset", self._reset)
 
@@ -79,12 +79,11 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         """Drop the images, and keep the solver's estimate, which goes on meanwhile."""
         self.images.clear()
         latest = [*self._latest]
-        self.diagnostics.restarts += 1
         self.restart()
         for now in latest:
             self._set_body(now)
 
-    def restart(self) -> None:
+    def forget(self) -> None:
         """Forget the body and its colours."""
         alone = {self.camera: self._station}
         tracker = RegionTracker(self._body, self._surface, alone, self.settings.region)
@@ -137,7 +136,6 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         tally.confidence += sum(confidence[each.segment] for each in measured.evidence)
 
     def _reset(self) -> tuple[bool, str]:
-        self.diagnostics.restarts += 1
         self.restart()
         return True, f"camera {self.camera} restarts: the initial estimate is the solver's, or the start file's"
 

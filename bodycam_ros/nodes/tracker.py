@@ -51,13 +51,13 @@ class TrackerStage(ImageStage[TrackerParameters]):
     def pause(self) -> None:
         """Drop the images; the first one afterwards has no predecessor."""
         self.images.clear()
-        self.restart()
+        self.forget()
 
     def finish(self) -> None:
         """End the thread that compares the lens."""
         self._lens_worker.shutdown(wait=False, cancel_futures=True)
 
-    def restart(self) -> None:
+    def forget(self) -> None:
         """Forget all images so far; the next is a keyframe without a predecessor."""
         if self.camera in self._models.models:
             self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
@@ -100,13 +100,12 @@ class TrackerStage(ImageStage[TrackerParameters]):
     def _reset(self) -> tuple[bool, str]:
         if self._tracker is None:
             return True, f"nothing to reset: there is no {self.camera}/camera_info"
-        self.diagnostics.restarts += 1
         self.restart()
         return True, f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
 
     def _set_model(self, camera: str) -> None:
         self._lens, self._is_lens_reported = LensMonitor(self._models.models[camera]), False
-        self.restart()
+        self.forget()
         self.call_later(self.process_next)
 
     def _has_reader(self) -> bool:
