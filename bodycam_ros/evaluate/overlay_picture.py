@@ -14,7 +14,7 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import Recording, open_recording
-from bodycam_ros.results.body_motion import interpolated
+from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_record import CameraRecord
 from bodycam_ros.results.overlay import GOOD, GOOD_PX, Overlay, project_overlay
 from bodycam_ros.results.solved_recording import SolvedRecording
@@ -97,20 +97,17 @@ def _view(
     solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, image: CameraImage, images: Recording
 ) -> OverlayView | None:
     """The view of an image; None without a registration message of it."""
-    time_ns = np.array([_time_of(record, image.stamp_ns)])
-    found = (each for each in solved.landmarks((record.camera,)) if each.stamp_ns == time_ns[0])
+    time_ns = _time_of(record, image.stamp_ns)
+    found = (each for each in solved.landmarks((record.camera,)) if each.stamp_ns == time_ns)
     if (matches := next(found, None)) is None:
         return None
-    at_ns = np.clip(time_ns, solved.stamps_ns[0], solved.stamps_ns[-1])
-    trajectories = (*np.moveaxis(solved.world_T_segment, 1, 0), world_T_camera)
-    *segments, camera = (
-        poses[0] if len(poses) == 1 else interpolated(solved.stamps_ns, poses, at_ns)[0] for poses in trajectories
-    )
-    is_placed = solved.placed[np.abs(solved.stamps_ns - at_ns[0]).argmin()]
-    limbs = [bone for bone in solved.bones(np.array(segments)[None]) if is_placed or not bone.is_equipment]
+    is_placed = solved.placed[np.abs(solved.stamps_ns - time_ns).argmin()]
+    bones = solved.bones(solved.segments_near(time_ns)[None])
+    camera = pose_near(solved.stamps_ns, world_T_camera, time_ns)
+    limbs = [bone for bone in bones if is_placed or not bone.is_equipment]
     return OverlayView(
         camera=record.camera,
-        seconds=float(solved.seconds(time_ns)[0]),
+        seconds=float(solved.seconds(np.array([time_ns]))[0]),
         registered=matches.world_T_camera is not None,
         image=decode_grey(image),
         overlay=project_overlay(images.camera_model(record.camera), camera, limbs, matches),

@@ -16,7 +16,6 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,
@@ -102,7 +101,8 @@ class StaticScene:
         Raises:
             RecordingError: it cannot be decoded, or has another size than the camera's lens is for.
         """
-        pixels, poses, view = decode_colour(image), self._poses_at(image.stamp_ns), self._tracker.views[image.camera]
+        pixels, poses = decode_colour(image), self.solved.segments_near(image.stamp_ns)
+        view = self._tracker.views[image.camera]
         view.station.check_size(pixels)
         self._counts[image.camera] += 1
         rate = max(1.0 / self._counts[image.camera], self._region.learning_rate)
@@ -113,14 +113,6 @@ class StaticScene:
     def measure(self, station: str, pixels: Image, contour: Contour) -> Array:
         """(N,) how far outward of its points the image (H, W, 3) has a contour [px]; NaN where it measures nothing."""
         return self._tracker.views[station].measure(pixels, contour, 1).shifts
-
-    def _poses_at(self, at_ns: int) -> Array:
-        """(S, 4, 4) the solved segments at a time; outside the recording, at its nearest state."""
-        stamps_ns, poses = self.solved.stamps_ns, self.solved.world_T_segment
-        if len(stamps_ns) == 1:
-            return np.asarray(poses[0])
-        inside = np.clip(np.array([at_ns]), stamps_ns[0], stamps_ns[-1])
-        return np.stack([interpolated(stamps_ns, each, inside)[0] for each in np.moveaxis(poses, 1, 0)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,6 +107,13 @@ def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.i
     return rigid(start[:, :3, :3] @ exp_so3(share * log_so3(start_R_end)), position)
 
 
+def pose_near(stamps_ns: NDArray[np.int64], poses: Array, at_ns: int) -> Array:
+    """Pose (4, 4) of a trajectory (K, 4, 4) at a time [ns]; outside its stamps (K,), that of the nearest end."""
+    if len(stamps_ns) == 1:
+        return np.asarray(poses[0])
+    return np.asarray(interpolated(stamps_ns, poses, np.clip(np.array([at_ns]), stamps_ns[0], stamps_ns[-1]))[0])
+
+
 def between_neighbours(stamps_ns: NDArray[np.int64], at_ns: NDArray[np.int64], longest_ns: float) -> NDArray[np.bool_]:
     """(N,) whether a stamp (N,) lies within a trajectory's stamps (K,), in a step no longer than ``longest_ns``."""
     if len(stamps_ns) < 2:

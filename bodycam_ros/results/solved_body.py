@@ -20,7 +20,7 @@ from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner
+from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner, pose_near
 from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE, published_body, wrong_message_named
 
 
@@ -56,6 +56,10 @@ class SolvedBody:
     def world_T_segment(self) -> Array:
         """(T, S, 4, 4) poses of all segments [m], in the order of the body's."""
         return JointAngles(self.body).forward_kinematics(self.motion.world_T_root, self.motion.joint_angles)
+
+    def segments_near(self, at_ns: int) -> Array:
+        """(S, 4, 4) poses of all segments at a time [m]; outside the recording, at its nearest state."""
+        return np.stack([pose_near(self.stamps_ns, each, at_ns) for each in np.moveaxis(self.world_T_segment, 1, 0)])
 
     @cached_property
     def world_T_link(self) -> dict[str, Array]:
