@@ -1,7 +1,7 @@
 """bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,12 +111,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
     with waiting("overlaying images"):
         overlay = overlay_views(evaluation.solved, recording) if recording is not None else ()
-    if outside is None:
-        with waiting("drawing"):
-            write_report(evaluation, folder, overlay)
-    else:
-        with waiting("drawing"):
-            write_report(evaluation, folder, overlay, _static_picture(evaluation, recording, outside))
+    with waiting("drawing"):
+        draw_outside = None if outside is None else _static_picture(evaluation, recording, outside)
+        write_report(evaluation, folder, overlay, draw_outside)
     console = widened(Terminal())
     for section in report_sections(evaluation.figures):
         print_section(console, section)
@@ -177,21 +174,18 @@ def _outside_files(arguments: argparse.Namespace) -> "StaticFiles | None":
     return StaticFiles(arguments.stations, arguments.surface, arguments.map, pipeline_settings(arguments).region)
 
 
-def _static_picture(
-    evaluation: "Evaluation", recording: Path, files: "StaticFiles"
-) -> Mapping[str, Callable[[Path], None]]:
-    """Name of the picture -> writes it to a path.
+def _static_picture(evaluation: "Evaluation", recording: Path, files: "StaticFiles") -> Callable[[Path], None]:
+    """Writes the picture of static cameras to a path.
 
     Raises:
         StationError: the stations cannot be used, or the recording has no images of them while it was solved.
         BodyError: the surface cannot be used.
         RecordingError: not a recording, or an image that cannot be decoded.
     """
-    from bodycam_ros.evaluate.report import OUTSIDE
     from bodycam_ros.evaluate.static_picture import StaticScene, draw_static_views, static_views
 
     scene = StaticScene(evaluation.solved, recording, files)
-    return {OUTSIDE: partial(draw_static_views, static_views(scene), scene.colours)}
+    return partial(draw_static_views, static_views(scene), scene.colours)
 
 
 def _check_earlier(folder: Path) -> None:

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
@@ -16,13 +15,13 @@ from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
 
-FIGURES, PAGE, OUTSIDE = "summary.json", "report.html", "outside.png"
+FIGURES, PAGE, _OUTSIDE = "summary.json", "report.html", "outside.png"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
     "constraints.png": "Distances from the equipment's points, with it and without.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
-    OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
+    _OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
 WRITTEN = (*_CAPTIONS, PAGE)
 """Names of what may be written beside the figures."""
@@ -71,7 +70,7 @@ def write_report(
     evaluation: Evaluation,
     folder: Path,
     overlay: Sequence[OverlayView] = (),
-    more: Mapping[str, Callable[[Path], None]] = MappingProxyType({}),
+    draw_outside: Callable[[Path], None] | None = None,
 ) -> None:
     """Write figures, pictures and the page; earlier ones are replaced.
 
@@ -79,7 +78,7 @@ def write_report(
         evaluation: what was found.
         folder: to write to.
         overlay: views of body cameras.
-        more: name of another file -> writes it to a path.
+        draw_outside: writes the picture of static cameras to a path; None without them.
 
     Raises:
         RecordingError: the place cannot become a report folder.
@@ -96,8 +95,8 @@ def write_report(
             draw_constraints(evaluation.constraints, unfinished / "constraints.png")
         if overlay:
             draw_overlays(overlay, unfinished / "overlay.png")
-        for name, write in more.items():
-            write(unfinished / name)
+        if draw_outside is not None:
+            draw_outside(unfinished / _OUTSIDE)
         pictures = [
             Picture((unfinished / name).read_bytes(), caption)
             for name, caption in _CAPTIONS.items()
