@@ -115,7 +115,7 @@ class Correction:
         kept = self.steps[:-1] if continues else self.steps
         return replace(self, steps=(*kept, move(self.body, part.name, segment_T_part)))
 
-    def moved_by(self, part: Part, move: Move, *, continues: bool = False) -> "Correction":
+    def moved_by(self, part: Part, move: Move) -> "Correction":
         """The correction with a part so far from where the file has it; else as ``moved_to``."""
         root_T_segment, root_T_part = _in_n_pose(self.original, self._original_n_pose, part)
         segment_R_root = root_T_segment[:3, :3].T
@@ -123,7 +123,7 @@ class Correction:
         # From the segment's present origin, which moves along with the joint to its parent.
         present_origin = _in_n_pose(self.body, self._n_pose, part)[0][:3, 3]
         origin = segment_R_root @ (root_T_part[:3, 3] - present_origin) + move.shift_mm * 1e-3
-        return self.moved_to(part, rigid(segment_R_part, origin), continues=continues)
+        return self.moved_to(part, rigid(segment_R_part, origin))
 
     def undone(self) -> "Correction":
         """The correction without its last step."""

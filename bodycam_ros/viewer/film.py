@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.camera.perspective import PlumbBobCamera
@@ -88,13 +89,14 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
     for index, seconds in enumerate(motion.seconds.tolist()):
         moved = np.append(followed[index] - followed[0], 0.0)
         world_T_camera = looking_at(opening.position + moved, opening.look_at + moved)
+        camera_T_world = inverse(world_T_camera)
         picture = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
         around = np.round(world_T_camera[:2, 3])
         for start, end in grid_lines(around - _REACH_M, around + _REACH_M):
-            points = transform_points(inverse(world_T_camera), np.linspace(start, end, _STEPS))
+            points = transform_points(camera_T_world, np.linspace(start, end, _STEPS))
             pixels = np.where(points[:, 2:] > _NEAREST_M, lens.project(points)[0], np.nan)
             draw_polyline(picture, pixels, GRID, 1, is_bgr=True)
-        _draw_body(picture, sources, index, world_T_camera, lens)
+        _draw_body(picture, _bones_at(sources, index, motion.segments_at(body, index)), world_T_camera, lens)
         yield seconds, picture
 
 
@@ -116,21 +118,25 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[
             index = nearest(motion.stamps_ns, stamp_ns, motion.frame_ns // 2)
             if index is None:
                 continue
+            world_T_segment = motion.segments_at(sources.body, index)
             if camera in stations:
                 world_T_camera = stations[camera].world_T_camera
             else:
-                world_T_camera = mounted_camera(sources.body, motion.segments_at(sources.body, index), camera)
+                world_T_camera = mounted_camera(sources.body, world_T_segment, camera)
             picture = np.ascontiguousarray(decode_colour(image))
-            _draw_body(picture, sources, index, world_T_camera, lens)
+            _draw_body(picture, _bones_at(sources, index, world_T_segment), world_T_camera, lens)
             times = -(-_SHARP_PX // lens.height)
             large = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_LINEAR)
             yield (stamp_ns - int(motion.stamps_ns[0])) * 1e-9, np.asarray(large, np.uint8)
 
 
-def _draw_body(picture: Image, sources: Sources, index: int, world_T_camera: Array, lens: CameraModel) -> None:
-    """Draw the bones and the equipment of one state."""
-    limbs = limbs_of(sources.body, sources.motion.segments_at(sources.body, index))
-    overlay = project_overlay(lens, world_T_camera, limbs + sources.motion.equipment_at(index), None)
+def _bones_at(sources: Sources, index: int, world_T_segment: Array) -> list[Bone]:
+    """Bones and equipment of one state, whose segments are at poses (S, 4, 4) [m]."""
+    return limbs_of(sources.body, world_T_segment) + sources.motion.equipment_at(index)
+
+
+def _draw_body(picture: Image, bones: list[Bone], world_T_camera: Array, lens: CameraModel) -> None:
+    overlay = project_overlay(lens, world_T_camera, bones, None)
     width = max(2, round(_BONE_SHARE * picture.shape[0]))
     for line in overlay.equipment:
         draw_polyline(picture, line, EQUIPMENT, width // 2, is_bgr=True)
