@@ -6,6 +6,9 @@ from dataclasses import asdict, dataclass
 from enum import IntEnum
 from typing import Literal
 
+WRONG_RESULT = 3
+"""Exit code when there is a result that should not be used; it is written all the same."""
+
 
 class Level(IntEnum):
     """Quality of a recording or of a result."""

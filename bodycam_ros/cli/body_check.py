@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.body.body_file import read_body
     from bodycam_ros.body.coupled_body import held_equipment
     from bodycam_ros.body.mobility import mobility
-    from bodycam_ros.cli.tables import WRONG_RESULT
+    from bodycam_ros.verdict import WRONG_RESULT
 
     body = read_body(arguments.body)
     equipment = None if arguments.equipment is None else held_equipment(arguments.equipment, body)

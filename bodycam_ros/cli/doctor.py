@@ -10,6 +10,7 @@ from rich.text import Text
 
 from bodycam_ros.cli.options import add_imu, add_jobs, add_lenses, add_map
 from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.tables import STYLES
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
@@ -22,7 +23,6 @@ _EXIT_CODES = (
     "Exit code: 0 if nothing is wrong, 3 if something is: mend it and record again; 1 if a file cannot be used. "
     "Samples are checked: what is good may still fail, what is wrong will."
 )
-_STYLES = ("green", "yellow", "bold red")
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -52,9 +52,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.cli.tables import WRONG_RESULT
     from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
-    from bodycam_ros.verdict import Level, finding_record, worst_level
+    from bodycam_ros.verdict import WRONG_RESULT, Level, finding_record, worst_level
 
     given = DoctorInput(
         arguments.recording,
@@ -79,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
             Level.DOUBTFUL: "doubtful: it can be used, and would be better with the changes above",
             Level.WRONG: "wrong: mend what is wrong and record again",
         }[level]
-        Terminal().print(Text(verdict, _STYLES[level]))
+        Terminal().print(Text(verdict, STYLES[level]))
     return WRONG_RESULT if level is Level.WRONG else 0
 
 
@@ -93,6 +92,6 @@ def _print(findings: "Sequence[Finding]") -> None:
         of_check = [finding for finding in findings if finding.check == check]
         for finding in sorted(of_check, key=lambda finding: -finding.level):
             if finding.level or finding is of_check[-1]:
-                style = _STYLES[finding.level]
+                style = STYLES[finding.level]
                 table.add_row(check, Text(finding.level.word, style), Text(printable(finding.text)))
     Terminal().print(table)

@@ -8,10 +8,11 @@ from rich.table import Table
 
 from bodycam_ros.cli.options import add_output
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import WRONG_RESULT, make_table
+from bodycam_ros.cli.tables import make_table
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
+from bodycam_ros.verdict import WRONG_RESULT
 
 if TYPE_CHECKING:
     from bodycam_ros.lens.lens_calibration import LensCalibration

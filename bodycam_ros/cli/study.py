@@ -12,8 +12,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from bodycam_ros.cli.options import add_config, add_jobs
+from bodycam_ros.cli.tables import STYLES
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal, widened
+from bodycam_ros.verdict import WRONG_RESULT
 
 if TYPE_CHECKING:
     from bodycam_ros.study.done_steps import DoneSteps
@@ -34,7 +36,7 @@ Exit code: 0 if all is done, 3 if a result should not be used, 1 if a recording
 failed, 128 + the number of the signal that ended it.
 """
 
-_STYLES = {"good": "green", "doubtful": "yellow", "wrong": "bold red", "failed": "bold red"}
+_STYLES = {level.word: style for level, style in STYLES.items()} | {"failed": "bold red"}
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -54,7 +56,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.study.step_runner import WRONG_RESULT
     from bodycam_ros.study.study import study_steps
     from bodycam_ros.study.study_file import check_results_folder, read_study
     from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report

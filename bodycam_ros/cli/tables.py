@@ -8,17 +8,15 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import Level, Verdict
+from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.page import Section
 
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 
-WRONG_RESULT = 3
-"""Exit code when there is a result that should not be used; it is written all the same."""
-
-_STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
+STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
+"""Of text on the terminal."""
 
 
 def make_table(
@@ -49,15 +47,15 @@ def make_table(
 def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
     """Print a line for each finding and the verdict."""
     for finding in verdict.findings:
-        line = Text.assemble((f"{finding.level.word}: ", _STYLES[finding.level]), finding.text)
+        line = Text.assemble((f"{finding.level.word}: ", STYLES[finding.level]), finding.text)
         terminal.print(line, soft_wrap=True)
-    terminal.print(Text(f"verdict: {verdict.text}", _STYLES[verdict.level]), soft_wrap=True)
+    terminal.print(Text(f"verdict: {verdict.text}", STYLES[verdict.level]), soft_wrap=True)
 
 
 def camera_styles(verdict: Verdict) -> dict[str, str]:
     """Camera with a finding -> the style of its row in a table."""
     # The worst comes first and stays.
-    return {finding.subject: _STYLES[finding.level] for finding in reversed(verdict.findings)}
+    return {finding.subject: STYLES[finding.level] for finding in reversed(verdict.findings)}
 
 
 def exit_code(verdict: Verdict) -> int:

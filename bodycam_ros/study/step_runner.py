@@ -15,9 +15,9 @@ from pathlib import Path
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study.done_steps import DoneSteps, state_of
 from bodycam_ros.study.study import Step
+from bodycam_ros.verdict import WRONG_RESULT
 from bodycam_ros.whole_file import failure_named
 
-WRONG_RESULT = 3  # exit code of a step whose result exists and should not be used
 LOCK = ".bodycam-study"
 _POLL_S = 0.05
 _MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption
