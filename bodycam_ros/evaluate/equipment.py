@@ -1,6 +1,7 @@
 """Equipment in figures and pictures: how well a body was coupled to it, and the same recording solved without it."""
 
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
+from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Comparison, compare, spread
 from bodycam_ros.evaluate.true_motion import TrueMotion
@@ -57,11 +59,11 @@ def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
 def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord) -> None:
     """Draw the distance of each attachment's points over time (B figure 12), thin and faint while it was released."""
     panel_title(axes, f"Distance from {record.name}", "between points that should coincide; faint: released")
-    kinds = list(dict.fromkeys(map(_kind, record.attachments)))
+    dashes = dict(zip(dict.fromkeys(SegmentName(name).kind for name in record.attachments), cycle(_DASHES)))
     distances = np.maximum(1e3 * record.deviations, _MIN_GAP_MM)
     handles = []
     for name, distance, held in zip(record.attachments, distances.T, record.held.T, strict=True):
-        style: Any = {"color": side_colour(name), "linestyle": _DASHES[kinds.index(_kind(name)) % len(_DASHES)]}
+        style: Any = {"color": side_colour(name), "linestyle": dashes[SegmentName(name).kind]}
         for mask, width, alpha in ((held, 1.5, 1.0), (~held, 0.8, 0.45)):
             # A step longer at the beginning of each stretch, so that lines meet.
             shown = mask | np.append(mask[1:], False)
@@ -78,10 +80,6 @@ def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord)
         axes.text(0.5, 0.5, "its pose was never known", transform=axes.transAxes, ha="center", color=QUIET)
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(handles), borderaxespad=0)
     light_grid(axes)
-
-
-def _kind(name: str) -> str:
-    return name.removesuffix("_left").removesuffix("_right")
 
 
 @dataclass(frozen=True, eq=False)

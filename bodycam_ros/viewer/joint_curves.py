@@ -6,6 +6,7 @@ from html import escape
 import numpy as np
 from viser import GuiApi
 
+from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import FAINT, INK, QUIET, side_colour
 from bodycam_ros.viewer.inbox import Inbox, set_value
@@ -20,7 +21,6 @@ _COLUMNS = 300  # of a curve, which keeps the least and the greatest value of ea
 _MARGIN = 0.06  # above and below a curve, as a share of its height
 _LEAST_DEG = 10.0  # range of a curve
 
-_SIDES = ("_left", "_right")
 _MEANS = {"y": "bends", "x": "sideways", "z": "twists"}
 """Rotation about an axis of the N-pose; y is to the left, x forward, z up."""
 
@@ -96,9 +96,8 @@ def joint_groups(angle_names: tuple[str, ...]) -> dict[str, dict[str, list[str]]
         if joint.endswith("_at"):
             continue
         axis = name.removeprefix(joint).removeprefix("_")
-        both = joint.removesuffix(_SIDES[0]).removesuffix(_SIDES[1])
         label = f"{_MEANS[axis]} ({axis})" if axis else "bends"
-        groups.setdefault(both.replace("_", " "), {}).setdefault(label, []).append(name)
+        groups.setdefault(SegmentName(joint).kind.replace("_", " "), {}).setdefault(label, []).append(name)
     return groups
 
 
