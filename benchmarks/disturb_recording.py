@@ -7,7 +7,7 @@ White balance drifts by a tenth. The cut holds bag and ``rig.yaml``; the truth s
 
 import argparse
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -23,6 +23,9 @@ _PERIOD_S = 2.5
 _EXPOSURES = 9
 _JPEG_QUALITY = 95
 _READ_NOISE = 1.0
+
+Triple = tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]
+"""An image (H, W, C), the one before and the one after."""
 
 
 def blurred(
@@ -45,6 +48,33 @@ def blurred(
 
 def disturb_bag(source: Path, target: Path, blur: float, darkest: float) -> None:
     """Write the disturbed bag; everything but images as it is."""
+    noise: dict[int, np.random.Generator] = {}
+
+    def disturbed(number: int, since_ns: int, triple: Triple) -> NDArray[np.uint8]:
+        rng = noise.setdefault(number, np.random.default_rng(number))
+        turn = 2 * np.pi * 1e-9 * since_ns / _PERIOD_S + 2.4 * number
+        share, gain = 0.5 * blur * (1 - np.cos(turn)), darkest + (1 - darkest) * 0.5 * (1 + np.cos(0.7 * turn))
+        balance = gain * (1 + 0.1 * np.sin(1.3 * turn + np.array([0.0, 2.0, 4.0])))
+        light = balance * blurred(*triple, share) + rng.normal(0.0, _READ_NOISE, triple[0].shape)
+        return np.clip(light, 0, 255).astype(np.uint8)
+
+    _rewrite(source, target, disturbed)
+
+
+def blur_bag(source: Path, target: Path, share: float, start_s: float, end_s: float) -> None:
+    """Write a bag whose images from start to end [s] are exposed for a share of their interval."""
+
+    def exposed(number: int, since_ns: int, triple: Triple) -> NDArray[np.uint8] | None:
+        return blurred(*triple, share) if start_s <= 1e-9 * since_ns < end_s else None
+
+    _rewrite(source, target, exposed)
+
+
+def _rewrite(source: Path, target: Path, change: Callable[[int, int, Triple], NDArray[np.uint8] | None]) -> None:
+    """Write a bag with other images, by the camera's number, the time since the start [ns] and the image.
+
+    Where ``change`` gives None, and of all other topics, messages are as they were.
+    """
     typestore = recording_typestore()
     with (
         AnyReader([source], default_typestore=typestore) as reader,
@@ -56,45 +86,16 @@ def disturb_bag(source: Path, target: Path, blur: float, darkest: float) -> None
         for connection, stamp, data in reader.messages(others):
             writer.write(written[connection.id], stamp, data)
         for number, connection in enumerate(images):
-            rng = np.random.default_rng(number)
-            phase = 2.4 * number
             for stamp, message, triple in _triples(reader, connection):
-                turn = 2 * np.pi * 1e-9 * (stamp - reader.start_time) / _PERIOD_S + phase
-                share, gain = 0.5 * blur * (1 - np.cos(turn)), darkest + (1 - darkest) * 0.5 * (1 + np.cos(0.7 * turn))
-                balance = gain * (1 + 0.1 * np.sin(1.3 * turn + np.array([0.0, 2.0, 4.0])))
-                light = balance * blurred(*triple, share) + rng.normal(0.0, _READ_NOISE, triple[0].shape)
-                encoded = cv2.imencode(
-                    ".jpg", np.clip(light, 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
-                )[1]
-                message.data = encoded.ravel()
+                changed = change(number, stamp - reader.start_time, triple)
+                if changed is not None:
+                    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+                    message.data = cv2.imencode(".jpg", changed, quality)[1].ravel()
                 writer.write(written[connection.id], stamp, typestore.serialize_cdr(message, connection.msgtype))
 
 
-def blur_bag(source: Path, target: Path, share: float, start_s: float, end_s: float) -> Path:
-    """Write a bag whose images from start to end [s] are exposed for a share of their interval; return it."""
-    typestore = recording_typestore()
-    with (
-        AnyReader([source], default_typestore=typestore) as reader,
-        Writer(target, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP) as writer,
-    ):
-        for connection in reader.connections:
-            written = writer.add_connection(connection.topic, connection.msgtype, typestore=typestore)
-            if not connection.topic.endswith("/compressed"):
-                for _, stamp, data in reader.messages([connection]):
-                    writer.write(written, stamp, data)
-                continue
-            for stamp, message, triple in _triples(reader, connection):
-                if start_s <= 1e-9 * (stamp - reader.start_time) < end_s:
-                    quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
-                    message.data = cv2.imencode(".jpg", blurred(*triple, share), quality)[1].ravel()
-                writer.write(written, stamp, typestore.serialize_cdr(message, connection.msgtype))
-    return target
-
-
-def _triples(
-    reader: AnyReader, connection: Connection
-) -> Iterator[tuple[int, object, tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.uint8]]]]:
-    """Stamp, message and (image, the one before, the one after) of a camera."""
+def _triples(reader: AnyReader, connection: Connection) -> Iterator[tuple[int, object, Triple]]:
+    """Stamp, message and image of a camera."""
     messages = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages([connection])]
     pixels = [cv2.imdecode(np.asarray(m.data), cv2.IMREAD_COLOR) for _, m in messages]
     last = len(messages) - 1

@@ -39,7 +39,8 @@ def sensors(bench: Bench) -> Iterator[Figure]:
 def blur(bench: Bench) -> Iterator[Figure]:
     """Images exposed for 15 ms, 0.45 of their interval, for two seconds: with sensors and without."""
     recording, span_s = bench.recording("dev_walk"), (2.0, 4.0)
-    bag = blur_bag(recording / "bag", bench.work / "dev_walk blurred", 0.45, *span_s)
+    bag = bench.work / "dev_walk blurred"
+    blur_bag(recording / "bag", bag, 0.45, *span_s)
     for how, body, flags in (
         ("without sensors", bench.body(), ()),
         ("with sensors", bench.body_with_sensors(), ("--imu", recording / "imu")),
