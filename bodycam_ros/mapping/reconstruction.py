@@ -139,7 +139,8 @@ def _match_in_full(
         )
         colmap.write_verified(database, known, matches)
         if unknown:
-            described = {image.name: image.descriptors.astype(np.float32) for image in features}
+            wanted = {name for pair in unknown for name in pair}
+            described = {i.name: i.descriptors.astype(np.float32) for i in features if i.name in wanted}
             matches = [mutual_matches(described[first], described[second]) for first, second in unknown]
             colmap.write_and_verify(database, unknown, matches)
             advance(len(unknown))
