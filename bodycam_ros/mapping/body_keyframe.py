@@ -13,6 +13,9 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import steady_pixels
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
+MAX_SIGMA_M = 0.02
+"""Of a keyframe's position: rays from uncertain positions make no points."""
+
 _MAX_COVERED = 0.5  # share of the view that shows landmarks, from which on a camera adds none
 _MIN_STEP_M = 0.12  # of a camera between its keyframes: 2 deg of parallax at 3 m
 _MIN_TURN_COSINE = np.cos(np.radians(20.0))  # of a rotation that makes a keyframe too: SIFT tolerates 30 deg
@@ -21,7 +24,6 @@ _CELLS = 8  # rows and columns of the view's grid
 _USABLE_VIEW = 0.97  # of the lens's cone: at its rim no landmarks are found
 
 _MAX_COVERED_OFFLINE = 0.8  # share of the view with landmarks of the photographs, from which on an image adds none
-_MAX_SIGMA_M = 0.02  # of a keyframe's position
 _MAX_KEYFRAMES = 300  # of all cameras: each costs 30 kB in the map and a tenth of a second in a round
 
 
@@ -232,7 +234,7 @@ class RegistrationRecord:
     def _spread(self, camera: str) -> list[RegisteredImagePose]:
         chosen: list[RegisteredImagePose] = []
         for pose in self._in_order(camera):
-            if pose.coverage >= _MAX_COVERED_OFFLINE or pose.position_sigma > _MAX_SIGMA_M:
+            if pose.coverage >= _MAX_COVERED_OFFLINE or pose.position_sigma > MAX_SIGMA_M:
                 continue
             if not chosen or has_moved(chosen[-1].world_T_camera, pose.world_T_camera):
                 chosen.append(pose)

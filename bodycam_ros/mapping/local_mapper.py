@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe
+from bodycam_ros.mapping.body_keyframe import MAX_SIGMA_M, BodyKeyframe
 from bodycam_ros.mapping.epipolar_matching import match_posed
 from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap
 from bodycam_ros.mapping.small_photographs import normals_towards
@@ -26,7 +26,6 @@ from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
 _KEYFRAMES = 320  # of all cameras that new ones are matched with
 _PARTNERS = 8  # keyframes that a new one is matched with
-_MAX_SIGMA_M = 0.02  # of a keyframe's position: rays from uncertain positions make no points
 _MIN_AXIS_COSINE = np.cos(np.radians(90.0))  # between optical axes of partners, A section 4.1
 _MIN_BASELINE_M = 0.06  # between partners: less is no parallax at a metre
 _EPIPOLAR_PX = 2.0  # of a match beside its epipolar line: features and poses err
@@ -211,7 +210,7 @@ class LocalMapper:
 
     def add_keyframe(self, keyframe: BodyKeyframe) -> None:
         """Extend the map by one more keyframe."""
-        if keyframe.position_sigma > _MAX_SIGMA_M:
+        if keyframe.position_sigma > MAX_SIGMA_M:
             return
         ids = keyframe.landmark_ids
         mine = _Keyframe(keyframe, [None] * len(ids))
