@@ -142,6 +142,7 @@ def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
     flags = ", each also as --GROUP.NAME VALUE, which wins" if groups else ""
     help_text = f"ROS parameter YAML with settings, as 'bodycam settings' prints them{flags}"
     parser.add_argument("--config", type=Path, metavar="YAML", help=help_text)
+    parser.set_defaults(settings={})
     if groups:
         assert isinstance(parser, CommandParser), "commands are added to a CommandParser"
         parser.read_groups = lambda: {name for group in groups for name in _settings_type(group).groups()}

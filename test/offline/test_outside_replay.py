@@ -33,7 +33,7 @@ def run(sample: Path, bag: Path, out: Path, flags: Sequence[object]) -> int:
 def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
     sample: Path, painted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Without a map, and without worn cameras: joint states, odometry and what each station said."""
+    """Without a map, and without worn cameras: joint states, odometry, what each station said, and a picture of it."""
     dressed, out, meshes = dressed_body(sample), tmp_path / "out", tmp_path / "meshes"
     meshes.mkdir()
     for name, surface in dressed.surfaces.items():
@@ -55,6 +55,10 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
     assert (off.mean(axis=1) < 0.02).all()
     assert {station.station for station in solved.stations} == set(dressed.stations) and not solved.cameras
     assert np.linalg.norm(truth[-1, :, :3, 3] - truth[0, :, :3, 3], axis=1).mean() > 0.05  # who stood still would fail
+    report = tmp_path / "report"
+    given = ("evaluate", out, "-o", report, "--recording", painted / "bag", "--stations", painted / "cameras.yaml")
+    assert main([*map(str, given), "--surface", str(meshes)]) in (0, 3)
+    assert (report / "outside.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
