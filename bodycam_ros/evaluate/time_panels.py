@@ -128,7 +128,7 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
     if np.isfinite(mean).any():
         overall = float(np.nanmean(mean))
         axes.annotate(
-            f"mean {overall:#.2g}", (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
+            f"mean {overall:#.2g}".rstrip("."), (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
             textcoords="offset points", va="center", fontsize=8.0, color=QUIET,
         )  # fmt: skip
 
