@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from multiprocessing.queues import Queue
 from pathlib import Path
+from typing import Literal
 
 import cv2
 
@@ -100,16 +101,16 @@ class UnusableImages:
     Attributes:
         camera: its name.
         stamp_ns: of the image, or of the latest one read [ns].
+        kind: undecodable, unordered by their stamps, or missing: counted by the bag's metadata, but not in it.
         reason: why, for the user.
         count: how many.
-        are_missing: whether the bag's metadata counts them, but they are not in it.
     """
 
     camera: str
     stamp_ns: int
+    kind: Literal["undecodable", "unordered", "missing"]
     reason: str
     count: int = 1
-    are_missing: bool = False
 
 
 class UnusableCount:
@@ -123,13 +124,15 @@ class UnusableCount:
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
+        self._reported: set[tuple[str, str]] = set()
 
     def add(self, item: UnusableImages) -> None:
         """Count an item."""
-        counts = self.lost if item.are_missing else self.skipped
-        if item.count > 1 or not counts[item.camera]:
-            logger.warning("%s", item.reason)
+        counts = self.lost if item.kind == "missing" else self.skipped
         counts[item.camera] += item.count
+        if (item.camera, item.kind) not in self._reported:
+            self._reported.add((item.camera, item.kind))
+            logger.warning("%s", item.reason)
 
 
 @dataclass(frozen=True)
@@ -252,16 +255,16 @@ def register_images(
                 tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
                 text = f"{error}; it is left out, and so will be others like it"
-                yield UnusableImages(image.camera, stamp_ns, text)
+                yield UnusableImages(image.camera, stamp_ns, "undecodable", text)
                 continue
             messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
         for camera, count in sorted((+recording.dropped).items()):
             text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
-            yield UnusableImages(camera, stamp_ns, text, count)
+            yield UnusableImages(camera, stamp_ns, "unordered", text, count)
         for camera, count in sorted((+recording.lost).items()):
             text = f"camera {camera}: {count} images that the recording should have are not in it; its file is damaged"
-            yield UnusableImages(camera, stamp_ns, f"{text}, copy it again", count, are_missing=True)
+            yield UnusableImages(camera, stamp_ns, "missing", f"{text}, copy it again", count)
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:

@@ -10,6 +10,7 @@ import yaml
 from altered_sample import CAMERAS, write_altered_sample
 
 from bodycam_ros.cli.main import main
+from bodycam_ros.offline.camera_worker import UnusableCount, UnusableImages
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 
@@ -199,3 +200,11 @@ def test_what_is_lost_is_said_of_each_camera(
     row = next(line for line in printed.splitlines() if CAMERAS[0] in line)
     assert [cell.strip() for cell in row.split("│")[1:-2]] == [CAMERAS[0], "12", "66.7%", "", "4"]
     assert f"camera {CAMERAS[0]}: 4 images that the recording should have are not in it" in caplog.text
+
+
+def test_each_kind_of_unusable_images_is_warned_of_once_a_camera(caplog: pytest.LogCaptureFixture) -> None:
+    unusable = UnusableCount()
+    for kind, reason in (("undecodable", "grey"), ("undecodable", "white"), ("unordered", "back"), ("missing", "gone")):
+        unusable.add(UnusableImages("head", 0, kind, reason))
+    assert [record.getMessage() for record in caplog.records] == ["grey", "back", "gone"]
+    assert (unusable.skipped["head"], unusable.lost["head"]) == (3, 1)
