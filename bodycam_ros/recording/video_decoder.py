@@ -19,13 +19,9 @@ class VideoDecoder:
 
     A frame that cannot be decoded is passed on as an error, and so are those after it up to the next keyframe: they
     are made of what is missing.
-
-    Args:
-        threads: that may work on one frame.
     """
 
-    def __init__(self, threads: int = 1) -> None:
-        self._threads = threads
+    def __init__(self) -> None:
         self._codec: VideoCodecContext | None = None
         self._number = 0
         self._waiting: dict[int, CameraImage] = {}
@@ -69,7 +65,7 @@ class VideoDecoder:
         ready = self.flush()
         decoder = CodecContext.create(codec, "r")
         assert isinstance(decoder, VideoCodecContext)
-        decoder.thread_count = self._threads
+        decoder.thread_count = 1  # cameras are decoded side by side
         # A hole that is painted over would be tracked.
         decoder.options = {"err_detect": "explode", "max_pixels": str(MOST_PIXELS)}
         self._codec = decoder
