@@ -79,6 +79,7 @@ class Mechanism:
         self.body, self.equipment = body, equipment
         self.tree = body if equipment is None else body_with_lengths(body, equipment)
         self.lengths = {} if equipment is None else unknown_lengths(equipment)
+        self._length_rows = {name: self.tree.joint_row[length_joint(name)] for name in self.lengths}
         self.tangent = TreeTangent(self.tree, GIVES_M)
         self.limits = JointLimits(self.tree)
         self.loops = {joint.name: joint for joint in self.tree.loop_joints}
@@ -127,8 +128,7 @@ class Mechanism:
 
     def length_errors(self, configuration: Configuration) -> dict[str, Array]:
         """Unknown length -> by how much (3) it exceeds the given one, in the axes of the equipment's segment [m]."""
-        rows = {name: self.tree.joint_row[length_joint(name)] for name in self.lengths}
-        return {name: configuration.joint_motion[row, :3, 3] for name, row in rows.items()}
+        return {name: configuration.joint_motion[row, :3, 3] for name, row in self._length_rows.items()}
 
     def constraints(self, configuration: Configuration, without: Collection[str] = (), ground: bool = False) -> Rows:
         """Rows of the loops but some, and of equipment that may not lean.
@@ -186,7 +186,7 @@ class Mechanism:
             row = self.limits.angles.joint_rows[angle]
             add(excess[[angle]], columns[row], rates[[angle]] @ twists[row][:3], _LIMIT_RAD)
         for name, error in self.length_errors(configuration).items():
-            row, unknown = self.tree.joint_row[length_joint(name)], self.lengths[name] > 0.0
+            row, unknown = self._length_rows[name], self.lengths[name] > 0.0
             add(error[unknown], columns[row], twists[row][3:][unknown], self.lengths[name][unknown])
         return np.concatenate(residuals), np.vstack(jacobians)
 
@@ -200,9 +200,7 @@ class Mechanism:
         rows, count = self.constraints(configuration), len(self.tree.tree_joints)
         longer, bent = np.zeros(count), np.zeros(count)
         for name, error in self.length_errors(configuration).items():
-            longer[self.tree.joint_row[length_joint(name)]] = np.abs(
-                error / np.maximum(self.lengths[name], _GIVEN_M)
-            ).max()
+            longer[self._length_rows[name]] = np.abs(error / np.maximum(self.lengths[name], _GIVEN_M)).max()
         excess = self.limits.excess(self.limits.nearest_angles(configuration.joint_motion))
         np.maximum.at(bent, self.limits.angles.joint_rows, np.abs(excess) / _BEYOND_RAD)
         strains = {}
