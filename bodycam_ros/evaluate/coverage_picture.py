@@ -103,8 +103,9 @@ def _draw_plan(axes: Axes, coverage: Coverage, reference_map: ReferenceMap, gaps
         tip = start + 0.4 * float((high - low).min()) * np.array([np.cos(azimuth), np.sin(azimuth)])
         style = {"arrowstyle": "-|>", "color": WARNING, "linewidth": 2.4, "mutation_scale": 20.0, "shrinkA": 0.0}
         axes.annotate("", tuple(tip), tuple(start), arrowprops=style, zorder=5)
-    axes.set_xlim(low[0], high[0])
-    axes.set_ylim(low[1], high[1])
+    # Where the shape of the picture needs wider limits, matplotlib warns of others than automatic ones.
+    axes.set_xlim(low[0], high[0], auto=True)
+    axes.set_ylim(low[1], high[1], auto=True)
     axes.set_aspect("equal", adjustable="datalim")
     unit = " [m]" if reference_map.metric else ""
     axes.set_xlabel(f"x{unit}", labelpad=2.0)
