@@ -29,7 +29,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="bag that 'bodycam replay' wrote (without it: the body in its N-pose)",
     )
     add_map(parser, required=False)
-    parser.add_argument("--body", type=Path, metavar="BODY.yaml", help="body; corrections can be written back to it")
+    parser.add_argument(
+        "--body",
+        type=Path,
+        metavar="BODY.yaml",
+        help="body, which corrections are written to; a video takes that of OUT",
+    )
     parser.add_argument("--recording", type=Path, metavar="BAG", help="bag that OUT was solved from: shows its images")
     add_stations(parser, "where static cameras are: shows them and their images")
     add_surface(parser)
@@ -57,11 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.namespace:
         raise ViewError(f"--namespace {shown(arguments.namespace)}: is for --live")
-    if arguments.body is None:
-        arguments.usage_error("the following arguments are required: --body")
     if arguments.output is not None:
         _write_video(arguments)
         return 0
+    if arguments.body is None:
+        arguments.usage_error("the following arguments are required: --body")
     if arguments.over is not None:
         raise ViewError(f"--over {shown(arguments.over)}: is for a video; give its file with -o")
     # The web server takes half a second to load; the other commands and --help do without.

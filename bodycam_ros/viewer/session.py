@@ -29,7 +29,7 @@ def view(sources: Sources, port: int) -> None:
     """Show a body in a browser until the program is interrupted.
 
     Args:
-        sources: what is shown.
+        sources: what is shown; its body is from a file.
         port: of this machine; 0 takes any free one.
 
     Raises:
@@ -43,23 +43,29 @@ def view(sources: Sources, port: int) -> None:
             session.run()
         finally:
             if session.unwritten:
-                lost = f"bodycam: not written to {sources.body_file.path}: {', '.join(session.unwritten)}"
+                lost = f"bodycam: not written to {session.body_file.path}: {', '.join(session.unwritten)}"
                 Terminal(stderr=True).print(lost, soft_wrap=True)
     finally:
         server.stop()
 
 
 class Session:
-    """One view. All of it is done in the thread that calls ``run``."""
+    """One view. All of it is done in the thread that calls ``run``.
+
+    Attributes:
+        body_file: that corrections are written to.
+    """
 
     def __init__(self, server: LocalServer, sources: Sources) -> None:
+        assert sources.body_file is not None
+        self.body_file = sources.body_file
         self._server, self._sources = server, sources
         self._correction = Correction(sources.body)
         self._selected: Part | None = None
         self._is_dragging = False
         self._camera: str | None = None
         self._inbox = inbox = Inbox()
-        gui, motion, body_path = server.gui, sources.motion, sources.body_file.path
+        gui, motion, body_path = server.gui, sources.motion, self.body_file.path
         self._scene = Scene(
             server,
             sources.body,
@@ -199,9 +205,8 @@ class Session:
         self._show_correction()
 
     def _write(self) -> None:
-        body_file = self._sources.body_file
-        self._change(Correction(body_file.write(self._correction)))
-        self._notify("Written", f"{body_file.path}; as it was first: {body_file.original_path.name}", "green")
+        self._change(Correction(self.body_file.write(self._correction)))
+        self._notify("Written", f"{self.body_file.path}; as it was first: {self.body_file.original_path.name}", "green")
 
     def _notify(self, title: str, text: str, colour: Literal["green", "red"]) -> None:
         seconds = None if colour == "red" else _NOTICE_S

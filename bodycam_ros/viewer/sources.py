@@ -23,7 +23,7 @@ class Sources:
     """What is shown.
 
     Attributes:
-        body_file: where the body comes from and is written to.
+        body_file: where the body comes from and is written to; None of a body that OUT describes.
         body: as it was read.
         reference_map: the place; None where only static cameras are given.
         motion: of the body.
@@ -34,7 +34,7 @@ class Sources:
         surface: folder of the body's meshes, instead of the body's own.
     """
 
-    body_file: BodyFile
+    body_file: BodyFile | None
     body: BodyModel
     reference_map: ReferenceMap | None
     motion: Motion
@@ -49,26 +49,35 @@ class Sources:
         cls,
         solved: Path | None,
         map_path: Path | None,
-        body_path: Path,
+        body_path: Path | None,
         recording: Path | None,
         stations_path: Path | None = None,
         surface: Path | None = None,
     ) -> "Sources":
-        """Read them all.
+        """Read them all; without ``body_path`` the body is that of OUT.
 
         Raises:
             BodycamError: one of them is missing or damaged, or they do not fit each other.
         """
+        if body_path is None and solved is None:
+            raise ViewError("the body is unknown: give its file with --body, or name OUT, which describes it")
         if recording is not None and solved is None:
             place = f"--stations {stations_path}" if map_path is None else f"--map {map_path}"
             raise ViewError(
                 f"{recording}: without OUT the body's motion in these images is unknown; solve them first with "
                 f"'bodycam replay {recording} {place} --body {body_path} -o OUT', then name OUT here too"
             )
-        if map_path is None and stations_path is None:
+        if map_path is None and stations_path is None and solved is None:
             raise ViewError("no place: give its reference map with --map, or its static cameras with --stations")
-        body_file = BodyFile(body_path)
-        body = body_file.read(with_hands if _has_hands(solved, stations_path) else lambda body: body)
+        published = None if solved is None else _read_published(solved)
+        if body_path is not None:
+            body_file = BodyFile(body_path)
+            has_hands = stations_path is not None if solved is None else published is not None and _has_hands(published)
+            body = body_file.read(with_hands if has_hands else lambda body: body)
+        elif published is not None:
+            body_file, body = None, published
+        else:
+            raise ViewError(f"{solved}: does not describe its body; give the body's file with --body")
         reference_map = None if map_path is None else ReferenceMap.load(map_path)
         stations = {} if stations_path is None else read_stations(stations_path, reference_map)
         if stations_path is not None and solved is not None:
@@ -87,10 +96,11 @@ class Sources:
         return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
 
 
-def _has_hands(solved: Path | None, stations: Path | None) -> bool:
-    """Whether the replay added hands to the body, as it does with static cameras; without OUT, whether it would."""
-    if solved is None:
-        return stations is not None
+def _read_published(solved: Path) -> BodyModel | None:
     with BagFile(solved) as bag:
-        body = published_body(bag)
-    return body is not None and any(SegmentName(segment).kind == "hand" for segment in body.segments)
+        return published_body(bag)
+
+
+def _has_hands(body: BodyModel) -> bool:
+    """Whether a body has hands, as a replay with static cameras adds them."""
+    return any(SegmentName(segment).kind == "hand" for segment in body.segments)

@@ -84,10 +84,29 @@ def test_a_port_in_use_is_one_line(sample: Path, body_file: Path) -> None:
 def test_a_video_has_the_frames_of_the_recording(
     sample: Path, sample_out: Path, body_file: Path, tmp_path: Path, over: tuple[str, ...]
 ) -> None:
-    given = ["--map", sample / "map", "--body", body_file, "--recording", sample / "sample/bag", *over]
-    result = bodycam_view(sample_out, *given, "-o", tmp_path / "walk.mp4")
+    given = ["--map", sample / "map", "--body", body_file] if over else []  # a video from outside needs neither
+    result = bodycam_view(sample_out, *given, "--recording", sample / "sample/bag", *over, "-o", tmp_path / "walk.mp4")
     assert result.returncode == 0, result.stderr
     with av.open(tmp_path / "walk.mp4") as video:
         pictures = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
     assert 55 < len(pictures) <= 60
     assert pictures[0].std() > 5.0 and np.abs(pictures[0].astype(float) - pictures[-1]).mean() > 1.0
+
+
+@pytest.mark.long
+def test_the_body_of_out_is_that_of_its_file(sample: Path, sample_out: Path, tmp_path: Path) -> None:
+    recording, videos = sample / "sample/bag", []
+    for name, given in (("file", ["--body", sample / "body.yaml"]), ("out", [])):
+        videos.append(tmp_path / f"{name}.mp4")
+        result = bodycam_view(sample_out, *given, "--recording", recording, "--over", "head", "-o", videos[-1])
+        assert result.returncode == 0, result.stderr
+    first = []
+    for path in videos:
+        with av.open(path) as video:
+            first.append(next(video.decode(video=0)).to_ndarray(format="rgb24").astype(float))
+    assert np.abs(first[0] - first[1]).mean() < 0.1
+
+
+def test_without_a_body_or_a_result_nothing_can_be_shown(sample: Path, tmp_path: Path) -> None:
+    result = bodycam_view("--map", sample / "map", "-o", tmp_path / "walk.mp4")
+    assert result.returncode == 1 and "the body is unknown: give its file with --body" in result.stderr
