@@ -11,7 +11,6 @@ _KINDS = ("apriltag", "charuco", "checkerboard")
 _PAGES = ("A4", "A3", "letter")
 _PAGE_MM = (80.0, 5000.0)
 _MM = number(float, 0.1, _PAGE_MM[1], "mm")
-_COUNT, _TAG = number(int, 1, 100), number(int, 0, 999_999)
 _STRETCH = 0.2
 """Largest relative error of a ruler: of a printer that fits a page to another size."""
 _DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
@@ -30,14 +29,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--page", default="A4", type=_page, metavar="A4|A3|letter|WxH", help="paper, or its width x height [mm] (A4)"
     )
-    parser.add_argument("--columns", type=_COUNT, metavar="N", help="of tags or squares (3, 8 or 10 by the kind)")
-    parser.add_argument("--rows", type=_COUNT, metavar="N", help="of tags or squares (2, 5 or 7 by the kind)")
-    parser.add_argument(
-        "--tag-size", type=_MM, metavar="MM", help="side of a tag (as large as fits; in a ChArUco's squares 3/4)"
-    )
-    parser.add_argument("--square-size", type=_MM, metavar="MM", help="side of a square (as large as fits)")
-    parser.add_argument("--family", default="36h11", help="of the tags (%(default)s)")
-    parser.add_argument("--first-tag", type=_TAG, default=0, metavar="N", help="number of the upper left tag (0)")
     parser.add_argument(
         "--up",
         choices=_DIRECTIONS,
@@ -56,7 +47,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.lens.board_design import MARK, BoardOptions, board_caption, board_yaml, design_layout, scale_layout
+    from bodycam_ros.lens.board_design import MARK, board_caption, board_yaml, design_layout, scale_layout
     from bodycam_ros.lens.board_page import PAGES, board_pdf, print_area, ruler_lengths
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.whole_file import whole_files
@@ -69,12 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_output(path, ())
         check_file(path, arguments.force, mark, what)
     page = PAGES[arguments.page] if arguments.page in PAGES else _size_mm(arguments.page)
-    sizes = (arguments.tag_size, arguments.square_size)
-    options = BoardOptions(
-        arguments.kind, arguments.columns, arguments.rows, *sizes, arguments.family, arguments.first_tag
-    )
-    layout = design_layout(options, print_area(page))
-    words, rulers = board_caption(layout, arguments.family), ruler_lengths(page)
+    layout = design_layout(arguments.kind, print_area(page))
+    words, rulers = board_caption(layout), ruler_lengths(page)
     content = board_pdf(layout, page, words)
     printed = layout if arguments.ruler_mm is None else scale_layout(layout, _shares(arguments.ruler_mm, rulers))
     placement = f"{'lying' if arguments.up == 'z' else 'standing'}: board {arguments.up} is up"

@@ -36,7 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="description of the AprilTag board (default: board.yaml in REFERENCE_DIR, or beside VIDEO or BAG)",
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
-    add_output(parser, "MAP", "map folder to write", "MAP, and DIR of --keep-frames,")
+    add_output(parser, "MAP", "map folder to write")
     add_jobs(parser, "threads")
     add_config(parser, "mapping.map_settings:MapSettings")
     parser.set_defaults(run=run)

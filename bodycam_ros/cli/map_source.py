@@ -1,4 +1,4 @@
-"""The images of ``bodycam map``: photographs, sharp frames of a video or of one camera of a bag, or body cameras."""
+"""The images of ``bodycam map``: photographs, or sharp frames of a video or of the body cameras of a bag."""
 
 import argparse
 import tempfile
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_imu, given_flags
 from bodycam_ros.errors import MapError
-from bodycam_ros.output_place import check_output
 from bodycam_ros.progress import Progress
+from bodycam_ros.recording.bag_file import METADATA
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from bodycam_ros.registration.reference_map import ReferenceMap
 
 _BAG_SUFFIXES = {".mcap", ".db3"}
-_BAG_FILE = "metadata.yaml"
 
 
 def add_source_flags(parser: argparse.ArgumentParser) -> None:
@@ -32,21 +31,16 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         "source",
         type=Path,
         nargs="?",
-        metavar="REFERENCE_DIR|VIDEO|BAG",
-        help="folder with photographs (jpg, png) and camera.yaml; or a video, or a bag with --topic, of a walk through "
-        "the place, of which sharp frames are taken",
+        metavar="REFERENCE_DIR|VIDEO",
+        help="folder with photographs (jpg, png) and camera.yaml; or a video of a walk through the place, of which "
+        "sharp frames are taken",
     )
     parser.add_argument(
         "--camera",
         type=Path,
         metavar="YAML",
-        help="lens, as camera_info YAML (default: REFERENCE_DIR/camera.yaml, VIDEO with the suffix .yaml, or the "
-        "camera_info of the bag)",
+        help="lens, as camera_info YAML (default: REFERENCE_DIR/camera.yaml, or VIDEO with the suffix .yaml)",
     )
-    parser.add_argument(
-        "--topic", help="images of the camera in BAG that was carried, as /hand/image_raw/compressed (the only one)"
-    )
-    parser.add_argument("--keep-frames", type=Path, metavar="DIR", help="keep the frames, as a REFERENCE_DIR")
     body = parser.add_argument_group("a map from body cameras")
     body.add_argument(
         "--from-bag", type=Path, metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion"
@@ -69,34 +63,25 @@ def check_source(arguments: argparse.Namespace) -> None:
 
     Raises:
         MapError: there is no source, or a flag that does not apply to it.
-        OutputError: the frames cannot be kept where they should.
     """
-    from bodycam_ros.mapping.frame_choice import check_frames_replaceable
-
     source: Path | None = arguments.source
     if arguments.from_bag is not None:
         if source is not None:
             raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
-        for flag in given_flags(arguments, "topic", "camera", "keep_frames"):
+        for flag in given_flags(arguments, "camera"):
             raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
         known_distances(arguments)
         return
     for flag in given_flags(arguments, "rig", "known_distance", "imu"):
         raise MapError(f"{flag} is for the body cameras of a recording; give --from-bag")
     if source is None:
-        raise MapError("give REFERENCE_DIR, VIDEO or BAG, or --from-bag BAG, to make a map of")
+        raise MapError("give REFERENCE_DIR or VIDEO, or --from-bag BAG, to make a map of")
     if not source.exists():
         raise MapError(
-            f"{source}: no such folder or file; expected a folder with photographs and camera.yaml, a video, or a bag"
+            f"{source}: no such folder or file; expected a folder with photographs and camera.yaml, or a video"
         )
-    if arguments.topic is not None and not _is_bag(source):
-        raise MapError(f"{source}: is no bag, so it has no topic {arguments.topic}; leave --topic out")
-    if arguments.keep_frames is not None:
-        if not _is_recording(source):
-            raise MapError(f"{source}: is no video or bag; --keep-frames is for frames of these")
-        check_output(arguments.keep_frames, (source, arguments.camera, arguments.board, arguments.config))
-        check_output(arguments.output, (arguments.keep_frames,))
-        check_frames_replaceable(arguments.keep_frames, arguments.force)
+    if source.suffix.lower() in _BAG_SUFFIXES or (source / METADATA).is_file():
+        raise MapError(f"{source}: is a bag; give it with --from-bag")
 
 
 def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
@@ -151,7 +136,7 @@ def inertial_alignment(
 def opened_photographs(
     arguments: argparse.Namespace, settings: "MapSettings", progress: Progress
 ) -> "Iterator[Photographs]":
-    """The photographs; frames of a recording are removed when the block ends, unless they are kept.
+    """The photographs; frames of a recording are removed when the block ends.
 
     Raises:
         BodycamError: the source cannot be read, or has no usable images.
@@ -159,11 +144,11 @@ def opened_photographs(
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.lens.lens_check import warn_of_mismatch
     from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-    from bodycam_ros.mapping.moving_camera import BagCamera, VideoCamera, open_body_cameras
+    from bodycam_ros.mapping.moving_camera import VideoCamera, open_body_cameras
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
 
     source: Path = arguments.from_bag or arguments.source
-    if not _is_recording(source):
+    if arguments.from_bag is None and not source.is_file():
         yield find_photographs(source, arguments.camera)
         return
     board = source.resolve().parent / BOARD_FILE
@@ -175,30 +160,17 @@ def opened_photographs(
         cameras = open_body_cameras(source, body_cameras, [camera for pair in pairs for camera in pair])
         name = source.resolve().name
     else:
-        is_bag = _is_bag(source)
-        camera = (
-            BagCamera(source, arguments.topic, arguments.camera) if is_bag else VideoCamera(source, arguments.camera)
-        )
+        camera = VideoCamera(source, arguments.camera)
         warn_of_mismatch(camera)
         cameras, name = {camera.name: camera}, camera.name
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         yield keep_sharp_frames(
             cameras,
-            arguments.keep_frames or scratch / "frames",
+            scratch,
             name,
             settings.frames,
             arguments.jobs,
             progress,
             board if board.is_file() else None,
             pairs,
-            force=arguments.force,
         )
-
-
-def _is_bag(source: Path) -> bool:
-    """Whether a path is a ros2 bag: a folder with its metadata, or one of its files."""
-    return source.suffix.lower() in _BAG_SUFFIXES or (source / _BAG_FILE).is_file()
-
-
-def _is_recording(source: Path) -> bool:
-    return _is_bag(source) or source.is_file()

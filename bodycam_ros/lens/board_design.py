@@ -1,11 +1,11 @@
-"""A board to print, as large as the paper allows or of a given size, and the file that describes a board.
+"""A board to print, as large as the paper allows, and the file that describes a board.
 
 ``docs/board.md`` explains the fields. A map needs ``corners_in_board``; for a lens the measures are enough, so that the
 file of a board that was bought is written in a minute.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +23,12 @@ from bodycam_ros.yaml_file import read_yaml
 MARK = "# board of bodycam"
 """How the files that are written begin."""
 
-MOST_SQUARES = 100
-"""Of columns and of rows."""
+_MOST_SQUARES = 100  # of columns and of rows
 
-COUNTS = {APRILTAG: (3, 2), CHARUCO: (8, 5), CHECKERBOARD: (10, 7)}
+_COUNTS = {APRILTAG: (3, 2), CHARUCO: (8, 5), CHECKERBOARD: (10, 7)}
 """Columns and rows, for paper on its long side; an even and an odd number give a checkerboard an orientation."""
 
+_FAMILY = "36h11"  # of printed tags
 _LARGEST_M = 100.0
 _UPPER_LEFT = ("black", "white")
 _GAP_OF_TAG = 0.25
@@ -103,8 +103,8 @@ def _layout(kind: str, document: Mapping[Any, Any]) -> BoardLayout:
         raise LensError(f"'first_tag' must be a whole number from 0, not {shown(first)}")
     counts: list[Any] = [document.get(name) for name in ("columns", "rows")]
     for name, value in zip(("columns", "rows"), counts, strict=True):
-        if type(value) is not int or not 1 <= value <= MOST_SQUARES:
-            raise LensError(f"'{name}' must be a whole number from 1 to {MOST_SQUARES}, not {shown(value)}")
+        if type(value) is not int or not 1 <= value <= _MOST_SQUARES:
+            raise LensError(f"'{name}' must be a whole number from 1 to {_MOST_SQUARES}, not {shown(value)}")
     if kind == CHECKERBOARD:
         return _checked(BoardLayout(kind, counts[0], counts[1], _lengths(document, "square_size_m")), "")
     tag = _lengths(document, "tag_size_m")
@@ -158,53 +158,15 @@ def _lengths(document: Mapping[Any, Any], name: str) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-@dataclass(frozen=True)
-class BoardOptions:
-    """Options of a board; None: as large as the paper allows.
-
-    Attributes:
-        kind: of ``KINDS``.
-        columns, rows: of tags, or of squares.
-        tag_mm, square_mm: sides [mm].
-        family: of the tags, as ``dictionaries`` names it.
-        first_tag: number of the upper left tag.
-    """
-
-    kind: str
-    columns: int | None = None
-    rows: int | None = None
-    tag_mm: float | None = None
-    square_mm: float | None = None
-    family: str = "36h11"
-    first_tag: int = 0
-
-
-def design_layout(options: BoardOptions, area: PrintArea) -> BoardLayout:
-    """The board of the options, in whole millimetres where the paper decides.
-
-    Raises:
-        LensError: the options contradict each other.
-    """
-    kind = options.kind
-    counts = columns, rows = options.columns or COUNTS[kind][0], options.rows or COUNTS[kind][1]
-    if kind == CHECKERBOARD and options.tag_mm is not None:
-        raise LensError("a checkerboard has no tags; give the size of its squares with --square-size")
-    if kind == CHECKERBOARD and columns % 2 == rows % 2:
-        raise LensError(
-            f"a checkerboard of {columns} x {rows} squares has no orientation; of columns and rows one must be even "
-            "and the other odd, both 3 or more"
-        )
-    if kind == APRILTAG and options.square_mm is not None:
-        raise LensError("a board of AprilTags has no squares; give the size of its tags with --tag-size")
-    if kind == APRILTAG:
-        gaps = _GAP_OF_TAG * np.array([columns - 1, rows - 1])
-        tag = _side(options.tag_mm, area, *(np.array(counts) + gaps).tolist())
-        pitch = tag * (1.0 + _GAP_OF_TAG)
-    else:
-        pitch = _side(options.square_mm, area, columns, rows)
-        tag = _TAG_OF_SQUARE * pitch if options.tag_mm is None else 1e-3 * options.tag_mm
+def design_layout(kind: str, area: PrintArea) -> BoardLayout:
+    """The board of a kind that fills an area of paper, in whole millimetres."""
+    columns, rows = _COUNTS[kind]
+    gaps = _GAP_OF_TAG if kind == APRILTAG else 0.0
+    side_mm = min(area.width / (columns + gaps * (columns - 1)), area.height / (rows + gaps * (rows - 1)))
+    side = 1e-3 * float(np.floor(side_mm) if side_mm >= 1.0 else side_mm)
+    pitch, tag = (side * (1.0 + gaps), side) if kind == APRILTAG else (side, _TAG_OF_SQUARE * side)
     tags = (0.0, 0.0) if kind == CHECKERBOARD else (tag, tag)
-    return _checked(BoardLayout(kind, *counts, (pitch, pitch), tags, None, options.first_tag), options.family)
+    return _checked(BoardLayout(kind, columns, rows, (pitch, pitch), tags), _FAMILY)
 
 
 def scale_layout(layout: BoardLayout, share: tuple[float, float]) -> BoardLayout:
@@ -213,21 +175,13 @@ def scale_layout(layout: BoardLayout, share: tuple[float, float]) -> BoardLayout
     return replace(layout, pitch_m=tuple(pitch), tag_m=tuple(tag))
 
 
-def board_caption(layout: BoardLayout, family: str) -> str:
+def board_caption(layout: BoardLayout) -> str:
     """What is printed beneath a board, for who finds it."""
     parts = f"{layout.columns} x {layout.rows}"
     pitch, tag = f"{1e3 * layout.pitch_m[0]:g} mm", f"{1e3 * layout.tag_m[0]:g} mm"
     if layout.kind == CHECKERBOARD:
         return f"checkerboard, {parts} squares of {pitch}"
-    tags = f"{family}, {min(layout.tags)} to {max(layout.tags)}"
+    tags = f"{_FAMILY}, {min(layout.tags)} to {max(layout.tags)}"
     if layout.kind == CHARUCO:
         return f"ChArUco, {parts} squares of {pitch}, tags of {tag} ({tags})"
     return f"AprilTags, {parts} of {tag}, {pitch} apart from middle to middle ({tags})"
-
-
-def _side(given_mm: float | None, area: PrintArea, across: float, upwards: float) -> float:
-    """Of a part [m] of which so many make the board's width and height."""
-    if given_mm is not None:
-        return 1e-3 * given_mm
-    side_mm = min(area.width / across, area.height / upwards)
-    return 1e-3 * float(np.floor(side_mm) if side_mm >= 1.0 else side_mm)

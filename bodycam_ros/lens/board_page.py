@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from bodycam_ros.errors import OutputError
 from bodycam_ros.lens.board_layout import BoardLayout, PrintArea
 
 PAGES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "letter": (279.4, 215.9)}
@@ -43,17 +42,8 @@ def board_pdf(layout: BoardLayout, page_mm: tuple[float, float], words: str) -> 
         layout: what is printed.
         page_mm: width and height of the paper [mm].
         words: printed beneath the board.
-
-    Raises:
-        OutputError: the board is larger than the printable area.
     """
     area = print_area(page_mm)
-    width, height = (1e3 * side for side in layout.size_m)
-    if width > area.width + 1e-6 or height > area.height + 1e-6:
-        raise OutputError(
-            f"the board of {width:.0f} x {height:.0f} mm is larger than the printable area, "
-            f"{area.width:.0f} x {area.height:.0f} mm; take fewer columns and rows, smaller parts or a larger page"
-        )
     figure = Figure(figsize=(page_mm[0] / _MM_PER_INCH, page_mm[1] / _MM_PER_INCH))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_xlim(0.0, page_mm[0])

@@ -1,7 +1,6 @@
 """Choice of sharp frames of moving cameras, carried or on the body, as photographs of a map."""
 
 import logging
-import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -10,15 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.errors import MapError, RecordingError
 from bodycam_ros.mapping.frame_motion import FrameMotion, measure_motion, steady_picture
 from bodycam_ros.mapping.map_settings import FrameSettings
 from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
-from bodycam_ros.mapping.photographs import CAMERA_FILE, FrameOrigin, Photographs
-from bodycam_ros.output_place import check_folder
+from bodycam_ros.mapping.photographs import FrameOrigin, Photographs
 from bodycam_ros.progress import Progress, in_parallel
-from bodycam_ros.whole_file import failure_named, whole_folder
+from bodycam_ros.whole_file import failure_named
 
 _LOG = logging.getLogger(__name__)
 
@@ -36,7 +33,6 @@ _OFF_CENTRE = 0.2  # of its sharpness that a frame may lose by being half a step
 
 _JPEG_QUALITY = 95
 _AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-_PARTS = re.compile(rf".*_\d{{6,}}\.(jpg|png)|{re.escape(CAMERA_FILE)}")
 
 
 def keep_sharp_frames(
@@ -48,23 +44,21 @@ def keep_sharp_frames(
     progress: Progress,
     board_path: Path | None = None,
     pairs: Sequence[tuple[str, str]] = (),
-    force: bool = False,
 ) -> Photographs:
-    """Write the sharp frames that a map needs into a folder, whole or not at all.
+    """Write the sharp frames that a map needs into a folder.
 
     Recordings are read twice: first for their motion, then for the pictures. Where the read-out time of its rows is
-    known, a picture is straightened by the camera's rotation. The frames of a single camera make a reference folder.
+    known, a picture is straightened by the camera's rotation.
 
     Args:
         sources: camera -> its frames.
-        folder: to be.
+        folder: that is there.
         name: of the recording.
         settings: which frames.
         workers: threads.
         progress: shows the steps.
         board_path: description of the board, if there is one.
         pairs: cameras of which simultaneous frames are wanted.
-        force: replace an earlier folder of this kind.
 
     Raises:
         MapError: a recording shows nothing, or hardly moves.
@@ -79,12 +73,8 @@ def keep_sharp_frames(
         nearest = np.abs(motions[second].seconds[None] - motions[first].seconds[rows[first], None]).argmin(axis=1)
         rows[second] = np.union1d(rows[second], nearest)
     names, origins = {}, {}
-    with (
-        whole_folder(folder, partial(check_frames_replaceable, force=force)) as unfinished,
-        failure_named(folder),
-        progress.step("writing sharp frames", sum(map(len, rows.values()))) as advance,
-    ):
-        unfinished.mkdir()
+    count = sum(map(len, rows.values()))
+    with failure_named(folder), progress.step("writing sharp frames", count) as advance:
         for camera, source in sources.items():
             prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
             wanted = set(rows[camera].tolist())
@@ -93,15 +83,13 @@ def keep_sharp_frames(
                     if row in wanted:
                         suffix, content = _straightened(frame, source, motions[camera].angular_velocity[row])
                         file = f"{prefix}_{row:06d}{suffix}"
-                        (unfinished / file).write_bytes(content)
+                        (folder / file).write_bytes(content)
                         names[file], origins[file] = source.camera, FrameOrigin(camera, frame.seconds)
                         advance()
                     if row == max(wanted):
                         break
                 else:
                     raise RecordingError(f"{source.name}: ends earlier when it is read again; is it being written?")
-        if len(sources) == 1:
-            (unfinished / CAMERA_FILE).write_text(camera_info_yaml(source.camera))
     _LOG.info("%s: %d frames of %d cameras chosen", name, len(names), len(sources))
     return Photographs(folder, name, tuple(folder / file for file in sorted(names)), names, board_path, origins)
 
@@ -173,13 +161,3 @@ def _straightened(frame: Frame, source: MovingCamera, angular_velocity: NDArray[
     pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), _AS_STORED), np.uint8)
     straight = steady_picture(pixels, source.camera, angular_velocity, source.readout_s)
     return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
-
-
-def check_frames_replaceable(path: Path, force: bool) -> None:
-    """Refuse to replace what is there, unless ``force`` is given and it is a folder of frames.
-
-    Raises:
-        OutputError: so it is.
-    """
-    if path.exists():
-        check_folder(path, force, CAMERA_FILE, _PARTS, "folder of chosen frames")

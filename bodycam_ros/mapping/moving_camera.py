@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.camera_info import readout_time_from_yaml
-from bodycam_ros.errors import LensError, MapError, RecordingError
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.errors import LensError, MapError
+from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_encoder import jpegs
 from bodycam_ros.recording.video_file import grey_pixels
@@ -91,48 +91,25 @@ class _BagFrame:
 class BagCamera:
     """A ``MovingCamera`` that is one camera of a bag.
 
-    Args:
-        path: ros2 bag folder or .mcap file.
-        topic: of its images, as "/hand/image_raw/compressed", or the camera's name; None: the only camera there is.
-        lens_path: camera_info YAML; None: the camera_info of the bag.
-
     Raises:
         RecordingError: no bag that can be read, or no such camera in it.
         LensError: the bag has no camera_info of it, or a malformed one.
     """
 
-    def __init__(self, path: Path, topic: str | None, lens_path: Path | None) -> None:
-        self._path = path
+    def __init__(self, path: Path, camera: str) -> None:
+        self._path, self._camera = path, camera
         with open_recording(path) as recording:
-            self._camera = _camera_of(recording, topic)
-            self.camera = recording.camera_model(self._camera) if lens_path is None else camera_from_yaml(lens_path)
-            self.count = recording.image_count(self._camera)
-            readout = recording.readout(self._camera)
+            self.camera = recording.camera_model(camera)
+            self.count = recording.image_count(camera)
+            readout = recording.readout(camera)
         self.readout_s = (0.0, 0.0 if readout is None else readout.seconds)
-        self.name = f"{path.name}, camera {self._camera}"
+        self.name = f"{path.name}, camera {camera}"
 
     @contextmanager
     def frames(self) -> Iterator[Iterator[Frame]]:
         """The images in the order in which they were recorded."""
         with open_recording(self._path) as recording:
             yield (_BagFrame(image) for image in recording.images([self._camera]))
-
-
-def _camera_of(recording: Recording, topic: str | None) -> str:
-    cameras = recording.cameras
-    if topic is None and len(cameras) == 1:
-        return cameras[0]
-    there = ", ".join(f"/{camera}/image_raw/..." for camera in cameras)
-    if topic is None:
-        raise RecordingError(
-            f"{recording.path}: has {len(cameras)} cameras; give with --topic the one that was carried through "
-            f"the place: {there}"
-        )
-    asked = topic.strip("/")
-    for camera in cameras:
-        if asked == camera or asked.startswith(f"{camera}/image_raw"):
-            return camera
-    raise RecordingError(f"{recording.path}: no camera with the images {topic}; there are {there}")
 
 
 @dataclass(frozen=True)
@@ -210,4 +187,4 @@ def open_body_cameras(
         there = recording.cameras
     if absent := sorted({*(cameras or ()), *required} - set(there)):
         raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(there)}")
-    return {camera: BagCamera(bag, camera, None) for camera in there if cameras is None or camera in cameras}
+    return {camera: BagCamera(bag, camera) for camera in there if cameras is None or camera in cameras}

@@ -1,4 +1,4 @@
-"""bodycam map of a video and of a bag, and what it says of the coverage, on photographs of the sample."""
+"""bodycam map of a video, and what it says of the coverage, on photographs of the sample."""
 
 import shutil
 from fractions import Fraction
@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.cli.main import main
-from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 QUICK = ["--features.max_features", "1200", "--jobs", "2"]
@@ -65,20 +63,14 @@ def test_a_map_is_made_of_the_sharp_frames_of_a_video(
 ) -> None:
     (tmp_path / "scratch").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "scratch"))
-    kept, path = tmp_path / "kept", tmp_path / "map"
-    assert main(["map", str(video), "-o", str(path), "--keep-frames", str(kept), *QUICK]) == 0
+    path = tmp_path / "map"
+    assert main(["map", str(video), "-o", str(path), *QUICK]) == 0
     said = capsys.readouterr().out
     reference_map = ReferenceMap.load(path)
     names = tuple(f"frame_{number:06d}.jpg" for number in SHARP)
     assert reference_map.image_names == names
     assert reference_map.metric and reference_map.gravity_aligned
     assert list((tmp_path / "scratch").iterdir()) == []
-
-    # What is kept is a reference folder, with the lens that the video has.
-    photographs = find_photographs(kept)
-    assert tuple(photograph.name for photograph in photographs.paths) == names
-    lens = camera_from_yaml(video.with_suffix(".yaml"))
-    assert all(np.array_equal(camera.parameters, lens.parameters) for camera in photographs.camera_of_name.values())
 
     summary = yaml.safe_load((path / "map.yaml").read_text())
     assert summary["reference"] == "walk.mp4"
@@ -91,25 +83,12 @@ def test_a_map_is_made_of_the_sharp_frames_of_a_video(
     assert cv2.imread(str(tmp_path / "check.png")) is not None
 
 
-def test_frames_are_kept_over_nothing_else(video: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    kept = tmp_path / "kept"
-    kept.mkdir()
-    (kept / "dear.jpg").write_bytes(b"...")
-    arguments = [video, "-o", tmp_path / "map", "--keep-frames", kept]
-    expect_error(arguments, capsys, "kept: exists already", "--force")
-    expect_error([*arguments, "--force"], capsys, "holds dear.jpg")
-    expect_error([video, "-o", tmp_path / "map", "--keep-frames", tmp_path / "map" / "in"], capsys, "contains")
-    assert (kept / "dear.jpg").exists() and not (tmp_path / "map").exists()
-
-
-def test_flags_that_a_source_has_no_use_for_are_refused(
-    video: Path, sample: Path, tiny_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_source_that_is_missing_or_a_bag_is_refused(
+    tiny_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = ["-o", tmp_path / "map"]
     expect_error([tmp_path / "nowhere.mp4", *out], capsys, "no such folder or file")
-    expect_error([video, "--topic", "/hand", *out], capsys, "is no bag", "--topic")
-    expect_error([sample / "reference", "--keep-frames", tmp_path / "kept", *out], capsys, "is no video or bag")
-    expect_error([tiny_bag, *out], capsys, "has 2 cameras", "--topic")
+    expect_error([tiny_bag, *out], capsys, "is a bag", "--from-bag")
     assert list(tmp_path.iterdir()) == [tiny_bag]
 
 
@@ -119,7 +98,7 @@ def test_a_video_that_stands_still_or_is_none_makes_no_map(
     (tmp_path / "torn.mp4").write_bytes(video.read_bytes()[:3000])
     lens = sample / "reference" / "camera.yaml"
     expect_error([tmp_path / "torn.mp4", "--camera", lens, "-o", tmp_path / "map"], capsys, "torn.mp4", "cut-off")
-    expect_error([tiny_bag, "--topic", "/left", "-o", tmp_path / "map"], capsys, "shows anything")
+    expect_error(["--from-bag", tiny_bag, "-o", tmp_path / "map"], capsys, "shows anything")
     assert not (tmp_path / "map").exists()
 
 

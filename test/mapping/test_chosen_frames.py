@@ -1,4 +1,4 @@
-"""The sharp frames of a bag's camera as a reference folder."""
+"""The sharp frames of a bag's cameras as photographs."""
 
 from pathlib import Path
 
@@ -8,11 +8,10 @@ import pytest
 from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import MapError, OutputError
+from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.frame_choice import keep_sharp_frames
 from bodycam_ros.mapping.map_settings import FrameSettings
 from bodycam_ros.mapping.moving_camera import BagCamera, open_body_cameras
-from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.recording.bag_writer import write_recording
@@ -43,37 +42,19 @@ def bag(tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
-def keep(bag: Path, folder: Path, force: bool = False, progress: Unshown | None = None) -> None:
-    sources = {"hand": BagCamera(bag, None, None)}
-    keep_sharp_frames(sources, folder, "bag", FrameSettings(), 1, progress or Unshown(), force=force)
-
-
-def test_sharp_frames_and_the_lens_are_written(bag: Path, tmp_path: Path) -> None:
+def test_sharp_frames_are_written(bag: Path, tmp_path: Path) -> None:
     progress = Unshown()
-    folder = tmp_path / "kept"
-    keep(bag, folder, progress=progress)
-    photographs = find_photographs(folder)
+    photographs = keep_sharp_frames({"hand": BagCamera(bag, "hand")}, tmp_path, "bag", FrameSettings(), 1, progress)
     assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
+    assert all(path.is_file() for path in photographs.paths)
     assert all(np.array_equal(camera.parameters, LENS.parameters) for camera in photographs.camera_of_name.values())
     assert progress.done == progress.totals == {"analysing frames": 9, "writing sharp frames": 3}
-
-
-def test_an_earlier_folder_of_frames_is_replaced_by_force_alone(bag: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "kept"
-    folder.mkdir()
-    for name in ("frame_000099.jpg", "camera.yaml"):
-        (folder / name).touch()
-    with pytest.raises(OutputError, match="--force"):
-        keep(bag, folder)
-    assert (folder / "frame_000099.jpg").exists()
-    keep(bag, folder, force=True)
-    assert sorted(path.name for path in folder.iterdir()) == ["camera.yaml", *(f"frame_{n:06d}.png" for n in SHARP)]
 
 
 def test_frames_of_body_cameras_are_kept_with_their_cameras_and_times(tmp_path: Path) -> None:
     pair = ("waist_left", "waist_right")
     sources = open_body_cameras(SAMPLE, pair)
-    kept = keep_sharp_frames(sources, tmp_path / "k", "sample", FrameSettings(most=10), 2, Unshown(), pairs=[pair])
+    kept = keep_sharp_frames(sources, tmp_path, "sample", FrameSettings(most=10), 2, Unshown(), pairs=[pair])
     assert sorted(path.name for path in kept.folder.iterdir()) == [path.name for path in kept.paths]
     assert set(kept.camera_of_name) == set(kept.origins) == {path.name for path in kept.paths}
     first, second = ([one.seconds for one in kept.origins.values() if one.camera == camera] for camera in pair)
