@@ -3,6 +3,7 @@
 A measurement conditions the prediction of the later state, and the earlier one with it.
 """
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
+_GRAVITY, _IDENTITY = np.array([0.0, 0.0, -GRAVITY]), np.eye(3)
 _TURN_RAD = 0.01  # sigma of a rotation between frames; parallax of near things biases it by tenths of a degree
 _FREE_RAD = 0.5  # how far a joint may turn from frame to frame beyond its prediction, where its turn is measured
 _ITERATIONS, _NEAR = 2, 0.01  # at most; [rad], [m] of a step after which it is linear enough
@@ -94,23 +96,27 @@ class InertialStep:
         """See ``Between``."""
         dt, lever, R1, R2 = self.seconds, hat(self.place), before[:3, :3], after[:3, :3]
         u1, u2 = (
-            t[3:] + np.cross(w, self.place) for t, w in zip(twists, (self.spin_before, self.spin_after), strict=True)
+            twist[3:] - lever @ spin for twist, spin in zip(twists, (self.spin_before, self.spin_after), strict=True)
         )
-        gravity = np.array([0.0, 0.0, -GRAVITY])
         moved = after[:3, 3] + R2 @ self.place - before[:3, 3] - R1 @ self.place
-        velocity = R1.T @ (R2 @ u2 - gravity * dt) - u1
-        position = R1.T @ (moved - 0.5 * gravity * dt**2) - u1 * dt
-        by_after, by_before, R12 = np.zeros((6, 12)), np.zeros((6, 12)), R1.T @ R2
-        by_after[:3, :3], by_after[:3, 9:] = -R12 @ hat(u2), R12
-        by_after[3:, :3], by_after[3:, 3:6] = -R12 @ lever, R12
-        by_before[:3, :3], by_before[:3, 9:] = hat(velocity) + hat(u1), -np.eye(3)
-        by_before[3:, :3] = hat(position) + lever + dt * hat(u1)
-        by_before[3:, 3:6], by_before[3:, 9:] = -np.eye(3), -dt * np.eye(3)
-        off = np.concatenate([self.velocity - velocity, self.position - position])
-        block = self.density * np.array([[dt, dt**2 / 2.0], [dt**2 / 2.0, dt**3 / 3.0]])
-        block += np.diag(self.sigma**2 * np.array([1.0, dt**2 / 4.0]))
-        W = np.kron(np.linalg.inv(np.linalg.cholesky(block)), np.eye(3))
-        return W @ off, W @ by_after, W @ by_before
+        velocity = R1.T @ (R2 @ u2 - _GRAVITY * dt) - u1
+        position = R1.T @ (moved - 0.5 * _GRAVITY * dt**2) - u1 * dt
+        turned = R1.T @ R2
+        by_after, by_before, off = np.zeros((6, 12)), np.zeros((6, 12)), np.empty(6)
+        by_after[:3, :3], by_after[:3, 9:] = -turned @ hat(u2), turned
+        by_after[3:, :3], by_after[3:, 3:6] = -turned @ lever, turned
+        by_before[:3, :3], by_before[:3, 9:] = hat(velocity + u1), -_IDENTITY
+        by_before[3:, :3] = hat(position + dt * u1) + lever
+        by_before[3:, 3:6], by_before[3:, 9:] = -_IDENTITY, -dt * _IDENTITY
+        off[:3], off[3:] = self.velocity - velocity, self.position - position
+        # In sigmas, by the Cholesky factor (a, 0; b, c) of the covariance of velocity and position along each axis.
+        a = math.sqrt(self.density * dt + self.sigma**2)
+        b = 0.5 * self.density * dt**2 / a
+        c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 - b**2)
+        for rows in (off, by_after, by_before):
+            rows[:3] /= a
+            rows[3:] = (rows[3:] - b * rows[:3]) / c
+        return off, by_after, by_before
 
 
 Between = SegmentTurn | RestingPoint | InertialStep
@@ -171,13 +177,12 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
         return link
     link, K = _loosen_joints(link, measured, tangent), tangent.count
     before, after = link.before.at, link.after.at
-    for _ in range(_ITERATIONS):
+    for iteration in range(_ITERATIONS):
         r, H, H_before = _linearise(before, after, measured, tangent)
         width = H.shape[1]
-        r += (
-            H @ link.after.at.step_to(tangent, after)[:width]
-            + H_before @ link.before.at.step_to(tangent, before)[:width]
-        )
+        if iteration:
+            moved = link.after.at.step_to(tangent, after), link.before.at.step_to(tangent, before)
+            r += H @ moved[0][:width] + H_before @ moved[1][:width]
         # Covariances of the measured numbers with both states.
         of_after = link.after.covariance[:, :width] @ H.T + link.cross[:, :width] @ H_before.T
         of_before = link.cross[:width].T @ H.T + link.before.covariance[:, :width] @ H_before.T
@@ -199,23 +204,24 @@ def _linearise(
     before: Coordinates, after: Coordinates, measured: Sequence[Between], tangent: TreeTangent
 ) -> tuple[Array, Array, Array]:
     """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
-    ends = []
-    for at in (before, after):
-        poses = at.poses(tangent)
-        J = tangent.segment_jacobians(poses)
-        ends.append((poses, J, J @ at.velocity))
-    (poses_before, J_before, twists_before), (poses, J, twists) = ends
+    rows = sorted({one.row for one in measured})
+    place = {row: number for number, row in enumerate(rows)}
+    poses = np.stack([before.poses(tangent), after.poses(tangent)])
+    J_before, J = tangent.segment_jacobians(poses, rows)
+    twists_before, twists = J_before @ before.velocity, J @ after.velocity
+    places = [place[one.row] for one in measured]
     each = [
-        one.residual(poses_before[one.row], poses[one.row], twists_before[one.row], twists[one.row]) for one in measured
+        one.residual(poses[0, one.row], poses[1, one.row], twists_before[at], twists[at])
+        for one, at in zip(measured, places, strict=True)
     ]
     with_velocities = any(by.shape[1] > 6 for _, by, _ in each)
 
     def stacked(rows: Iterable[Array], jacobians: Array) -> Array:
         blocks = []
-        for one, by in zip(measured, rows, strict=True):
-            parts = [by[:, :6] @ jacobians[one.row]]
+        for at, by in zip(places, rows, strict=True):
+            parts = [by[:, :6] @ jacobians[at]]
             if with_velocities:
-                parts.append(by[:, 6:] @ jacobians[one.row] if by.shape[1] > 6 else np.zeros_like(parts[0]))
+                parts.append(by[:, 6:] @ jacobians[at] if by.shape[1] > 6 else np.zeros_like(parts[0]))
             blocks.append(np.concatenate(parts, axis=1))
         return np.concatenate(blocks)
 

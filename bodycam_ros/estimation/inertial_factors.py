@@ -43,7 +43,7 @@ class InertialSensors:
         self._calibrations = {name: mount.imu for name, mount in mounts.items() if mount.imu is not None}
         self._rows = {name: body.segment_index[mount.segment] for name, mount in mounts.items()}
         self._segment_R_camera = {name: mount.segment_T_camera[:3, :3] for name, mount in mounts.items()}
-        self._sums = {name: MotionSums() for name in mounts}
+        self._sums = {name: MotionSums(calibration) for name, calibration in self._calibrations.items()}
         self._clocks: Mapping[str, ClockState] = {}
         self._images = dict.fromkeys(mounts, 0)
         self.biases = {name: BiasFilter(imu.gyro_bias_sigma) for name, imu in self._calibrations.items()}
@@ -62,7 +62,7 @@ class InertialSensors:
     def add(self, camera: str, samples: ImuSamples) -> None:
         """Add samples of a camera's sensor, later than those before; others are ignored."""
         if camera in self._sums:
-            self._sums[camera].add(self._calibrations[camera].correct(samples))
+            self._sums[camera].add(samples)
 
     def set_clocks(self, clocks: Mapping[str, ClockState]) -> None:
         """Use the clocks by which the stamps of frames were corrected; samples are by the cameras' own clocks."""

@@ -1,6 +1,6 @@
 """Samples of an inertial sensor: angular velocity and acceleration in its own frame (REP-145)."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,17 @@ class ImuSamples:
                 latest_ns = stamp_ns
         numbers = np.array(values, np.float64).reshape(-1, 6)
         return ImuSamples(np.array(stamps_ns, np.int64), numbers[:, :3], numbers[:, 3:])
+
+    @staticmethod
+    def joined(parts: Sequence["ImuSamples"]) -> "ImuSamples":
+        """The samples of one or more parts, one part after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return ImuSamples(
+            np.concatenate([each.stamps_ns for each in parts]),
+            np.concatenate([each.angular_velocity for each in parts]),
+            np.concatenate([each.acceleration for each in parts]),
+        )
 
     def between(self, start_ns: int, end_ns: int) -> "ImuSamples":
         """Samples from start to end [ns], the end included."""

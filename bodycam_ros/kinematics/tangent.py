@@ -11,6 +11,8 @@ The gap is that of the joint's frames on the two segments, ``parent_joint_T_chil
 forbids, about the rows' axes, then the place of the one frame in the other.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -130,9 +132,12 @@ class TreeTangent:
         twists = (adjoint(world_T_child) @ self._child_twists.T[..., None])[..., 0]
         return np.swapaxes(twists, -1, -2)
 
-    def segment_jacobians(self, world_T_segment: Array) -> Array:
-        """(..., S, 6, K) how the poses (..., S, 4, 4) change: tangents in the segments' own axes."""
-        return segment_tangents(world_T_segment, self.world_twists(world_T_segment), self._moves)
+    def segment_jacobians(self, world_T_segment: Array, rows: Sequence[int] | None = None) -> Array:
+        """(..., S, 6, K) how the poses (..., S, 4, 4) change, or those of some rows: tangents in the segments' axes."""
+        twists = self.world_twists(world_T_segment)
+        if rows is None:
+            return segment_tangents(world_T_segment, twists, self._moves)
+        return segment_tangents(world_T_segment[..., rows, :, :], twists, self._moves[rows])
 
     def gap(self, joint: Joint, world_T_segment: Array, J: Array) -> tuple[Array, Array]:
         """The gap (..., 6) of a joint that closes a loop (``tangent``), and its Jacobian (..., 6, K).

@@ -7,6 +7,7 @@ import pytest
 from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.inertial.preintegration import MotionSums
+from bodycam_ros.inertial.preintegration_kernels import add_samples
 
 RATE_HZ, PERIOD_NS = 200, 5_000_000
 
@@ -82,3 +83,50 @@ def test_nothing_is_integrated_across_a_gap_or_beyond_the_samples() -> None:
     assert gapped.between(int(at[10]), int(at[130])) is None
     assert gapped.between(int(at[150]), int(at[199]) + 100_000_000) is None
     assert MotionSums().between(0, 1) is None
+
+
+def test_sums_that_grow_by_a_few_samples_keep_the_latest_minutes_and_restart_where_time_goes_back() -> None:
+    """Live: 7 minutes, in frames of six samples."""
+    count = 84_000
+    samples, grown = swinging(count), MotionSums()
+    assert grown.latest_ns == -1
+    for start in range(0, count, 6):
+        rows = slice(start, start + 6)
+        grown.add(ImuSamples(samples.stamps_ns[rows], samples.angular_velocity[rows], samples.acceleration[rows]))
+        grown.covers(samples.stamps_ns[rows])
+    start_ns, end_ns = int(samples.stamps_ns[-900]) + 1_234_567, int(samples.stamps_ns[-10])
+    assert len(grown) < count and grown.latest_ns == samples.stamps_ns[-1]
+    assert grown.between(int(samples.stamps_ns[0]), end_ns) is None
+    one, other = grown.between(start_ns, end_ns), sums(samples).between(start_ns, end_ns)
+    assert one and other
+    np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-9)
+    np.testing.assert_allclose(one.position, other.position, atol=1e-6)
+    np.testing.assert_allclose(one.rotation.T @ one.rotation, np.eye(3), atol=1e-12)
+    # The recording is played again, while samples of both passes wait.
+    again = swinging(400)
+    grown.add(samples.between(end_ns, 2**62))
+    grown.add(again)
+    moved, fresh = grown.between(10**9, 2 * 10**9), sums(again).between(10**9, 2 * 10**9)
+    assert moved and fresh and grown.latest_ns == again.stamps_ns[-1]
+    np.testing.assert_allclose(moved.position, fresh.position, atol=1e-12)
+
+
+def test_the_kernel_advances_the_sums_as_numpy_does() -> None:
+    samples, random = swinging(50), np.random.default_rng(3)
+    dt = random.uniform(0.001, 0.02, 49)
+    readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
+    R, once, twice = np.empty((50, 3, 3)), random.normal(size=(50, 12)), random.normal(size=(50, 12))
+    R[0] = exp_so3(random.normal(size=3))
+    orientation, first, second = R[0].copy(), once[0].copy(), twice[0].copy()
+    add_samples(dt, readings, R, once, twice)
+    for row, h in enumerate(dt):
+        turned = orientation @ exp_so3(0.5 * h * (readings[row, :3] + readings[row + 1, :3]))
+        before, after = (
+            np.append(each.ravel(), each @ reading[3:])
+            for each, reading in ((orientation, readings[row]), (turned, readings[row + 1]))
+        )
+        second = second + h * first + h**2 * (2.0 * before + after) / 6.0
+        first, orientation = first + 0.5 * h * (before + after), turned
+        np.testing.assert_allclose(R[row + 1], orientation, atol=1e-13)
+        np.testing.assert_allclose(once[row + 1], first, atol=1e-12)
+        np.testing.assert_allclose(twice[row + 1], second, atol=1e-12)
