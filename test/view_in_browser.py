@@ -82,8 +82,13 @@ class BrowserView:
 
     @classmethod
     @contextmanager
-    def opened(cls, address: str, chromium: str, window: tuple[int, int] = WINDOW) -> Iterator["BrowserView"]:
-        """Open the page in a window (width, height) [px]; fail if it asks for anything from elsewhere, or stumbles."""
+    def opened(
+        cls, address: str, chromium: str, window: tuple[int, int] = WINDOW, shows: str = "follow the body"
+    ) -> Iterator["BrowserView"]:
+        """Open the page in a window (width, height) [px]; fail if it asks for anything from elsewhere, or stumbles.
+
+        It is ready when it shows a text.
+        """
         foreign: list[str] = []
         errors: list[str] = []
         with sync_playwright() as playwright:
@@ -93,7 +98,7 @@ class BrowserView:
             page.on("request", lambda request: foreign.append(request.url))
             page.on("pageerror", lambda error: errors.append(str(error)))
             page.goto(address)
-            page.get_by_text("follow the body").wait_for()
+            page.get_by_text(shows, exact=True).first.wait_for()
             # The renderer's own remark on software rendering, which a graphics card does without.
             page.get_by_text("Software WebGL").wait_for()
             page.locator(".mantine-Notification-closeButton").first.click()

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_map, add_stations, add_surface, given_flags
+from bodycam_ros.cli.options import add_map, add_start, add_stations, add_surface, given_flags
 from bodycam_ros.errors import ViewError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import shown
@@ -38,11 +38,20 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--recording", type=Path, metavar="BAG", help="bag that OUT was solved from: shows its images")
     add_stations(parser, "where static cameras are: shows them and their images")
     add_surface(parser)
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help="write a video of the body, and end")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="OUT.mp4", help="write a video of the body, and end; the start of --place"
+    )
     parser.add_argument(
         "--over", metavar="CAMERA", help="with -o and --recording: over the images of this camera, not from outside"
     )
-    parser.add_argument("--force", action="store_true", help="replace OUT.mp4 if it exists already")
+    parser.add_argument("--force", action="store_true", help="replace the output if it exists already")
+    parser.add_argument(
+        "--place",
+        type=Path,
+        metavar="BAG",
+        help="place the body by hand in the first images of --stations, and write the START.yaml that -o names",
+    )
+    add_start(parser, "with --place: where the body is at first")
     parser.add_argument(
         "--live",
         action="store_true",
@@ -62,6 +71,11 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.namespace:
         raise ViewError(f"--namespace {shown(arguments.namespace)}: is for --live")
+    if arguments.place is not None:
+        _place(arguments)
+        return 0
+    for flag in given_flags(arguments, "start"):
+        raise ViewError(f"{flag}: is for --place")
     if arguments.output is not None:
         _write_video(arguments)
         return 0
@@ -103,9 +117,31 @@ def _write_video(arguments: argparse.Namespace) -> None:
     Terminal().print(f"video written to {arguments.output}", soft_wrap=True)
 
 
+def _place(arguments: argparse.Namespace) -> None:
+    unused = [] if arguments.solved is None else ["OUT"]
+    unused += given_flags(arguments, "recording", "over")
+    if unused:
+        raise ViewError(
+            f"--place: a start is made of a recording that is not solved yet; leave out {', '.join(unused)}"
+        )
+    for name, needed in (("stations", "CAMERAS.YAML"), ("body", "BODY.yaml"), ("output", "START.yaml")):
+        if getattr(arguments, name) is None:
+            arguments.usage_error(f"--place needs {'-o' if name == 'output' else '--' + name} {needed}")
+    inputs = ("place", "map", "body", "stations", "surface", "start")
+    check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
+    check_file(arguments.output, arguments.force, b": [", "start")
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+    from bodycam_ros.viewer.placing import place_body
+    from bodycam_ros.viewer.placing_sources import PlacingSources
+
+    files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
+    sources = PlacingSources.read(arguments.place, files, arguments.body, arguments.map)
+    place_body(sources, arguments.output, arguments.port)
+
+
 def _view_live(arguments: argparse.Namespace) -> None:
     unused = [] if arguments.solved is None else ["OUT"]
-    unused += given_flags(arguments, "body", "recording", "stations", "surface", "output", "over")
+    unused += given_flags(arguments, "body", "recording", "stations", "surface", "output", "over", "place", "start")
     if unused:
         raise ViewError(f"--live: the running graph publishes the body; leave out {', '.join(unused)}")
     try:

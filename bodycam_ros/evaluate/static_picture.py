@@ -1,7 +1,7 @@
 """Images of static cameras with the solved body's surface, contour and forces over them: a picture, and a video."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from bodycam_ros.static_cameras.contour_painting import (
     SILENT,
     Window,
     paint_contour,
+    square_window,
 )
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
@@ -36,8 +37,6 @@ from bodycam_ros.static_cameras.surface_folder import surfaces_of
 _CAMERAS = 6  # that the picture shows, evenly picked
 _COLOURS_S = 0.5  # of images before the one shown, which the colour models are updated by
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
-_ROOM = 1.15  # of the window around the body
-_MIN_WINDOW_PX = 80
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
 
 
@@ -136,17 +135,8 @@ class StaticView:
     @property
     def window(self) -> Window:
         """A square around the body; the whole image where that is not in it."""
-        size = np.array(self.image.shape[1::-1])
-        covered = self.contour.covered
-        if covered is None:
-            side, middle = int(size.max()), size / 2.0
-        else:
-            middle, extent = covered.mean(axis=0), float(np.ptp(covered, axis=0).max())
-            side = max(_MIN_WINDOW_PX, round(_ROOM * extent))
-        # Within the image where it is no larger than that.
-        start = np.round(middle - side / 2.0).astype(int)
-        left, top = np.where(side <= size, np.clip(start, 0, np.maximum(size - side, 0)), (size - side) // 2).tolist()
-        return Window(left, top, side, side, -(-_SHARP_PX // side))
+        window = square_window(self.image, self.contour.covered)
+        return replace(window, times=-(-_SHARP_PX // window.width))
 
 
 def static_views(scene: StaticScene) -> tuple[StaticView, ...]:

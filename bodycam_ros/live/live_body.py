@@ -173,8 +173,8 @@ def read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
         )
     if not worn and not start:
         raise StationError(
-            f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a file of "
-            "segments, and give that as the parameter 'start'"
+            f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a "
+            "recording with 'bodycam view --place', and give that as the parameter 'start'"
         )
     reference_map = load_map(Path(parameters.map)) if parameters.map else None
     if reference_map is not None:

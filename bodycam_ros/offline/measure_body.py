@@ -63,7 +63,8 @@ def measure_body(
     start = given.start
     if start is None:
         raise StationError(
-            "nobody knows where the body is at first; place it by hand in a file of segments, and give that as --start"
+            f"nobody knows where the body is at first; place it by hand with "
+            f"'bodycam view --place {recording_path}', and give that as --start"
         )
     body = replace(with_hands(body), surface=None)
     reference_map = None if map_path is None else ReferenceMap.load(map_path)

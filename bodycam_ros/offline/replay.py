@@ -243,7 +243,7 @@ def _nothing_solved(recording_path: Path, map_path: Path | None, outside: Static
     if outside is not None and outside.start is None:
         return StationError(
             f"{recording_path}: no worn camera was registered, so nobody knows where the body is at first; place it "
-            "by hand in a file of segments, and give that as --start"
+            f"by hand with 'bodycam view --place {recording_path}', and give that as --start"
         )
     if outside is not None:
         return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")

@@ -28,6 +28,9 @@ ENLARGED = 4.0
 _TINT = 0.28  # share of the surface's colour in the image
 _SUBPIXEL = 4  # bits
 _THICK_PX, _RADIUS_PX = 2, 2.2  # of lines and points in the picture, however much it is magnified
+_SMALLEST = 0.5  # share of these in a picture that is made smaller: points are close to each other there
+_ROOM = 1.15  # of a window around the body
+_MIN_WINDOW_PX = 80
 _LEAST_FORCE_PX = 0.15  # below it, a force is not there to be seen
 
 
@@ -37,19 +40,33 @@ class Window:
 
     Attributes:
         left, top, width, height: of the part [px of the image].
-        times: pixels of the picture, across, that are one of the image.
+        times: pixels of the picture, across, that are one of the image; less than 1 where it is made smaller.
     """
 
     left: int
     top: int
     width: int
     height: int
-    times: int
+    times: float = 1.0
 
     def place(self, pixels: Array) -> Array:
         """Where pixels (..., 2) of the image are in the picture."""
         placed: Array = (pixels - [self.left, self.top] + 0.5) * self.times - 0.5
         return placed
+
+
+def square_window(image: Image, covered: Array | None) -> Window:
+    """A square of an image around the pixels (2, 2) that show the body, not magnified; None: around the whole image."""
+    size = np.array(image.shape[1::-1])
+    if covered is None:
+        side, middle = int(size.max()), size / 2.0
+    else:
+        middle, extent = covered.mean(axis=0), float(np.ptp(covered, axis=0).max())
+        side = max(_MIN_WINDOW_PX, round(_ROOM * extent))
+    # Within the image where it is no larger than that.
+    start = np.round(middle - side / 2.0).astype(int)
+    left, top = np.where(side <= size, np.clip(start, 0, np.maximum(size - side, 0)), (size - side) // 2).tolist()
+    return Window(left, top, side, side)
 
 
 def paint_contour(image: Image, contour: Contour, shifts: Array, colours: Sequence[str], window: Window) -> Image:
@@ -62,14 +79,19 @@ def paint_contour(image: Image, contour: Contour, shifts: Array, colours: Sequen
         colours: of the segments' surfaces, as ``#rrggbb``.
         window: the part that is shown.
     """
-    picture = _magnified(_tinted(image, contour, colours), window)
+    return paint_over(cut_out(image, window), contour, shifts, colours, window)
+
+
+def paint_over(picture: Image, contour: Contour, shifts: Array, colours: Sequence[str], window: Window) -> Image:
+    """``paint_contour`` on the part of the image that was cut out already."""
+    picture = _tinted(picture, contour, colours, window)
     places = window.place(contour.pixels)
     ends = places + window.times * ENLARGED * np.nan_to_num(shifts)[:, None] * contour.normals
     for place, end, shift in zip(places, ends, shifts.tolist(), strict=True):
         if abs(shift) > _LEAST_FORCE_PX:
             colour = bgr(OUTWARD if shift > 0.0 else INWARD)
             cv2.line(picture, _fixed(place), _fixed(end), colour, _THICK_PX, cv2.LINE_AA, _SUBPIXEL)
-    radius = round(2**_SUBPIXEL * _RADIUS_PX)
+    radius = round(2**_SUBPIXEL * _RADIUS_PX * float(np.clip(window.times, _SMALLEST, 1.0)))
     for place, shift in zip(places, shifts.tolist(), strict=True):
         colour = bgr(SILENT if np.isnan(shift) else CONTOUR)
         cv2.circle(picture, _fixed(place), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL)
@@ -82,26 +104,37 @@ def bgr(colour: str) -> tuple[int, int, int]:
     return blue, green, red
 
 
-def _tinted(image: Image, contour: Contour, colours: Sequence[str]) -> Image:
-    """The image with the surface over it, half transparent."""
+def _tinted(picture: Image, contour: Contour, colours: Sequence[str], window: Window) -> Image:
+    """The picture of a window with the surface over it, half transparent."""
     table = np.array([bgr(colour) for colour in colours], np.float64)
-    labels = contour.labels.repeat(SHRINK, axis=0).repeat(SHRINK, axis=1)
-    picture = image.copy()
-    part = picture[: labels.shape[0], : labels.shape[1]]
-    shown = labels != NOBODY
-    part[shown] = ((1.0 - _TINT) * part[shown] + _TINT * table[labels[shown]]).astype(np.uint8)
+    labels = _labels_in(contour, window, picture.shape[1::-1])
+    picture, shown = picture.copy(), labels != NOBODY
+    picture[shown] = ((1.0 - _TINT) * picture[shown] + _TINT * table[labels[shown]]).astype(np.uint8)
     return picture
 
 
-def _magnified(image: Image, window: Window) -> Image:
-    """A part of an image; what lies beyond its borders is grey."""
+def _labels_in(contour: Contour, window: Window, size: Sequence[int]) -> Image:
+    """Labels of the pixels of a window's picture."""
+    scale = 1.0 / (SHRINK * window.times)
+    left, top = (
+        (0.5 / window.times - 0.5 + first - 0.5 * (SHRINK - 1)) / SHRINK for first in (window.left, window.top)
+    )
+    picture_to_labels = np.array([[scale, 0.0, left], [0.0, scale, top]])
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    labels = cv2.warpAffine(contour.labels, picture_to_labels, tuple(size), flags=flags, borderValue=NOBODY)
+    return np.asarray(labels, np.uint8)
+
+
+def cut_out(image: Image, window: Window) -> Image:
+    """The part of an image (H, W, 3) in a window, magnified; what lies beyond its borders is grey."""
     top, left = max(window.top, 0), max(window.left, 0)
     inside = image[top : max(top, window.top + window.height), left : max(left, window.left + window.width)]
     part = np.full((window.height, window.width, 3), bgr(FAINT), np.uint8)
     row, column = top - window.top, left - window.left
     part[row : row + inside.shape[0], column : column + inside.shape[1]] = inside
-    size = (window.width * window.times, window.height * window.times)
-    return np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+    size = (round(window.width * window.times), round(window.height * window.times))
+    smooth = cv2.INTER_LINEAR if window.times >= 1.0 else cv2.INTER_AREA
+    return np.asarray(cv2.resize(part, size, interpolation=smooth), np.uint8)
 
 
 def _fixed(place: Array) -> tuple[int, int]:

@@ -179,6 +179,16 @@ class RegionTracker:
         self._excluded = excluded
         return self._step.close_joints(np.where(still[:, None, None], poses, fit.poses)), still
 
+    def support(self, images: Images, poses: Array) -> Array:
+        """Support (S,) of the segments of a body at poses (S, 4, 4) in images; NaN of hidden ones.
+
+        Colours must be known. From ``CONFIRMED`` on a segment is where the images show it.
+        """
+        poses = self._step.close_joints(poses)
+        contours = {name: self.views[name].find_contour(poses) for name in images}
+        measured = {name: self.views[name].measure(image, contours[name], 1) for name, image in images.items()}
+        return self._measure_support(images, _Fit(poses, poses, measured, contours))
+
     def _measure_support(self, images: Images, fit: _Fit) -> Array:
         """Support (S,) of the segments in all images; NaN of hidden ones."""
         parts = [self.views[name].explain_pixels(image, fit.contours[name]) for name, image in images.items()]

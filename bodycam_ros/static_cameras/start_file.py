@@ -21,12 +21,13 @@ from bodycam_ros.body.checked_fields import numbers_of
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.chain import first_poses
-from bodycam_ros.geometry import Array, inverse, rigid, rotation_from_xyzw
+from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
+from bodycam_ros.whole_file import write_whole
 from bodycam_ros.yaml_file import read_yaml
 
 logger = logging.getLogger(__name__)
@@ -91,10 +92,8 @@ def placed_body(
     if points is not None:
         poses = place_points(start, points, body, stations.values())
     else:
-        name, station = next(iter(stations.items()))
-        in_file = read_stations(file).get(name, station)  # cameras of other programs may have other names there
-        world_T_file = station.world_T_camera @ inverse(in_file.world_T_camera)
-        placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
+        to_world = world_T_file(file, stations)
+        placed = {segment: to_world @ pose for segment, pose in read_start(start, body).items()}
         poses, given = start_poses(body, placed), set(placed)
     # Hands were added at the ends of the forearms.
     known = given | {segment.replace("forearm", "hand") for segment in given} | set(body.equipment_segments)
@@ -103,6 +102,17 @@ def placed_body(
         names = ", ".join(np.array(body.segments)[unplaced])
         logger.warning("%s: does not place %s; they are searched for in the first images", start, names)
     return PlacedBody(poses, unplaced)
+
+
+def world_T_file(file: Path, stations: Mapping[str, Station]) -> Array:
+    """(4, 4) frame of a file of stations in the world that its stations, one or more, were read into.
+
+    Raises:
+        StationError: the file cannot be read any more.
+    """
+    name, station = next(iter(stations.items()))
+    in_file = read_stations(file).get(name, station)  # cameras of other programs may have other names there
+    return station.world_T_camera @ inverse(in_file.world_T_camera)
 
 
 def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
@@ -132,6 +142,19 @@ def read_start(path: Path, body: BodyModel) -> dict[str, Array]:
         for segment in body.segments
         if segment in document
     }
+
+
+def write_start(path: Path, file_T_segment: Mapping[str, Array]) -> None:
+    """Write segment -> pose (4, 4) in the frame of the file of static cameras, as ``read_start`` reads it.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    lines = []
+    for segment, pose in file_T_segment.items():
+        numbers = (*pose[:3, 3].tolist(), *quaternion_xyzw(pose[:3, :3]).tolist())
+        lines.append(f"{segment}: [{', '.join(f'{number:.5f}' for number in numbers)}]\n")
+    write_whole(path, "".join(lines))
 
 
 def start_poses(body: BodyModel, placed: Mapping[str, Array]) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from io import StringIO
+from typing import Literal
 
 import viser
 from websockets.asyncio import server as websockets_server
@@ -19,6 +20,7 @@ _OUR_PAGES = re.compile(r"http://(127\.0\.0\.1|localhost)(:\d+)?")
 """Origins that may connect: any page of the web that the user has open could reach a server on this machine too."""
 
 _HIGHEST_PORT = 65535
+_NOTICE_S = 6.0
 
 
 class LocalServer(viser.ViserServer):
@@ -55,6 +57,12 @@ class LocalServer(viser.ViserServer):
     def print_address(self) -> None:
         """Print what to open in a browser."""
         Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+
+    def notify(self, title: str, text: str, colour: Literal["green", "red"]) -> None:
+        """Show a notice in all browsers; a red one stays until it is closed."""
+        seconds = None if colour == "red" else _NOTICE_S
+        for client in self.get_clients().values():
+            client.add_notification(title, text, auto_close_seconds=seconds, color=colour)
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Share nothing; a page that asks for it is not answered."""

@@ -1,19 +1,19 @@
 """The view of a solved recording: what happens when a person uses it."""
 
-from typing import Literal
-
 import numpy as np
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.viewer.camera_picture import CameraPicture
-from bodycam_ros.viewer.correction import Correction, Gizmo, Move, Part, can_turn, place_of
+from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.viewer.footage import FootageLoader
+from bodycam_ros.viewer.gizmo import Gizmo
 from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.joint_curves import CurvePanel
 from bodycam_ros.viewer.panels import CorrectionPanel, PicturePanel, TimePanel, add_switches
 from bodycam_ros.viewer.scene import Scene
+from bodycam_ros.viewer.scene_nodes import segment_name
 from bodycam_ros.viewer.server import LocalServer
 from bodycam_ros.viewer.sources import Sources
 from bodycam_ros.viewer.surface_scene import surface_reader
@@ -21,7 +21,6 @@ from bodycam_ros.viewer.surface_scene import surface_reader
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
 
-_NOTICE_S = 6.0
 _STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that was not moved
 
 
@@ -108,7 +107,7 @@ class Session:
                 if self._time.is_playing:
                     self._time.advance()
             except BodycamError as error:
-                self._notify("This did not work", str(error), "red")
+                self._server.notify("This did not work", str(error), "red")
 
     @property
     def unwritten(self) -> list[str]:
@@ -168,7 +167,12 @@ class Session:
     def _select(self, part: Part | None) -> None:
         self._selected, self._is_dragging = part, False
         self._panel.select(part)
-        self._gizmo.select(self._correction.body, part)
+        if part is None:
+            self._gizmo.detach()
+        else:
+            segment, segment_T_part = place_of(self._correction.body, part)
+            turns = can_turn(self._correction.body, part)
+            self._gizmo.attach(segment_name(segment), segment_T_part, can_turn=turns)
         self._scene.select(part)
         if part is not None and part.kind == "camera" and part.name in self._sources.cameras:
             self._choose_camera(part.name)
@@ -181,7 +185,7 @@ class Session:
     def _drag(self) -> None:
         if self._selected is None:
             return
-        place = self._gizmo.segment_T_part
+        place = self._gizmo.parent_T_part
         if np.allclose(place, place_of(self._correction.body, self._selected)[1], rtol=0.0, atol=_STILL):
             return
         self._correction = self._correction.moved_to(self._selected, place, continues=self._is_dragging)
@@ -201,14 +205,11 @@ class Session:
         """Take over a correction that was not made with the gizmo."""
         self._correction, self._is_dragging = correction, False
         if self._selected is not None:
-            self._gizmo.follow(correction.body, self._selected)
+            self._gizmo.follow(place_of(correction.body, self._selected)[1])
         self._show_correction()
 
     def _write(self) -> None:
         self._change(Correction(self.body_file.write(self._correction)))
-        self._notify("Written", f"{self.body_file.path}; as it was first: {self.body_file.original_path.name}", "green")
-
-    def _notify(self, title: str, text: str, colour: Literal["green", "red"]) -> None:
-        seconds = None if colour == "red" else _NOTICE_S
-        for client in self._server.get_clients().values():
-            client.add_notification(title, text, auto_close_seconds=seconds, color=colour)
+        self._server.notify(
+            "Written", f"{self.body_file.path}; as it was first: {self.body_file.original_path.name}", "green"
+        )

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.viewer.correction import SIZE_M, Correction, Move, Part, place_of
+from bodycam_ros.viewer.correction import Correction, Move, Part, place_of
+from bodycam_ros.viewer.gizmo import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, rgb, segment_rgb

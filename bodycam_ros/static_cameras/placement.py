@@ -1,0 +1,153 @@
+"""A body that a person places before static cameras, segment by segment, within the range of motion of its joints.
+
+The root moves the whole body. Any other segment takes its parents along as a limb: an ankle that is moved bends hip and
+knee, a wrist shoulder and elbow, the head leans the torso; the segment itself keeps the direction that it was given, as
+far as its joint allows.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, inverse, rigid
+from bodycam_ros.kinematics.joint_angles import JointLimits
+from bodycam_ros.static_cameras.station import Station
+
+_REACH_M, _BEND_RAD = 0.01, 2.0
+"""Sigmas of the place that a limb is moved to, and of the angles about those before."""
+
+_UNBEND = 0.1  # share of the way to the middle of its limits that a joint is bent first: straight, it has no direction
+_IN_FRONT_M, _IN_FRONT_WEIGHT = 3.0, 0.01  # of a camera, where its axis meets no other; and how little that counts
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """A body, and the poses that it had after each step.
+
+    Attributes:
+        body: segments and joints with their limits.
+        steps: one or more poses (S, 4, 4) of its segments in the world, joints closed, the present ones last.
+    """
+
+    body: BodyModel
+    steps: tuple[Array, ...]
+
+    @property
+    def poses(self) -> Array:
+        """(S, 4, 4) present poses."""
+        return self.steps[-1]
+
+    def pose_of(self, segment: str) -> Array:
+        """(4, 4) present pose of a segment."""
+        pose: Array = self.poses[self.body.segment_index[segment]]
+        return pose
+
+    def can_move(self, segment: str) -> bool:
+        """Whether a segment's origin can be moved; the others only turn."""
+        return segment == self.body.root or bool(self._limb(segment))
+
+    def changed(self, poses: Array) -> "Placement":
+        """The placement at other poses (S, 4, 4), joints closed, as one more step."""
+        return replace(self, steps=(*self.steps, poses))
+
+    def undone(self) -> "Placement":
+        """The placement without its last step; the first one stays."""
+        return replace(self, steps=self.steps[:-1] or self.steps)
+
+    def moved_to(self, segment: str, world_T_segment: Array, *, continues: bool = False) -> "Placement":
+        """The placement with a segment as near to a pose (4, 4) as its limb's joints allow.
+
+        Args:
+            segment: to be moved.
+            world_T_segment: its pose to be [m].
+            continues: whether this continues the last step, a drag, and takes its place.
+        """
+        kept = self.steps[:-1] if continues and len(self.steps) > 1 else self.steps
+        before, body = kept[-1], self.body
+        row = body.segment_index[segment]
+        if segment == body.root:
+            poses = world_T_segment @ inverse(before[row]) @ before
+        else:
+            poses = self._turned(self._reached(before, segment, world_T_segment[:3, 3]), row, world_T_segment[:3, :3])
+        return replace(self, steps=(*kept, poses))
+
+    def _reached(self, before: Array, segment: str, place: Array) -> Array:
+        """Poses with a segment's origin at a place (3,), or as near as its limb reaches."""
+        limits, row = self._limits, self.body.segment_index[segment]
+        root = before[self.body.segment_index[self.body.root]]
+        angles = limits.nearest_angles(self.body.joint_poses(before))
+        free = np.flatnonzero(np.isin(limits.angles.joint_rows, self._limb(segment)))
+        if not len(free) or np.array_equal(before[row, :3, 3], place):
+            return before
+        low, high = limits.low[free], limits.high[free]
+        first = np.clip(angles[free], low, high)
+        bounded = np.isfinite(high - low)
+        begin = first.copy()
+        begin[bounded] += _UNBEND * (0.5 * (low[bounded] + high[bounded]) - first[bounded])
+
+        def poses(bent: Array) -> Array:
+            all_angles = angles.copy()
+            all_angles[free] = bent
+            return limits.angles.forward_kinematics(root, all_angles)
+
+        def errors(bent: Array) -> Array:
+            return np.concatenate([(poses(bent)[row, :3, 3] - place) / _REACH_M, (bent - first) / _BEND_RAD])
+
+        return poses(least_squares(errors, begin, bounds=(low, high), max_nfev=30).x)
+
+    def _turned(self, poses: Array, row: int, world_R_segment: Array) -> Array:
+        """Poses with the segment of a row turned to a rotation (3, 3), or as near as its joint allows."""
+        wanted = poses.copy()
+        wanted[row, :3, :3] = world_R_segment
+        motion = self.body.joint_poses(poses)
+        own = next(joint for joint, (_, child) in enumerate(self.body.joint_ends.tolist()) if child == row)
+        motion[own, :3, :3] = self._limits.clamp(self.body.joint_rotations(wanted))[own]
+        return self.body.forward_kinematics(poses[self.body.segment_index[self.body.root]], motion)
+
+    def _limb(self, segment: str) -> list[int]:
+        """Rows of the joints that move a segment's origin: of its parent, and further in while nothing branches off."""
+        joints = self.body.tree_joints
+        above = {joint.child: row for row, joint in enumerate(joints)}
+        children = Counter(joint.parent for joint in joints if joint.type != "free")
+        limb: list[int] = []
+        at = joints[above[segment]].parent if segment in above else self.body.root
+        while at != self.body.root and (not limb or children[at] == 1):
+            limb.append(above[at])
+            at = joints[above[at]].parent
+        return limb
+
+    @cached_property
+    def _limits(self) -> JointLimits:
+        return JointLimits(self.body)
+
+
+def standing_in_view(body: BodyModel, stations: Collection[Station]) -> Array:
+    """Poses (S, 4, 4) of a body in its N-pose where the cameras' axes come nearest to each other, facing the first."""
+    centre = _nearest_to_axes(stations)
+    to_camera = next(iter(stations)).world_T_camera[:2, 3] - centre[:2]
+    azimuth = np.arctan2(to_camera[1], to_camera[0])
+    cosine, sine = np.cos(azimuth), np.sin(azimuth)
+    upright = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return body.n_pose(rigid(upright, centre))
+
+
+def nearest_on_ray(origin: Array, direction: Array, point: Array) -> Array:
+    """The point (3,) of a ray from ``origin`` (3,) along ``direction`` (3,) that is nearest to ``point`` (3,)."""
+    along = direction / np.linalg.norm(direction)
+    return np.asarray(origin + max(float(along @ (point - origin)), 0.0) * along)
+
+
+def _nearest_to_axes(stations: Iterable[Station]) -> Array:
+    """The point (3,) nearest to the optical axes of some cameras, and a little to what is some metres before each."""
+    A, b = np.zeros((3, 3)), np.zeros(3)
+    for station in stations:
+        at, ahead = station.world_T_camera[:3, 3], station.world_T_camera[:3, 2]
+        across = np.eye(3) - np.outer(ahead, ahead)
+        A += across + _IN_FRONT_WEIGHT * np.eye(3)
+        b += across @ at + _IN_FRONT_WEIGHT * (at + _IN_FRONT_M * ahead)
+    return np.asarray(np.linalg.solve(A, b), np.float64)

@@ -1,0 +1,274 @@
+"""A person places a body over the first images of static cameras: the start of a solve by these cameras alone."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import ImageHandle, SceneClickEvent
+
+from bodycam_ros.errors import BodycamError
+from bodycam_ros.geometry import Array
+from bodycam_ros.static_cameras.placement import Placement, nearest_on_ray
+from bodycam_ros.static_cameras.segment_support import CONFIRMED
+from bodycam_ros.static_cameras.start_file import write_start
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.terminal import Terminal
+from bodycam_ros.viewer.correction import Part
+from bodycam_ros.viewer.gizmo import Gizmo
+from bodycam_ros.viewer.inbox import Inbox, set_value
+from bodycam_ros.viewer.motion import Motion
+from bodycam_ros.viewer.placing_picture import PlacingPicture, pinhole_picture
+from bodycam_ros.viewer.placing_sources import PlacingSources
+from bodycam_ros.viewer.scene import CAMERAS, Scene
+from bodycam_ros.viewer.scene_nodes import WORLD, place
+from bodycam_ros.viewer.server import LocalServer
+
+_FITS = 3
+"""Times that a press of "Fit" fits: each moves a segment by some centimetres at most."""
+
+_PICTURE_PANEL_PX = 600
+_OUTSIDE = "outside"
+_BEHIND = 1.6  # times as far as the body: the image of the camera that the scene is looked at from
+_CLOSE_UP_M = 1.2  # above and below the root
+_DECIMALS, _STEP_M = 3, 0.01
+_POSSIBLE = 0.48  # support of a segment that may be where it is; those that were off by 15 cm had less
+_STILL = 1e-6  # [m], and of a rotation matrix: a gizmo that was not moved
+
+_HELP = (
+    "Place the pelvis first, then head, hands and feet, then knees and elbows. Drag the handles; or look from a "
+    "camera, and shift + click where the segment begins: at its knee, ankle, elbow or wrist. Then fit."
+)
+
+
+def place_body(sources: PlacingSources, output: Path, port: int) -> None:
+    """Let a person place a body in a browser until the program is interrupted.
+
+    Args:
+        sources: what is shown.
+        output: the start to be written.
+        port: of this machine; 0 takes any free one.
+
+    Raises:
+        BodycamError: the port cannot be used.
+    """
+    server = LocalServer(port, f"bodycam view: {output.name}")
+    try:
+        session = PlacingSession(server, sources, output)
+        server.print_address()
+        try:
+            session.run()
+        finally:
+            if session.is_changed:
+                Terminal(stderr=True).print(f"bodycam: not written to {output}: the last steps", soft_wrap=True)
+    finally:
+        server.stop()
+
+
+class PlacingSession:
+    """One view. All of it is done in the thread that calls ``run``."""
+
+    def __init__(self, server: LocalServer, sources: PlacingSources, output: Path) -> None:
+        self._server, self._sources, self._output = server, sources, output
+        self._placement = self._written = sources.placement
+        body = self._placement.body
+        self._selected, self._is_dragging = body.root, False
+        self._inbox = inbox = Inbox()
+        self._scene = Scene(
+            server,
+            body,
+            sources.reference_map,
+            Motion.at(body, self._placement.poses),
+            lambda part: inbox.put(lambda: self._click_joint(part)),
+            sources.stations,
+            lambda _: sources.surfaces,
+        )
+        self._gizmo = Gizmo(server.scene, lambda: inbox.put(self._end_drag), lambda: inbox.put(self._drag, "drag"))
+        self._pictures = PlacingPicture(body, sources.tracker.views, sources.images)
+        self._camera = _OUTSIDE
+        self._behind: ImageHandle | None = None
+        self._add_panels()
+        self._select(body.root)
+        self._scene.frame_body()
+
+    def _add_panels(self) -> None:
+        gui, inbox, images = self._server.gui, self._inbox, self._sources.images
+        panel = gui.add_panel()
+        with panel.add_tab("First images"):
+            picture = self._pictures.draw(self._placement.poses, self._selected)
+            self._image = gui.add_image(picture, format="jpeg")
+        panel.dock_left()
+        panel.set_width(_PICTURE_PANEL_PX)
+        with gui.add_folder("Look"):
+            through = gui.add_dropdown("from", (_OUTSIDE, *images))
+            close_up = gui.add_checkbox("close up", False)
+        with gui.add_folder("Place"):
+            gui.add_markdown(_HELP)
+            self._segment = gui.add_dropdown("segment", self._placement.body.segments)
+            self._position = gui.add_vector3("place [m]", (0.0, 0.0, 0.0), step=_STEP_M)
+            undo, fit = gui.add_button("Undo"), gui.add_button("Fit")
+            write = gui.add_button(f"Write {self._output.name}")
+            self._remark = gui.add_markdown("")
+        inbox.on_input(self._segment, self._select)
+        inbox.on_input(self._position, lambda at: self._move_to(np.array(at)))
+        inbox.on_click(undo, lambda: self._change(self._placement.undone()))
+        inbox.on_click(fit, self._fit)
+        inbox.on_click(write, self._write)
+        inbox.on_input(through, self._look_from)
+        inbox.on_input(close_up, self._cut)
+
+        @self._server.scene.on_click(modifier="shift")
+        def clicked(event: SceneClickEvent) -> None:
+            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+            inbox.put(lambda: self._move_to(nearest_on_ray(origin, direction, self._pose[:3, 3])))
+
+    def run(self) -> None:
+        """Do what people ask for, without end."""
+        while True:
+            action = self._inbox.take(None)
+            try:
+                if action is not None:
+                    action()
+            except BodycamError as error:
+                self._server.notify("This did not work", str(error), "red")
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether the body is elsewhere than in the file."""
+        return self._placement is not self._written
+
+    @property
+    def _pose(self) -> Array:
+        return self._placement.pose_of(self._selected)
+
+    def _click_joint(self, part: Part) -> None:
+        for joint in self._placement.body.tree_joints:
+            if part == Part("joint", joint.name):
+                self._select(joint.child)
+
+    def _select(self, segment: str) -> None:
+        self._selected, self._is_dragging = segment, False
+        joints = {joint.child: joint.name for joint in self._placement.body.tree_joints}
+        self._scene.select(Part("joint", joints[segment]) if segment in joints else None)
+        set_value(self._segment, segment)
+        can_move = self._placement.can_move(segment)
+        self._position.disabled = not can_move
+        self._gizmo.attach(WORLD, self._pose, can_move=can_move)
+        self._show()
+
+    def _show(self) -> None:
+        """Show the body where it is now."""
+        self._scene.motion = Motion.at(self._placement.body, self._placement.poses)
+        self._scene.show(0, follow=False)
+        self._image.image = self._pictures.draw(self._placement.poses, self._selected)
+        x, y, z = np.round(self._pose[:3, 3], _DECIMALS).tolist()
+        set_value(self._position, (x, y, z))
+
+    def _end_drag(self) -> None:
+        """The gizmo was grabbed or released: what follows is a step of its own, and the handles are on the body."""
+        self._is_dragging = False
+        self._gizmo.follow(self._pose)
+
+    def _drag(self) -> None:
+        pose = self._gizmo.parent_T_part
+        if not np.allclose(pose, self._pose, rtol=0.0, atol=_STILL):
+            self._placement = self._placement.moved_to(self._selected, pose, continues=self._is_dragging)
+            self._is_dragging = True
+            self._show()
+
+    def _move_to(self, place_world: Array) -> None:
+        """Move the selected segment's origin."""
+        # A field that loses the focus sends its number again.
+        if np.array_equal(np.round(place_world, _DECIMALS), np.round(self._pose[:3, 3], _DECIMALS)):
+            return
+        if not self._placement.can_move(self._selected):
+            return
+        pose = self._pose.copy()
+        pose[:3, 3] = place_world
+        self._change(self._placement.moved_to(self._selected, pose))
+
+    def _change(self, placement: Placement) -> None:
+        """Take over a placement that was not made with the gizmo."""
+        self._placement, self._is_dragging = placement, False
+        self._gizmo.follow(self._pose)
+        self._show()
+
+    def _fit(self) -> None:
+        self._remark.content = "fitting"
+        tracker, images, poses = self._sources.tracker, self._sources.images, self._placement.poses
+        for _ in range(_FITS):
+            poses = tracker.initialise(images, poses)
+        support = tracker.support(images, poses)
+        self._change(self._placement.changed(poses))
+        self._remark.content = support_table(dict(zip(self._placement.body.segments, support.tolist(), strict=True)))
+
+    def _write(self) -> None:
+        placement = self._placement
+        poses = self._sources.file_T_world @ placement.poses
+        write_start(self._output, dict(zip(placement.body.segments, poses, strict=True)))
+        self._written = placement
+        self._server.notify("Written", f"{self._output}; replay with --start {self._output}", "green")
+
+    def _cut(self, is_close_up: bool) -> None:
+        self._pictures.cut(is_close_up)
+        self._look_from(self._camera)
+        self._show()
+
+    def _look_from(self, camera: str) -> None:
+        """Show the scene from a static camera, its image behind the body; or from outside."""
+        self._camera = camera
+        self._scene.show_layer(CAMERAS, camera == _OUTSIDE)
+        if self._behind is not None:
+            self._behind.remove()
+            self._behind = None
+        if camera == _OUTSIDE:
+            for client in self._server.get_clients().values():
+                client.camera.up_direction = (0.0, 0.0, 1.0)
+            self._scene.frame_body()
+            return
+        station, root = self._sources.stations[camera], self._placement.pose_of(self._placement.body.root)
+        position, lens = station.world_T_camera[:3, 3], station.camera
+        distance_m = float(np.linalg.norm(root[:3, 3] - position))
+        pixels = pinhole_picture(station, self._sources.images[camera])
+        self._behind = _add_picture(self._server, station, pixels, _BEHIND * distance_m)
+        if self._pictures.is_close_up:
+            half, look_at = np.arctan2(_CLOSE_UP_M, distance_m), root[:3, 3]
+        else:
+            half, look_at = np.arctan2(lens.height / 2.0, lens.fy), position + station.world_T_camera[:3, 2]
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.up_direction = -station.world_T_camera[:3, 1]
+                client.camera.fov, client.camera.position, client.camera.look_at = 2.0 * float(half), position, look_at
+
+
+def _add_picture(server: LocalServer, station: Station, pixels: NDArray[np.uint8], depth_m: float) -> ImageHandle:
+    """A pinhole camera's picture at a depth before it, where each pixel is on its ray."""
+    camera = station.camera
+    per_pixel = depth_m / np.array([camera.fx, camera.fy])
+    shown = server.scene.add_image(
+        f"{WORLD}/picture",
+        pixels,
+        float(camera.width * per_pixel[0]),
+        float(camera.height * per_pixel[1]),
+        format="jpeg",
+        cast_shadow=False,
+        receive_shadow=False,
+    )
+    middle = per_pixel * [(camera.width - 1) / 2.0 - camera.cx, (camera.height - 1) / 2.0 - camera.cy]
+    pose = station.world_T_camera.copy()
+    pose[:3, 3] += pose[:3, :3] @ [*middle, depth_m]
+    place(shown, pose)
+    return shown
+
+
+def support_table(support: Mapping[str, float]) -> str:
+    """Markdown of how well the images support each segment where it is, the least first; NaN: they do not show it."""
+    words = []
+    for segment, share in sorted(support.items(), key=lambda item: (np.isnan(item[1]), item[1])):
+        if np.isnan(share):
+            word = "hidden"
+        else:
+            word = "yes" if share >= CONFIRMED else "perhaps" if share >= _POSSIBLE else "**no: move it**"
+            word += f" ({share:.2f})"
+        words.append(f"| {segment.replace('_', ' ')} | {word} |")
+    return "\n".join(["| segment | is in the images |", "|---|---|", *words])

@@ -1,0 +1,94 @@
+"""The first images of static cameras side by side, with the contours of a body that a person places."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.picture_style import EQUIPMENT, side_colour
+from bodycam_ros.results.overlay import project_overlay
+from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_over, square_window
+from bodycam_ros.static_cameras.station import Contour, Image, RegionModel, Station
+from bodycam_ros.viewer.camera_picture import draw_polyline
+from bodycam_ros.viewer.scene_nodes import SELECTED
+from bodycam_ros.viewer.skeleton_scene import limbs_of
+
+_TILE_PX, _GAP_PX = 480, 4  # of each camera's square, and between two
+_MARK_PX, _MARK_WIDTH_PX = 14, 2
+_TEXT_AT, _TEXT_SCALE = (10, 26), 0.7
+
+
+class PlacingPicture:
+    """Draws the body into the images.
+
+    Args:
+        body: its segments.
+        views: of the cameras, which find the body's contours as they do in a replay.
+        images: camera -> (H, W, 3) blue, green, red; one or more.
+
+    Attributes:
+        is_close_up: whether images are cut to the body, where it was when this was set; else they are whole.
+    """
+
+    def __init__(self, body: BodyModel, views: Mapping[str, RegionModel], images: Mapping[str, Image]) -> None:
+        self._body, self._images = body, images
+        self._views = {name: views[name] for name in images}
+        self._colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
+        self._parts: dict[str, tuple[Window, Image]] = {}
+        self.is_close_up = False
+
+    def cut(self, is_close_up: bool) -> None:
+        """Show the images cut to the body that is drawn next, or whole."""
+        self.is_close_up = is_close_up
+        self._parts = {}
+
+    def draw(self, world_T_segment: Array, selected: str) -> Image:
+        """One picture (H, W, 3), red, green, blue, of all images with the body at poses (S, 4, 4) over them.
+
+        The origin of the segment ``selected`` is marked.
+        """
+        origin = world_T_segment[self._body.segment_index[selected], :3, 3]
+        tiles = [self._tile(name, world_T_segment, origin) for name in self._images]
+        columns = 1 if len(tiles) == 1 else 2 if len(tiles) <= 4 else 3
+        tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % columns)
+        rows = [np.concatenate(tiles[row : row + columns], axis=1) for row in range(0, len(tiles), columns)]
+        return np.ascontiguousarray(np.concatenate(rows)[..., ::-1])
+
+    def _tile(self, name: str, world_T_segment: Array, origin: Array) -> Image:
+        station = self._views[name].station
+        contour = self._views[name].find_contour(world_T_segment)
+        window, part = self._part(name, contour)
+        tile = paint_over(part, contour, np.zeros(len(contour.pixels)), self._colours, window)
+        for segment, line in project_overlay(
+            station.camera, station.world_T_camera, limbs_of(self._body, world_T_segment), None
+        ).limbs:
+            draw_polyline(tile, window.place(line), side_colour(segment), 1, is_bgr=True)
+        pixels, valid = station.camera.project(transform_points(inverse(station.world_T_camera), origin[None]))
+        if valid[0]:
+            at = np.clip(window.place(pixels[0]), -_TILE_PX, 2 * _TILE_PX).round().astype(int).tolist()
+            cv2.drawMarker(tile, at, bgr(SELECTED), cv2.MARKER_CROSS, _MARK_PX, _MARK_WIDTH_PX, cv2.LINE_AA)
+        for colour, width in (("#000000", 5), ("#ffffff", 2)):
+            font = cv2.FONT_HERSHEY_SIMPLEX
+            cv2.putText(tile, name, _TEXT_AT, font, _TEXT_SCALE, bgr(colour), width, cv2.LINE_AA)
+        return np.asarray(cv2.copyMakeBorder(tile, 0, _GAP_PX, 0, _GAP_PX, cv2.BORDER_CONSTANT, value=(255,) * 3))
+
+    def _part(self, name: str, contour: Contour) -> tuple[Window, Image]:
+        """The part of an image that is shown."""
+        if name not in self._parts:
+            window = square_window(self._images[name], contour.covered if self.is_close_up else None)
+            window = replace(window, times=(_TILE_PX - _GAP_PX) / window.width)
+            self._parts[name] = window, cut_out(self._images[name], window)
+        return self._parts[name]
+
+
+def pinhole_picture(station: Station, image: Image) -> Image:
+    """What a pinhole camera of the same matrix would have, (H, W, 3), red, green, blue; black where it saw nothing."""
+    camera = station.camera
+    columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(columns.shape)], axis=2)
+    pixels, valid = camera.project(rays.reshape(-1, 3))
+    found = np.where(valid[:, None], pixels, -1.0).astype(np.float32).reshape(*columns.shape, 2)
+    return np.asarray(cv2.remap(image, found, None, cv2.INTER_LINEAR)[..., ::-1])

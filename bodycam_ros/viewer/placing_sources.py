@@ -1,0 +1,101 @@
+"""The files from which a person places a body before static cameras, read and checked before the page is served."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.camera.camera_image import decode_colour
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.formats.read_captured import read_start
+from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.offline.static_input import read_recorded_stations
+from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.static_cameras.person_model import with_hands
+from bodycam_ros.static_cameras.placement import Placement, standing_in_view
+from bodycam_ros.static_cameras.region_settings import RegionSettings
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles, world_T_file
+from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.surface import BodySurface, Surface
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
+
+logger = logging.getLogger(__name__)
+
+_AT_ONCE_NS = 100_000_000  # as long a start is known; a camera that starts later shows the person elsewhere
+
+
+@dataclass(frozen=True, eq=False)
+class PlacingSources:
+    """What a start is made of.
+
+    Attributes:
+        images: camera -> its first image (H, W, 3) blue, green, red.
+        stations: by name; those with an image first.
+        tracker: of the body in these images; its body has hands, and limits at all joints of a person.
+        surfaces: segment -> surface.
+        placement: the body where it is at first.
+        file_T_world: (4, 4) from the world to the frame of the file of static cameras, in which a start is.
+        reference_map: the place; None without one.
+    """
+
+    images: Mapping[str, Image]
+    stations: Mapping[str, Station]
+    tracker: RegionTracker
+    surfaces: Mapping[str, Surface]
+    placement: Placement
+    file_T_world: Array
+    reference_map: ReferenceMap | None
+
+    @classmethod
+    def read(
+        cls, recording_path: Path, files: StaticCameraFiles, body_path: Path, map_path: Path | None
+    ) -> "PlacingSources":
+        """Read them all; without a start in ``files`` the body stands where the cameras look.
+
+        Raises:
+            BodycamError: one of them is missing or damaged, or they do not fit each other.
+        """
+        body = with_hands(read_body(body_path))
+        reference_map = None if map_path is None else ReferenceMap.load(map_path)
+        with open_recording(recording_path) as recording:
+            stations = read_recorded_stations(files, reference_map, recording, body)
+            images = _first_images(recording, stations)
+        surfaces = surfaces_of(body, body_path, files.surface)
+        tracker = RegionTracker(body, BodySurface.of(body, surfaces), stations, RegionSettings())
+        if files.start is None:
+            poses = standing_in_view(tracker.body, [stations[name] for name in images])
+        else:
+            poses = read_start(files.start, files.stations, stations, body).world_T_segment
+        return cls(
+            images,
+            stations,
+            tracker,
+            surfaces,
+            Placement(tracker.body, (poses,)),
+            inverse(world_T_file(files.stations, stations)),
+            reference_map,
+        )
+
+
+def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict[str, Image]:
+    """Camera -> its first image, of the cameras that have one at about the time of the very first.
+
+    Raises:
+        RecordingError: there is no image, or one cannot be decoded or has another size than the camera's lens is for.
+    """
+    first = {name: image for name in stations if (image := next(iter(recording.images([name])), None)) is not None}
+    if not first:
+        raise RecordingError(f"{recording.path}: has no image of {', '.join(stations)}")
+    start_ns = min(image.stamp_ns for image in first.values())
+    images = {}
+    for name, image in first.items():
+        late_ns = image.stamp_ns - start_ns
+        if late_ns > _AT_ONCE_NS:
+            logger.warning("camera %s: its first image is %.1f s late; it is not shown", name, 1e-9 * late_ns)
+            continue
+        images[name] = decode_colour(image)
+        stations[name].check_size(images[name])
+    return images
