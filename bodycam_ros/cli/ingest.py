@@ -54,7 +54,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default=1.0,
         help="reduce frames to this share of their size, lenses too (%(default)s)",
     )
-    parser.add_argument("--jpeg", action="store_true", help="write a JPEG for each frame, in place of video")
     add_jobs(parser, "threads")
     parser.set_defaults(run=run)
 
@@ -85,7 +84,6 @@ def run(arguments: argparse.Namespace) -> int:
             cameras,
             offsets.times,
             arguments.output,
-            as_jpeg=arguments.jpeg,
             jobs=arguments.jobs,
             force=arguments.force,
             on_progress=lambda share: progress.show("writing", share),
@@ -146,11 +144,10 @@ def _rate_hz(camera: "IngestedCamera") -> float:
 
 
 def _encoding(camera: "IngestedCamera") -> str:
-    stream, facts = camera.stream, camera.stream.camera.video.facts
-    if stream.is_copied:
+    source, facts = camera.stream.camera, camera.stream.camera.video.facts
+    if source.is_copied:
         return facts.codec
-    why = [f"at {stream.camera.scale:.0%} of its size"] if stream.camera.scale != 1.0 else []
+    why = [f"at {source.scale:.0%} of its size"] if source.scale != 1.0 else []
     why += [f"turned by {facts.rotation_deg} deg"] if facts.rotation_deg else []
-    if not stream.as_jpeg and facts.has_b_frames:
-        why.append("it had B-frames")
-    return ", ".join(["jpeg" if stream.as_jpeg else "h264, encoded again", *why])
+    why += ["it had B-frames"] if facts.has_b_frames else []
+    return ", ".join(["h264, encoded again", *why])

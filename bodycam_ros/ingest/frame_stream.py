@@ -22,7 +22,7 @@ from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
-from bodycam_ros.recording.video_encoder import h264_packets, jpegs
+from bodycam_ros.recording.video_encoder import h264_packets
 from bodycam_ros.recording.video_file import TimedPacket
 
 _INFO_EVERY_NS = 1_000_000_000  # a reader that starts in the middle of a bag finds the lens
@@ -72,7 +72,6 @@ class FrameStream:
         camera: what is read.
         time: where its media time lies in the recording.
         base_ns: stamp of the recording's time 0 [ns].
-        as_jpeg: write still images.
         threads: that decode and compress.
         tally: what became of the frames so far.
     """
@@ -80,14 +79,8 @@ class FrameStream:
     camera: IngestCamera
     time: CameraTime
     base_ns: int
-    as_jpeg: bool
     threads: int
     tally: StreamTally = field(default_factory=StreamTally)
-
-    @property
-    def is_copied(self) -> bool:
-        """Whether the frames go into the bag as the camera compressed them."""
-        return self.camera.is_copied and not (self.as_jpeg and not isinstance(self.camera.video, ImageFolder))
 
     @property
     def _size(self) -> tuple[int, int] | None:
@@ -141,15 +134,11 @@ class FrameStream:
 
     def _frames(self) -> Iterator[tuple[float, str, Message]]:
         """Media time [s], end of the topic, and message without a stamp."""
-        make, video, facts = recorded_messages(), self.camera.video, self.camera.video.facts
-        if isinstance(video, ImageFolder) and self.is_copied:
+        make, video = recorded_messages(), self.camera.video
+        if isinstance(video, ImageFolder) and self.camera.is_copied:
             for media_s, kind, content in video.files():
                 data = np.frombuffer(content, dtype=np.uint8)
                 yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format=kind, data=data)
-        elif self.as_jpeg:
-            for media_s, content in jpegs(video.frames(self.threads), facts.rotation_deg, self._size):
-                data = np.frombuffer(content, dtype=np.uint8)
-                yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format="jpeg", data=data)
         else:
             frame_id = optical_frame(self.camera.topic_name)
             for timed in self._packets():
@@ -159,7 +148,7 @@ class FrameStream:
 
     def _packets(self) -> Iterator[TimedPacket]:
         video, facts = self.camera.video, self.camera.video.facts
-        if isinstance(video, ImageFolder) or not self.is_copied:
+        if isinstance(video, ImageFolder) or not self.camera.is_copied:
             frames = video.frames(self.threads)
             yield from h264_packets(frames, facts.rotation_deg, facts.rate_hz, self.threads, self._size)
             return

@@ -87,7 +87,6 @@ def ingest(
     cameras: Sequence[IngestCamera],
     times: Mapping[str, CameraTime],
     output: Path,
-    as_jpeg: bool = False,
     jobs: int = 1,
     force: bool = False,
     on_progress: Callable[[float], None] = lambda share: None,
@@ -101,7 +100,6 @@ def ingest(
         cameras: what is to go into it.
         times: camera -> its clock; cameras that are left out have none.
         output: ros2 bag folder to be; it appears whole or not at all.
-        as_jpeg: write still images (sensor_msgs/CompressedImage) in place of video.
         jobs: threads that decode and compress.
         force: replace a bag that an ingest wrote.
         on_progress: called with the share that is done, 0 to 1.
@@ -114,7 +112,7 @@ def ingest(
     _check_any(timed, faults)
     base = _base(timed, times)
     base_ns = round(base.timestamp() * 1e6) * 1000
-    streams = [FrameStream(camera, times[camera.name], base_ns, as_jpeg, _threads(jobs, timed)) for camera in timed]
+    streams = [FrameStream(camera, times[camera.name], base_ns, _threads(jobs, timed)) for camera in timed]
     start_s = min(_interval(camera, times)[0] for camera in timed)
     total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
     imus, imu_faults = _inertial_samples(timed)

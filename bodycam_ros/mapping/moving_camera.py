@@ -16,12 +16,12 @@ from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.video_encoder import jpegs
-from bodycam_ros.recording.video_file import grey_pixels
+from bodycam_ros.recording.video_file import bgr_pixels, grey_pixels
 
 if TYPE_CHECKING:
     from av import VideoFrame
 
+_JPEG_QUALITY = 95
 _JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
 _DIRECTIONS = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
 """Direction of the read-out in an upright frame, to the right and down, by its counter-clockwise rotation."""
@@ -124,8 +124,8 @@ class _VideoFrame:
         return np.ascontiguousarray(np.rot90(grey_pixels(self.decoded), self.rotation_deg // 90))
 
     def file(self) -> tuple[str, bytes]:
-        ((_, jpeg),) = jpegs([(self.seconds, self.decoded)], self.rotation_deg)
-        return ".jpg", jpeg
+        pixels = np.ascontiguousarray(np.rot90(bgr_pixels(self.decoded), self.rotation_deg // 90))
+        return ".jpg", cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
 
 
 class VideoCamera:

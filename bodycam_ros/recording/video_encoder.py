@@ -1,4 +1,4 @@
-"""Frames compressed anew: as H.264 packets or JPEG for a bag, or as a video file."""
+"""Frames compressed anew: as H.264 packets for a bag, or as a video file."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -6,7 +6,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 from av.error import FFmpegError
 from av.filter import Graph
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import VideoPacket
 from bodycam_ros.errors import OutputError, RecordingError
-from bodycam_ros.recording.video_file import TimedPacket, bgr_pixels
+from bodycam_ros.recording.video_file import TimedPacket
 
 Image = NDArray[np.uint8]
 
@@ -34,8 +33,6 @@ and take twice as long to decode."""
 
 _FILE_ENCODING = {"preset": "veryfast", "crf": "20"}
 """Lines of a pixel stay sharp."""
-
-_JPEG_QUALITY = 95
 
 
 def h264_packets(
@@ -75,21 +72,6 @@ def h264_packets(
             yield from _timed(encoder.encode(None), time_of)
     except (FFmpegError, ValueError) as error:
         raise RecordingError(f"the frames cannot be compressed as H.264: {error}") from error
-
-
-def jpegs(
-    frames: Iterable[tuple[float, av.VideoFrame]], rotation_deg: int, size: tuple[int, int] | None = None
-) -> Iterator[tuple[float, bytes]]:
-    """Compress frames as JPEG, turned counter-clockwise and scaled: presentation time [s] and file.
-
-    Raises:
-        RecordingError: frames of a pixel format that cannot be converted.
-    """
-    for media_s, frame in frames:
-        pixels = np.ascontiguousarray(np.rot90(bgr_pixels(frame), rotation_deg // 90))
-        if size is not None:
-            pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-        yield media_s, cv2.imencode(".jpg", pixels, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
 
 
 class _Turn:
