@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from numpy_lens import project_in_numpy, project_with_jacobian_in_numpy
 from numpy_pose_fit import seen_later
 from scipy.ndimage import map_coordinates
 
@@ -26,11 +27,11 @@ def project_moving_in_numpy(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Pixels (N, 2), each of the row that shows it."""
     points = transform_points(inverse(world_T_camera), points_world)
-    pixels, valid = camera.project_in_numpy(points)
+    pixels, valid = project_in_numpy(camera, points)
     for _ in range(2 if readout_time else 0):
         times_s = readout_time * (pixels[:, 1] / (camera.height - 1) - 0.5)
         moved = points - times_s[:, None] * (np.cross(twist[:3], points) + twist[3:])
-        pixels, still = camera.project_in_numpy(moved)
+        pixels, still = project_in_numpy(camera, moved)
         valid &= still
     return pixels, valid
 
@@ -40,10 +41,10 @@ def exact_pixels(
 ) -> Array:
     """Pixels (N, 2) at a constant twist, without linearisation."""
     points = transform_points(inverse(world_T_camera), points_world)
-    pixels = camera.project_in_numpy(points)[0]
+    pixels = project_in_numpy(camera, points)[0]
     for _ in range(8 if readout_time else 0):
         times_s = readout_time * (pixels[:, 1] / (camera.height - 1) - 0.5)
-        pixels = camera.project_in_numpy(seen_later(points, twist, times_s))[0]
+        pixels = project_in_numpy(camera, seen_later(points, twist, times_s))[0]
     return pixels
 
 
@@ -174,7 +175,7 @@ def plane_axes(normal: Array) -> Array:
 def derivative(camera: CameraModel, world_T_camera: Array, point_world: Array, along: Array) -> tuple[Array, Array]:
     """Pixel (2,) of a point, and how it moves with the point along two directions (2, 2)."""
     point = transform_points(inverse(world_T_camera), point_world[None])
-    pixels, jacobian, _ = camera.project_with_jacobian_in_numpy(point)
+    pixels, jacobian, _ = project_with_jacobian_in_numpy(camera, point)
     return pixels[0], jacobian[0] @ world_T_camera[:3, :3].T @ along
 
 

@@ -2,10 +2,8 @@
 
 The camera frame is ROS' optical frame: x right, y down, z along the optical axis. Pixels are OpenCV's: the centre of
 the top left pixel is (0, 0). A model distorts a point to coordinates in units of the focal length; this class turns
-those to pixels and keeps what lies outside the model's valid cone from passing as a measurement.
-
-``lens_kernels`` compute all this. The same in NumPy, where the models are explained, is there under names that say so;
-tests hold the two together.
+those to pixels and keeps what lies outside the model's valid cone from passing as a measurement. ``lens_kernels``
+compute all this.
 """
 
 from abc import ABC, abstractmethod
@@ -40,8 +38,6 @@ class CameraModel(ABC):
     distortion_model: ClassVar[str]
     coefficients: ClassVar[tuple[str, ...]]
 
-    max_angle: float
-
     def __init__(
         self,
         name: str,
@@ -61,7 +57,7 @@ class CameraModel(ABC):
         self.cx = cx
         self.cy = cy
         self.distortion = distortion
-        self._focal_lengths = np.array([[fx], [fy]])
+        self.max_angle = self._cone_angle()
 
     @property
     def pinhole(self) -> tuple[float, ...]:
@@ -99,37 +95,9 @@ class CameraModel(ABC):
         """
         return unproject_pixels(self.parameters, _rows(pixels, 2))
 
-    def project_in_numpy(self, points_camera: NDArray[np.floating]) -> tuple[Array, Mask]:
-        """The same as ``project``."""
-        x, y, z = _columns(points_camera, 3)
-        with np.errstate(all="ignore"):
-            x_distorted, y_distorted, valid = self._distort(x, y, z)
-        pixels = self._pixels(x_distorted, y_distorted)
-        _blank_invalid(valid, pixels)
-        return pixels, valid
-
-    def project_with_jacobian_in_numpy(self, points_camera: NDArray[np.floating]) -> tuple[Array, Array, Mask]:
-        """The same as ``project_with_jacobian``."""
-        x, y, z = _columns(points_camera, 3)
-        jacobian = np.empty((len(x), 2, 3))
-        with np.errstate(all="ignore"):
-            x_distorted, y_distorted, valid = self._distort_with_jacobian(x, y, z, jacobian)
-        pixels = self._pixels(x_distorted, y_distorted)
-        jacobian *= self._focal_lengths
-        _blank_invalid(valid, pixels, jacobian)
-        return pixels, jacobian, valid
-
-    def unproject_in_numpy(self, pixels: NDArray[np.floating]) -> tuple[Array, Mask]:
-        """The same as ``unproject``."""
-        u, v = _columns(pixels, 2)
-        with np.errstate(all="ignore"):
-            bearings, valid = self._undistort((u - self.cx) / self.fx, (v - self.cy) / self.fy)
-        _blank_invalid(valid, bearings)
-        return bearings, valid
-
     def in_image(self, pixels: NDArray[np.floating]) -> Mask:
         """Which pixels (N, 2) the sensor covers, to the outer borders of its outermost pixels; NaN is outside."""
-        u, v = _columns(pixels, 2)
+        u, v = np.asarray(pixels).reshape(-1, 2).T
         inside: Mask = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         return inside
 
@@ -138,22 +106,8 @@ class CameraModel(ABC):
         """Made by ``lens_kernels.lens_vector``."""
 
     @abstractmethod
-    def _distort(self, x: Array, y: Array, z: Array) -> tuple[Array, Array, Mask]:
-        """Distorted coordinates [focal lengths] of points, and which are finite and inside the valid cone."""
-
-    @abstractmethod
-    def _distort_with_jacobian(self, x: Array, y: Array, z: Array, jacobian: Array) -> tuple[Array, Array, Mask]:
-        """As ``_distort``; fills the derivatives (N, 2, 3) of the distorted coordinates by the points."""
-
-    @abstractmethod
-    def _undistort(self, x_distorted: Array, y_distorted: Array) -> tuple[Array, Mask]:
-        """Unit bearings (N, 3) of distorted coordinates, and which are in the image of the valid cone."""
-
-    def _pixels(self, x_distorted: Array, y_distorted: Array) -> Array:
-        pixels = np.empty((len(x_distorted), 2))
-        pixels[:, 0] = self.fx * x_distorted + self.cx
-        pixels[:, 1] = self.fy * y_distorted + self.cy
-        return pixels
+    def _cone_angle(self) -> float:
+        """The value of ``max_angle``."""
 
 
 def largest_regular_angle(is_regular: Callable[[Array], Mask], limit: float) -> float:
@@ -177,17 +131,6 @@ def largest_regular_angle(is_regular: Callable[[Array], Mask], limit: float) -> 
 def _rows(values: NDArray[np.floating], count: int) -> Array:
     """Rows (N, count) as the kernels take them, whatever singleton axes OpenCV put between."""
     return as_rows(np.asarray(values).reshape(-1, count))
-
-
-def _columns(values: NDArray[np.floating], count: int) -> Array:
-    """Rows (N, count) as ``count`` contiguous float64 arrays, whatever singleton axes OpenCV put between."""
-    return np.array(np.asarray(values).reshape(-1, count).T, dtype=np.float64, order="C")
-
-
-def _blank_invalid(valid: Mask, *values: Array) -> None:
-    if not valid.all():
-        for array in values:
-            array[~valid] = np.nan
 
 
 _SAME = 0.01

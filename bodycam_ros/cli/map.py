@@ -12,7 +12,6 @@ from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
     inertial_alignment,
-    known_distances,
     opened_photographs,
 )
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
@@ -63,7 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
             settings,
             arguments.jobs,
             progress,
-            known_distances(arguments),
             inertial_alignment(arguments, photographs),
         )
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
@@ -93,25 +91,17 @@ def _board_lines(built: "BuiltMap") -> Iterator[str]:
 
 
 def _scale_line(built: "BuiltMap") -> str:
-    known = built.known_scale
     if not built.reference_map.metric:
-        return "NOT metric: without a board, a known distance or inertial sensors the scale is arbitrary"
-    if known is None and built.inertial is not None:
-        return (
-            f"metric, by the inertial sensors of {built.inertial.cameras} cameras: scale "
-            f"+- {100 * built.inertial.scale_sigma:.1f} %"
-        )
-    if known is None:
+        return "NOT metric: without a board or inertial sensors the scale is arbitrary"
+    if built.inertial is None:
         return "metric, by the board"
-    if built.residual is None:
-        return f"metric, by a known distance: scale +- {100 * known.sigma:.1f} %; a board is more accurate"
-    share, sigma = 100 / known.scale, 100 * known.sigma
-    return f"metric, by the board; in it the known distance is {share:.1f} % of what was measured, +- {sigma:.1f} %"
+    return (
+        f"metric, by the inertial sensors of {built.inertial.cameras} cameras: scale "
+        f"+- {100 * built.inertial.scale_sigma:.1f} %"
+    )
 
 
 def _vertical_line(built: "BuiltMap") -> str:
     if built.inertial is not None:
         return f"z is up, by accelerometers, +- {math.degrees(built.inertial.tilt_sigma):.2f} deg"
-    if built.floor is not None:
-        return f"z is up, if the floor is level: {built.floor.landmarks} landmarks lie on it"
     return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: there is no board"

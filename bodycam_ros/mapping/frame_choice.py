@@ -1,36 +1,24 @@
-"""Choice of sharp frames of moving cameras, carried or on the body, as photographs of a map."""
+"""Sharp frames of moving cameras, carried or on the body, as photographs of a map."""
 
-import logging
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import MapError, RecordingError
-from bodycam_ros.mapping.frame_motion import FrameMotion, measure_motion, steady_picture
-from bodycam_ros.mapping.map_settings import FrameSettings
+from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
-from bodycam_ros.mapping.photographs import FrameOrigin, Photographs
+from bodycam_ros.mapping.photographs import Photographs
+from bodycam_ros.mapping.steady_picture import camera_turn, steady_picture
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.whole_file import failure_named
 
-_LOG = logging.getLogger(__name__)
-
-Rows = NDArray[np.int64]
-
-_FEWEST = 60  # frames of all cameras: of a short recording frames are taken closer to each other
-_FEWEST_OF_CAMERA = 8
-_MIN_STEP_DEG = 3.0  # between frames of a camera: closer ones show the same from the same place
-_MIN_SHARPNESS = 0.7  # relative to the better frames nearby; blur over 5 of 1280 px gives 0.78, over 9 px 0.6
-_NEARBY_S = 1.0  # before and after: the scene is still much the same
-_SHARP_PERCENTILE = 80
-_MIN_USUAL = 0.25  # of the sharpness of the whole: seconds of blur are no reference, but bare walls may be
-_MIN_GAP = 0.3  # of a step, so that no two frames are next to each other
-_OFF_CENTRE = 0.2  # of its sharpness that a frame may lose by being half a step late
-
+_LEAST_PART_S = 0.3  # closer frames show the same from the same place
+_BEYOND_LAST = 1.001  # the last frame belongs to the last part
+_LEAST_STEP_S = 1e-3  # between two frames
+_SHARP_WIDTH = 1280  # [px] blur over two pixels of a photograph must show
 _JPEG_QUALITY = 95
 _AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
@@ -39,125 +27,111 @@ def keep_sharp_frames(
     sources: Mapping[str, MovingCamera],
     folder: Path,
     name: str,
-    settings: FrameSettings,
+    most: int,
     workers: int,
     progress: Progress,
     board_path: Path | None = None,
-    pairs: Sequence[tuple[str, str]] = (),
 ) -> Photographs:
-    """Write the sharp frames that a map needs into a folder.
+    """Write the sharpest frame of each of some equal parts of every recording into a folder.
 
-    Recordings are read twice: first for their motion, then for the pictures. Where the read-out time of its rows is
-    known, a picture is straightened by the camera's rotation.
+    Where the read-out time of its rows is known, a picture is straightened by the camera's rotation.
 
     Args:
         sources: camera -> its frames.
         folder: that is there.
         name: of the recording.
-        settings: which frames.
+        most: frames of all cameras together.
         workers: threads.
-        progress: shows the steps.
+        progress: shows the step.
         board_path: description of the board, if there is one.
-        pairs: cameras of which simultaneous frames are wanted.
 
     Raises:
-        MapError: a recording shows nothing, or hardly moves.
+        MapError: no frame of a recording shows anything, or there are fewer than two parts.
         LensError: a lens is for another size of image.
         OutputError: the folder cannot be written.
     """
-    with progress.step("analysing frames", sum(source.count for source in sources.values())) as advance:
-        measured = in_parallel(partial(measure_motion, on_frame=advance), sources.values(), workers)
-        motions = dict(zip(sources, measured, strict=True))
-    rows = choose_frames(motions, name, settings)
-    for first, second in pairs:
-        nearest = np.abs(motions[second].seconds[None] - motions[first].seconds[rows[first], None]).argmin(axis=1)
-        rows[second] = np.union1d(rows[second], nearest)
-    names, origins = {}, {}
-    count = sum(map(len, rows.values()))
-    with failure_named(folder), progress.step("writing sharp frames", count) as advance:
-        for camera, source in sources.items():
+    each = max(most // len(sources), 2)
+    with failure_named(folder), progress.step("choosing sharp frames", sum(s.count for s in sources.values())) as step:
+
+        def write(camera: str) -> list[str]:
+            source, names = sources[camera], []
             prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
-            wanted = set(rows[camera].tolist())
-            with source.frames() as frames:
-                for row, frame in enumerate(frames):
-                    if row in wanted:
-                        suffix, content = _straightened(frame, source, motions[camera].angular_velocity[row])
-                        file = f"{prefix}_{row:06d}{suffix}"
-                        (folder / file).write_bytes(content)
-                        names[file], origins[file] = source.camera, FrameOrigin(camera, frame.seconds)
-                        advance()
-                    if row == max(wanted):
-                        break
-                else:
-                    raise RecordingError(f"{source.name}: ends earlier when it is read again; is it being written?")
-    _LOG.info("%s: %d frames of %d cameras chosen", name, len(names), len(sources))
-    return Photographs(folder, name, tuple(folder / file for file in sorted(names)), names, board_path, origins)
+            part_s = max(_BEYOND_LAST * source.duration_s / each, _LEAST_PART_S)
+            for found in _sharpest(source, part_s, step):
+                suffix, content = found.file(source)
+                names.append(f"{prefix}_{found.row:06d}{suffix}")
+                (folder / names[-1]).write_bytes(content)
+            if not names:
+                raise MapError(f"{source.name}: none of its {source.count} frames shows anything; give another one")
+            return names
 
-
-def choose_frames(motions: Mapping[str, FrameMotion], name: str, settings: FrameSettings) -> dict[str, Rows]:
-    """Rows (C,) of the frames of each camera, ascending: evenly spread over the change of view, and sharp.
-
-    Args:
-        motions: of all frames of each camera.
-        name: of the recording, for messages.
-        settings: how many.
-
-    Raises:
-        MapError: the view hardly changes.
-    """
-    lengths = {camera: float(motion.path_deg[-1] - motion.path_deg[0]) for camera, motion in motions.items()}
-    total = sum(lengths.values())
-    most = max(settings.most, 2)
-    step_deg = total / np.clip(total / settings.step_deg, min(_FEWEST, most), most)
-    fewest = min(max(_FEWEST // len(motions), _FEWEST_OF_CAMERA), max(most // len(motions), 2))
-    rows = {}
-    for camera, motion in motions.items():
-        wanted = max(round(lengths[camera] / max(step_deg, 1e-9)), fewest)
-        chosen = _sharp_rows(motion, max(lengths[camera] / max(1, wanted - 1), _MIN_STEP_DEG))
-        # A camera that hardly moved gives its sharpest frame.
-        rows[camera] = chosen if len(chosen) > 1 else np.argmax(motion.sharpness, keepdims=True).astype(np.int64)
-    count = sum(map(len, rows.values()))
-    if count < 2:
-        raise MapError(
-            f"{name}: the view changes by {total:.0f} deg from the first frame to the last, which makes {count} "
-            "photographs; a map needs a walk through the place that shows it from many sides, or a range of motion"
-        )
-    return rows
-
-
-def _sharp_rows(motion: FrameMotion, step_deg: float) -> Rows:
-    relative = motion.sharpness / np.maximum(_usual_sharpness(motion), 1e-9)
-    chosen: list[int] = []
-    for due_deg in np.arange(motion.path_deg[0], motion.path_deg[-1] + 0.5 * step_deg, step_deg):
-        least_deg = due_deg - 0.5 * step_deg
-        if chosen:
-            least_deg = max(least_deg, float(motion.path_deg[chosen[-1]]) + _MIN_GAP * step_deg)
-        first, end = np.searchsorted(motion.path_deg, [least_deg, due_deg + 0.5 * step_deg])
-        # Many frames are due while the camera stands still, perhaps none where it is fast.
-        near = np.arange(first, end)[relative[first:end] >= _MIN_SHARPNESS]
-        if len(near):
-            late = np.abs(motion.path_deg[near] - due_deg) / (0.5 * step_deg)
-            chosen.append(int(near[np.argmax(relative[near] - _OFF_CENTRE * late)]))
-    return np.array(chosen, np.int64)
-
-
-def _usual_sharpness(motion: FrameMotion) -> NDArray[np.float64]:
-    """(N,) sharpness of the better frames around each, or a share of that of the whole if it is more."""
-    from scipy.ndimage import percentile_filter
-
-    duration_s = float(motion.seconds[-1] - motion.seconds[0])
-    reach = round(_NEARBY_S * (len(motion.seconds) - 1) / duration_s) if duration_s > 0.0 else 0
-    usual: NDArray[np.float64] = percentile_filter(
-        motion.sharpness, _SHARP_PERCENTILE, size=2 * max(1, reach) + 1, mode="mirror"
+        written = dict(zip(sources, in_parallel(write, sources, workers), strict=True))
+    camera_of_name = {file: sources[camera].camera for camera, names in written.items() for file in names}
+    if len(camera_of_name) < 2:
+        raise MapError(f"{name}: lasts for one photograph; a map needs a walk through the place, or a range of motion")
+    return Photographs(
+        folder, name, tuple(folder / file for file in sorted(camera_of_name)), camera_of_name, board_path
     )
-    return np.maximum(usual, _MIN_USUAL * np.percentile(motion.sharpness, _SHARP_PERCENTILE))
 
 
-def _straightened(frame: Frame, source: MovingCamera, angular_velocity: NDArray[np.float64]) -> tuple[str, bytes]:
-    """Suffix and content of the frame's file, without the effect of its read-out."""
-    suffix, content = frame.file()
-    if not any(source.readout_s) or not angular_velocity.any():
-        return suffix, content
-    pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), _AS_STORED), np.uint8)
-    straight = steady_picture(pixels, source.camera, angular_velocity, source.readout_s)
-    return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
+@dataclass(frozen=True)
+class _Candidate:
+    """A frame, its number and sharpness, its grey pixels, and the frame before it with those."""
+
+    frame: Frame
+    row: int
+    sharpness: float
+    grey: NDArray[np.uint8]
+    before: tuple[Frame, NDArray[np.uint8]] | None
+
+    def file(self, source: MovingCamera) -> tuple[str, bytes]:
+        """Suffix and content of its file; where the read-out time is known without its effect."""
+        suffix, content = self.frame.file()
+        if not any(source.readout_s) or self.before is None:
+            return suffix, content
+        before, grey_before = self.before
+        turn = camera_turn(source.camera, grey_before, self.grey)
+        velocity = turn / max(self.frame.seconds - before.seconds, _LEAST_STEP_S)
+        pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), _AS_STORED), np.uint8)
+        straight = steady_picture(pixels, source.camera, velocity, source.readout_s)
+        return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
+
+
+def _sharpest(source: MovingCamera, part_s: float, on_frame: Callable[[], None]) -> Iterator[_Candidate]:
+    """The sharpest frame of each part of so many seconds; none of a part that shows nothing."""
+    best: _Candidate | None = None
+    before: tuple[Frame, NDArray[np.uint8]] | None = None
+    start_s, part = 0.0, 0
+    with source.frames() as frames:
+        for row, frame in enumerate(frames):
+            on_frame()
+            start_s = start_s if row else frame.seconds
+            if (number := int((frame.seconds - start_s) / part_s)) > part:
+                if best is not None:
+                    yield best
+                best, part = None, number
+            try:
+                grey = frame.grey()
+            except RecordingError:
+                continue
+            camera = source.camera
+            if grey.shape != (camera.height, camera.width):
+                raise LensError(
+                    f"{source.name}: its images have {grey.shape[1]} x {grey.shape[0]} pixels, but its intrinsics are "
+                    f"for {camera.width} x {camera.height}; give the calibration of this mode with --camera"
+                )
+            sharpness = _sharpness(grey)
+            if sharpness > (0.0 if best is None else best.sharpness):
+                best = _Candidate(frame, row, sharpness, grey, before)
+            before = frame, grey
+    if best is not None:
+        yield best
+
+
+def _sharpness(grey: NDArray[np.uint8]) -> float:
+    """Root of the smaller eigenvalue of the mean structure tensor: motion blur removes detail in one direction."""
+    if (scale := _SHARP_WIDTH / grey.shape[1]) < 1.0:
+        grey = np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+    across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1), cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
+    xx, yy, xy = (float(np.mean(product)) for product in (across * across, down * down, across * down))
+    return float(np.sqrt(max(0.0, 0.5 * (xx + yy - np.hypot(xx - yy, 2.0 * xy)))))

@@ -9,12 +9,6 @@ from bodycam_ros.settings import SettingsGroups, setting
 class FrameSettings:
     """Which frames of a video or bag become photographs."""
 
-    step_deg: float = setting(
-        10.0,
-        unit="deg",
-        limits=(0.5, 60.0),
-        reason="change of view between two frames, by turning or by passing things; lower takes more frames",
-    )
     most: int = setting(
         150,
         unit="frames",

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from av import VideoFrame
 
 _JPEG_QUALITY = 95
-_JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
 _DIRECTIONS = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
 """Direction of the read-out in an upright frame, to the right and down, by its counter-clockwise rotation."""
+
+_JPEG, _PNG = b"\xff\xd8\xff", b"\x89PNG"
 
 
 class Frame(Protocol):
@@ -52,6 +53,7 @@ class MovingCamera(Protocol):
         name: of the video or topic, for messages.
         camera: its lens.
         count: about how many frames there are.
+        duration_s: from the first to the last, about [s].
         readout_s: delay of the right border against the left, and of the lower against the upper [s]; zero if all rows
             are exposed together, or it is unknown.
     """
@@ -59,6 +61,7 @@ class MovingCamera(Protocol):
     name: str
     camera: CameraModel
     count: int
+    duration_s: float
     readout_s: tuple[float, float]
 
     def frames(self) -> AbstractContextManager[Iterator[Frame]]:
@@ -101,6 +104,7 @@ class BagCamera:
         with open_recording(path) as recording:
             self.camera = recording.camera_model(camera)
             self.count = recording.image_count(camera)
+            self.duration_s = recording.duration_s
             readout = recording.readout(camera)
         self.readout_s = (0.0, 0.0 if readout is None else readout.seconds)
         self.name = f"{path.name}, camera {camera}"
@@ -145,6 +149,7 @@ class VideoCamera:
         facts = self._video.facts
         self._rotation_deg = facts.rotation_deg
         self.name = path.name
+        self.duration_s = facts.duration_s
         self.count = facts.frames or round(facts.rate_hz * facts.duration_s)
         lens_path = lens_path or path.with_suffix(".yaml")
         self.camera = _lens(path, lens_path)
@@ -173,9 +178,7 @@ def _lens(video: Path, path: Path) -> CameraModel:
     return camera_from_yaml(path)
 
 
-def open_body_cameras(
-    bag: Path, cameras: Collection[str] | None, required: Collection[str] = ()
-) -> dict[str, MovingCamera]:
+def open_body_cameras(bag: Path, cameras: Collection[str] | None) -> dict[str, MovingCamera]:
     """The frames of the body cameras of a bag, by name; of all cameras if None.
 
     Raises:
@@ -185,6 +188,6 @@ def open_body_cameras(
     """
     with open_recording(bag) as recording:
         there = recording.cameras
-    if absent := sorted({*(cameras or ()), *required} - set(there)):
+    if absent := sorted(set(cameras or ()) - set(there)):
         raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(there)}")
     return {camera: BagCamera(bag, camera) for camera in there if cameras is None or camera in cameras}

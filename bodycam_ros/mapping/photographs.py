@@ -1,7 +1,7 @@
 """The photographs of a reference folder, and the cameras that took them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
@@ -10,14 +10,6 @@ from bodycam_ros.errors import MapError
 CAMERA_FILE = "camera.yaml"
 BOARD_FILE = "board.yaml"
 _SUFFIXES = {".jpg", ".jpeg", ".png"}
-
-
-@dataclass(frozen=True)
-class FrameOrigin:
-    """The body camera that took a photograph, and its stamp in the recording [s]."""
-
-    camera: str
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -30,7 +22,6 @@ class Photographs:
         paths: image files in order of name.
         camera_of_name: file name -> the camera that took it.
         board_path: description of the board, if there is one.
-        origins: file name -> origin, of frames of body cameras; else empty.
     """
 
     folder: Path
@@ -38,7 +29,6 @@ class Photographs:
     paths: tuple[Path, ...]
     camera_of_name: Mapping[str, CameraModel]
     board_path: Path | None
-    origins: Mapping[str, FrameOrigin] = field(default_factory=dict)
 
     @property
     def where(self) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy_lens import project_in_numpy, project_with_jacobian_in_numpy, unproject_in_numpy
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import (
@@ -42,9 +43,9 @@ def compare(camera: CameraModel, cone: Cone) -> None:
     lens = camera.parameters
     edge = camera.max_angle + np.array([-1e-6, -1e-9, -1e-12, 0.0, 0.5e-9, 1e-8, 1e-6, 1e-3])
     points = np.concatenate([cone(np.linspace(0.0, 3.1, 400)), cone(edge), [[0, 0, 2], [1e-12, 0, 1]], NOWHERE])
-    pixels, jacobian, valid = camera.project_with_jacobian_in_numpy(points)
-    np.testing.assert_allclose(camera.project_in_numpy(points)[0], pixels, rtol=1e-12)
-    np.testing.assert_array_equal(camera.project_in_numpy(points)[1], valid)
+    pixels, jacobian, valid = project_with_jacobian_in_numpy(camera, points)
+    np.testing.assert_allclose(project_in_numpy(camera, points)[0], pixels, rtol=1e-12)
+    np.testing.assert_array_equal(project_in_numpy(camera, points)[1], valid)
     assert 30 < valid.sum() < len(points) - len(NOWHERE)
     ours, ours_valid = project_points(lens, points)
     np.testing.assert_array_equal(ours_valid, valid)
@@ -57,7 +58,7 @@ def compare(camera: CameraModel, cone: Cone) -> None:
 
     u, v = np.meshgrid(np.linspace(-200.0, camera.width + 200.0, 91), np.linspace(-200.0, camera.height + 200.0, 71))
     wanted = np.concatenate([np.column_stack([u.ravel(), v.ravel()]), pixels, [[np.inf, 0.0]]])
-    bearings, seen = camera.unproject_in_numpy(wanted)
+    bearings, seen = unproject_in_numpy(camera, wanted)
     ours_bearings, ours_seen = unproject_pixels(lens, wanted)
     np.testing.assert_array_equal(ours_seen, seen)
     # Where the cone ends because the distortion cannot be inverted, bearings are as sure as the root of rounding.

@@ -1,16 +1,19 @@
 """The sharp frames of a bag's cameras as photographs."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from turned_view import CAMERA, rolled_view, turned_view
 from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-from bodycam_ros.mapping.map_settings import FrameSettings
 from bodycam_ros.mapping.moving_camera import BagCamera, open_body_cameras
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
@@ -44,27 +47,60 @@ def bag(tmp_path: Path) -> Path:
 
 def test_sharp_frames_are_written(bag: Path, tmp_path: Path) -> None:
     progress = Unshown()
-    photographs = keep_sharp_frames({"hand": BagCamera(bag, "hand")}, tmp_path, "bag", FrameSettings(), 1, progress)
+    photographs = keep_sharp_frames({"hand": BagCamera(bag, "hand")}, tmp_path, "bag", 150, 1, progress)
     assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
     assert all(path.is_file() for path in photographs.paths)
     assert all(np.array_equal(camera.parameters, LENS.parameters) for camera in photographs.camera_of_name.values())
-    assert progress.done == progress.totals == {"analysing frames": 9, "writing sharp frames": 3}
+    assert progress.done == progress.totals == {"choosing sharp frames": 9}
 
 
-def test_frames_of_body_cameras_are_kept_with_their_cameras_and_times(tmp_path: Path) -> None:
-    pair = ("waist_left", "waist_right")
-    sources = open_body_cameras(SAMPLE, pair)
-    kept = keep_sharp_frames(sources, tmp_path, "sample", FrameSettings(most=10), 2, Unshown(), pairs=[pair])
-    assert sorted(path.name for path in kept.folder.iterdir()) == [path.name for path in kept.paths]
-    assert set(kept.camera_of_name) == set(kept.origins) == {path.name for path in kept.paths}
-    first, second = ([one.seconds for one in kept.origins.values() if one.camera == camera] for camera in pair)
-    # The other camera has a frame of each time.
-    assert len(first) >= 2 and all(min(abs(seconds - other) for other in second) < 0.01 for seconds in first)
+def test_frames_of_body_cameras_are_spread_over_the_recording(tmp_path: Path) -> None:
+    sources = open_body_cameras(SAMPLE, ("waist_left", "waist_right"))
+    kept = keep_sharp_frames(sources, tmp_path, "sample", 10, 2, Unshown())
+    assert sorted(path.name for path in tmp_path.iterdir()) == [path.name for path in kept.paths]
+    assert set(kept.camera_of_name) == {path.name for path in kept.paths}
+    for camera, source in sources.items():
+        numbers = [int(path.stem[-6:]) for path in kept.paths if path.name.startswith(camera)]
+        assert len(numbers) == 5 and np.diff(numbers).min() >= 1 and np.ptp(numbers) > 0.5 * source.count
     for path in kept.paths:
         camera = kept.camera_of_name[path.name]
-        assert path.name.startswith(kept.origins[path.name].camera)
+        assert path.name.startswith(camera.name)
         assert cv2.imread(str(path), cv2.IMREAD_GRAYSCALE).shape == (camera.height, camera.width)
     assert len({id(camera) for camera in kept.camera_of_name.values()}) == 2
+
+
+@dataclass
+class _Turned:
+    """A picture of a camera that turns to the right while its rows are read out."""
+
+    seconds: float
+
+    def grey(self) -> np.ndarray:
+        return rolled_view(_RATE_DEG * self.seconds, 0.0, (_RATE_DEG, 0.0), (0.0, 0.02))
+
+    def file(self) -> tuple[str, bytes]:
+        return ".png", cv2.imencode(".png", self.grey())[1].tobytes()
+
+
+_RATE_DEG = 90.0
+
+
+class _TurningCamera:
+    name, camera, count, duration_s, readout_s = "hand", CAMERA, 9, 0.6, (0.0, 0.02)
+
+    @contextmanager
+    def frames(self) -> Iterator[Iterator[_Turned]]:
+        yield (_Turned(number / 15.0) for number in range(self.count))
+
+
+def test_pictures_are_as_if_all_rows_were_exposed_together(tmp_path: Path) -> None:
+    kept = keep_sharp_frames({"hand": _TurningCamera()}, tmp_path, "turn", 2, 1, Unshown())
+    for path in kept.paths[1:]:  # before the first there is no other
+        seconds = int(path.stem[-6:]) / 15.0
+        wanted, shown = turned_view(_RATE_DEG * seconds).astype(int), _Turned(seconds).grey()
+        written, inner = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.s_[40:-40, 40:-40]
+        off = [np.abs(picture[inner] - wanted[inner]).mean() for picture in (shown, written)]
+        assert off[1] < 0.3 * off[0]
 
 
 def test_a_camera_that_is_not_there_is_named() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from turned_view import CAMERA, rolled_view, turned_view
 
-from bodycam_ros.mapping.frame_motion import steady_picture
+from bodycam_ros.mapping.steady_picture import camera_turn, steady_picture
 
 READOUT_S = 0.02
 
@@ -18,3 +18,10 @@ def test_a_picture_is_straightened(rate_deg: tuple[float, float], readout_s: tup
     inner = np.s_[30:-30, 30:-30]
     off = [np.abs(picture[inner].astype(int) - wanted[inner]).mean() for picture in (shown, straight)]
     assert off[1] < 0.2 * off[0]
+
+
+@pytest.mark.parametrize("turned_deg", [(1.5, 0.0), (0.0, -2.0), (-3.0, 1.0)])
+def test_the_turn_from_one_picture_to_the_next(turned_deg: tuple[float, float]) -> None:
+    """To the right is about y, which points down; upwards is about x."""
+    found = camera_turn(CAMERA, turned_view(0.0), turned_view(*turned_deg))
+    assert np.degrees(found) == pytest.approx([turned_deg[1], turned_deg[0], 0.0], abs=0.05)
