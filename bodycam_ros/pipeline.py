@@ -16,7 +16,7 @@ from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, LatestState
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import evidence_floor
 from bodycam_ros.estimation.static_evidence import StaticCameras
@@ -26,6 +26,7 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import LOOKAHEAD_S
 from bodycam_ros.timing.frame_assembler import FIRST_WAIT_S, FrameAssembler
+from bodycam_ros.timing.silence import Silence
 from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
 from bodycam_ros.timing.timeline import Message, Timeline
 
@@ -90,6 +91,7 @@ class SkeletonPipeline:
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
             self.inertial.add(camera, samples)
+        self._silence, self._is_carried = Silence(), False
         self._interpolated = 0
         self._rejected: Counter[str] = Counter()
         self._begin()
@@ -142,6 +144,23 @@ class SkeletonPipeline:
         """Add samples of a camera's inertial sensor, in order of time; before the images that follow them."""
         self.inertial.add(camera, samples)
 
+    def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
+        """Add one sample of a camera's inertial sensor as it comes; live, outputs while all cameras are silent.
+
+        Args:
+            camera: its name.
+            stamp_ns: by the sensor's clock [ns].
+            reading: angular velocity [rad/s] and acceleration [m/s^2] along the sensor's axes.
+        """
+        self.inertial.add_sample(camera, stamp_ns, reading)
+        latest_ns = self.inertial.latest_ns(camera) if self._live else None
+        if latest_ns is None:
+            return []
+        self._silence.add_sample(latest_ns)
+        period_ns = self._smoother.period_ns
+        due_ns = self._silence.due_ns(period_ns) if period_ns else None
+        return [] if due_ns is None or not period_ns else self._carry(due_ns, round(period_ns))
+
     def add(self, message: Message) -> list[BodyOutput]:
         """Add a registration, or an image or measurements of a static camera; outputs that are ready, in order of time.
 
@@ -154,6 +173,9 @@ class SkeletonPipeline:
                 outputs += self._flush_frames()
                 self.synchronizer.restart()
                 self.assembler.restart()
+                self._silence.restart()
+            self._silence.add_message(each.stamp_ns)
+            self._is_carried = False
             if isinstance(each, LandmarkMatches):
                 outputs += self._assemble(self.synchronizer.add(each))
                 continue
@@ -206,6 +228,19 @@ class SkeletonPipeline:
             outputs += self._outputs(self._smoother.update(frame))
             while self._untold and len(self._smoother.latest_states) > 1:
                 self.assembler.join(self._untold.pop(), FIRST_WAIT_S)
+        return outputs
+
+    def _carry(self, due_ns: float, period_ns: int) -> list[BodyOutput]:
+        """States without images up to a time [ns], as far as inertial sensors carry the body."""
+        outputs = [] if self._is_carried else self._flush_frames()
+        self._is_carried = True
+        due_ns = min(due_ns, self._silence.heard_ns + 1e9 * CARRIED_S)
+        while self._smoother.latest_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
+            if not self.inertial.carry(self._solved_ns, stamp_ns):
+                break
+            outputs += self._solve([BodyFrame(stamp_ns, {})])
+            self.assembler.skip(stamp_ns)
+            self._interpolated += 1
         return outputs
 
     def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:

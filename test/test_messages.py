@@ -15,6 +15,7 @@ from bodycam_ros.body_state import BodyState, BodyUncertainty
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory, stamp_ns
+from bodycam_ros.messages.imu import IMU_TYPE, imu_message, imu_row, imu_row_of_cdr
 from bodycam_ros.messages.poses import body_covariance, ros_covariance
 from bodycam_ros.messages.timing import CameraTiming, camera_timing, timing_message
 from bodycam_ros.messages.tracks import (
@@ -206,3 +207,17 @@ def test_equipment_survives_the_wire(library: tuple[MessageFactory, Send]) -> No
             np.testing.assert_array_equal(getattr(heard, field.name), getattr(said, field.name))
     with pytest.raises(ValueError):
         equipment_report(make("bodycam_msgs/msg/EquipmentState", attachments=["pedal"]))
+
+
+@pytest.mark.parametrize("frame", ["", "a", "thigh_left_imu_frame"])
+def test_a_serialized_sample_of_an_inertial_sensor_is_read_without_rclpy(frame: str) -> None:
+    make = recorded_messages()
+    message = imu_message(
+        make, "head", 1_700_000_000_123_456_789, np.array([0.1, -2.0, 3e3]), np.array([9.8, 0.0, -1.0])
+    )
+    message.header.frame_id = frame
+    for little_endian in (True, False):
+        cdr = bytes(recording_typestore().serialize_cdr(message, IMU_TYPE, little_endian=little_endian))
+        assert imu_row_of_cdr(cdr) == imu_row(message)
+    with pytest.raises(ValueError, match="sensor_msgs/Imu of 60 bytes"):
+        imu_row_of_cdr(cdr[:60])

@@ -43,7 +43,9 @@ Mask = NDArray[np.bool_]
 
 _BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
 _BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb to be observed again
-_CARRIED_S = 5.0  # the longest gap that accelerometers fill: their errors grow with the square of time
+CARRIED_S = 5.0
+"""The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
+
 _BENT = 0.2  # of the first guess: from a straight knee, the pose of a foot bends it backwards as well as forwards
 _FIRST_S = 0.033  # how long the first state lasts, as a measurement among others
 
@@ -119,6 +121,11 @@ class BodyEstimator:
         if self._coupling:
             self._coupling.reset()
 
+    @property
+    def period_ns(self) -> float | None:
+        """Of the frames [ns]; None before the second."""
+        return self._gaps.period_ns
+
     def join(self, camera: str) -> None:
         """Use one more camera of the body from now on."""
         self._cameras.add(camera)
@@ -154,7 +161,7 @@ class BodyEstimator:
         longest_s, last_ns = self.settings.max_pause, self._chain[-1].stamp_ns if self._chain else stamp_ns
         if self._inertial is None or stamp_ns - last_ns <= 1e9 * longest_s:
             return longest_s
-        return max(longest_s, _CARRIED_S) if self._inertial.carry(last_ns, stamp_ns) else longest_s
+        return max(longest_s, CARRIED_S) if self._inertial.carry(last_ns, stamp_ns) else longest_s
 
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
         """The first state, where cameras measured the body or somebody placed it by hand."""

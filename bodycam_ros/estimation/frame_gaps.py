@@ -16,11 +16,16 @@ class FrameGaps:
         self._periods_ns: deque[float] = deque(maxlen=_PERIODS)
         self._last_ns: int | None = None
 
+    @property
+    def period_ns(self) -> float | None:
+        """Of the frames [ns]; None before the second."""
+        return median(self._periods_ns) if self._periods_ns else None
+
     def missing_stamps(self, frame: BodyFrame, max_pause_s: float) -> tuple[int, ...]:
         """Stamps [ns] between the frame before and this one at which images are missing; none in a longer pause."""
         last_ns, self._last_ns = self._last_ns, frame.stamp_ns
         own_ns = [m.stamp_ns - m.previous_stamp_ns for m in frame.matches.values() if m.previous_stamp_ns]
-        period_ns = median(self._periods_ns) if self._periods_ns else None
+        period_ns = self.period_ns
         if own_ns:
             self._periods_ns.append(median(own_ns))
         pause_ns = frame.stamp_ns - last_ns if last_ns is not None else 0

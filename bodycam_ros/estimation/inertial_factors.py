@@ -20,6 +20,7 @@ _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, n
 _LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
 _OBSERVED = 20.0  # times the sigma of a change of velocity where cameras observe it: they need not be bent by it
 _LEAST_IMAGES = 20  # registered images without a sample at their time, after which a clock is off
+_LATE_NS, _LATE_SHARE = 12_000_000, 0.1  # of samples behind an image, and of such images, which are named
 _LEVER_M = 0.015  # most that a sensor's place in its camera is off
 
 
@@ -45,7 +46,7 @@ class InertialSensors:
         self._segment_R_camera = {name: mount.segment_T_camera[:3, :3] for name, mount in mounts.items()}
         self._sums = {name: MotionSums(calibration) for name, calibration in self._calibrations.items()}
         self._clocks: Mapping[str, ClockState] = {}
-        self._images = dict.fromkeys(mounts, 0)
+        self._images, self._late = dict.fromkeys(mounts, 0), dict.fromkeys(mounts, 0)
         self.biases = {name: BiasFilter(imu.gyro_bias_sigma) for name, imu in self._calibrations.items()}
         # Sensors on the root carry the place of the body; without any, those of the next segment that has one.
         rows = sorted(set(self._rows.values()), key=lambda row: int(body.moves[row].sum()))
@@ -64,6 +65,18 @@ class InertialSensors:
         if camera in self._sums:
             self._sums[camera].add(samples)
 
+    def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
+        """Add one sample as it comes, see ``MotionSums``; others are ignored."""
+        if camera in self._sums:
+            self._sums[camera].add_sample(stamp_ns, reading)
+
+    def latest_ns(self, camera: str) -> int | None:
+        """Stamp of a sensor's latest sample in the body's time [ns]; None unless it can carry the body by itself."""
+        if camera not in self._accelerometers or not self.biases[camera].is_confirmed or self.biases[camera].is_wrong:
+            return None
+        own_ns, clock = self._sums[camera].latest_ns, self._clocks.get(camera)
+        return own_ns if clock is None else own_ns - clock.offset_ns(own_ns)
+
     def set_clocks(self, clocks: Mapping[str, ClockState]) -> None:
         """Use the clocks by which the stamps of frames were corrected; samples are by the cameras' own clocks."""
         self._clocks = clocks
@@ -80,6 +93,7 @@ class InertialSensors:
                 self._images[name] += 1
                 pose, sums = matches.world_T_camera, self._sums[name]
                 stamp_ns = self._own_ns(name, matches.stamp_ns)
+                self._late[name] += sums.latest_ns < stamp_ns - _LATE_NS
                 self.biases[name].observe(stamp_ns, pose[:3, :3], sums)
                 if name in self._accelerometers:
                     place = pose[:3, :3] @ self._calibrations[name].camera_p_imu + pose[:3, 3]
@@ -113,23 +127,35 @@ class InertialSensors:
             if not self.biases[name].is_wrong
         )
 
+    def faults(self) -> dict[str, str]:
+        """Camera -> why its sensor is left out, or is used less than it could be."""
+        faults = {}
+        for name, filtered in self.biases.items():
+            checked, images = filtered.agreeing + filtered.contradicting, self._images[name]
+            if filtered.is_wrong:
+                faults[name] = (
+                    f"contradicts the images ({filtered.contradicting} of {checked} times) and is left out; are its "
+                    "axes, its units (rad/s, m/s^2), its range and its stamps those of the range of motion?"
+                )
+            elif not checked and images >= _LEAST_IMAGES and len(self._sums[name]):
+                faults[name] = (
+                    "has no samples at the time of the images and is left out; do their clocks agree, and do samples "
+                    "arrive in time?"
+                )
+            elif checked and self._late[name] > max(_LEAST_IMAGES, _LATE_SHARE * images):
+                faults[name] = (
+                    f"has no samples yet at {self._late[name]} of {images} images; do they arrive late, or did it stop?"
+                )
+        return faults
+
     def remarks(self) -> list[str]:
         """A sentence for each sensor that was left out, and why."""
-        remarks = []
-        for name, filtered in self.biases.items():
-            checked = filtered.agreeing + filtered.contradicting
-            if filtered.is_wrong:
-                remarks.append(
-                    f"camera {name}: its inertial sensor contradicts the images ({filtered.contradicting} of {checked} "
-                    "times) and is left out; are its axes, its units (rad/s, m/s^2), its range and its stamps those of "
-                    "the range of motion?"
-                )
-            elif not checked and self._images[name] >= _LEAST_IMAGES and len(self._sums[name]):
-                remarks.append(
-                    f"camera {name}: its inertial sensor has no samples at the time of the images and is left out; do "
-                    "their clocks agree?"
-                )
-        return remarks
+        return [f"camera {name}: its inertial sensor {fault}" for name, fault in self.faults().items()]
+
+    @property
+    def in_use(self) -> list[str]:
+        """Cameras whose sensor the images have confirmed."""
+        return [name for name, filtered in self.biases.items() if filtered.is_confirmed and not filtered.is_wrong]
 
     def _turn(self, name: str, moved: Preintegrated) -> SegmentTurn:
         imu, filtered, segment_R_camera = self._calibrations[name], self.biases[name], self._segment_R_camera[name]

@@ -38,6 +38,11 @@ class BiasFilter:
         return float(np.sqrt(np.trace(self._P[3:, 3:]) / 3.0))
 
     @property
+    def is_confirmed(self) -> bool:
+        """Whether the images have confirmed the sensor."""
+        return self.agreeing > self.contradicting
+
+    @property
     def is_wrong(self) -> bool:
         """Whether the sensor contradicts the images too often: wrong axes or units, frozen, saturated, late."""
         return self.contradicting >= _CONTRADICTIONS and 4 * self.contradicting > self.agreeing
@@ -45,11 +50,13 @@ class BiasFilter:
     def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""
         seconds = 1e-9 * (stamp_ns - self._stamp_ns)
-        if self._R is not None and seconds < _LEAST_S:
+        if self._R is not None and 0.0 <= seconds < _LEAST_S:
             return
-        moved = sums.between(self._stamp_ns, stamp_ns) if self._R is not None and seconds < _LONGEST_S else None
+        # Where time goes back, as of a bag that is played again, the bias is kept.
+        is_near = self._R is not None and 0.0 < seconds < _LONGEST_S
+        moved = sums.between(self._stamp_ns, stamp_ns) if is_near else None
         if moved is None:
-            self._P[3:, 3:] += min(seconds, 60.0) * WANDER**2 * np.eye(3) if self._R is not None else 0.0
+            self._P[3:, 3:] += min(abs(seconds), 60.0) * WANDER**2 * np.eye(3) if self._R is not None else 0.0
             self._P[:3, 3:], self._P[3:, :3] = 0.0, 0.0
             self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
         else:
@@ -119,11 +126,13 @@ class AccelerometerFilter:
     def observe(self, stamp_ns: int, R: Array, place: Array, sums: MotionSums) -> None:
         """Update by the registered rotation (3, 3) and place (3,) of the sensor in the world."""
         dt = 1e-9 * (stamp_ns - self._stamp_ns)
-        if self._stamp_ns and dt < _LEAST_S:
+        if self._stamp_ns and 0.0 <= dt < _LEAST_S:
             return
-        moved = sums.between(self._stamp_ns, stamp_ns) if self._stamp_ns and dt < _LONGEST_S else None
+        moved = sums.between(self._stamp_ns, stamp_ns) if self._stamp_ns and 0.0 < dt < _LONGEST_S else None
         if moved is None:
-            kept = self._P[6:, 6:] + (min(dt, 60.0) * _ACCELERATION_WANDER**2 * np.eye(3) if self._stamp_ns else 0.0)
+            kept = self._P[6:, 6:] + (
+                min(abs(dt), 60.0) * _ACCELERATION_WANDER**2 * np.eye(3) if self._stamp_ns else 0.0
+            )
             self._x[:6] = 0.0
             self._P = np.diag(np.repeat([100.0, 16.0, 0.0], 3))
             self._P[6:, 6:] = kept

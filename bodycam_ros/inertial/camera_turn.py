@@ -17,13 +17,28 @@ class CameraTurn:
 
     Args:
         calibration: of the camera's sensor.
-        samples: of the sensor, by its own clock and along its own axes.
+        samples: of the sensor, by its own clock and along its own axes; live there are none yet.
     """
 
-    def __init__(self, calibration: ImuCalibration, samples: ImuSamples) -> None:
-        self._samples = calibration.correct(samples)
-        self._sums, self._until_ns = MotionSums(), -1
+    def __init__(self, calibration: ImuCalibration, samples: ImuSamples | None = None) -> None:
+        self._samples = samples
+        self._latency_ns = round(1e9 * calibration.time_offset)
+        self._sums, self._until_ns = MotionSums(calibration), -1
         self._bias = BiasFilter(calibration.gyro_bias_sigma)
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether registered images have confirmed the sensor."""
+        return self._bias.is_confirmed
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether registered images contradict the sensor."""
+        return self._bias.is_wrong
+
+    def add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
+        """As of ``MotionSums``."""
+        self._sums.add_sample(stamp_ns, reading)
 
     def between(self, start_ns: int, end_ns: int) -> Array | None:
         """(3, 3) rotation later_R_camera from one stamp to a later one [ns].
@@ -31,8 +46,7 @@ class CameraTurn:
         None where samples do not cover all of it, or registered images have not confirmed the sensor.
         """
         self._integrate(end_ns)
-        is_confirmed = self._bias.agreeing > self._bias.contradicting
-        moved = self._sums.between(start_ns, end_ns) if is_confirmed else None
+        moved = self._sums.between(start_ns, end_ns) if self.is_confirmed else None
         return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
 
     def angular_velocity(self, stamp_ns: int) -> Array | None:
@@ -52,6 +66,6 @@ class CameraTurn:
         self._bias.observe(stamp_ns, world_T_camera[:3, :3], self._sums)
 
     def _integrate(self, stamp_ns: int) -> None:
-        if stamp_ns + _BLOCK_NS // 2 > self._until_ns:
-            start_ns, self._until_ns = self._until_ns + 1, stamp_ns + _BLOCK_NS
+        if self._samples is not None and stamp_ns + _BLOCK_NS // 2 > self._until_ns:
+            start_ns, self._until_ns = self._until_ns + 1, stamp_ns + _BLOCK_NS + self._latency_ns
             self._sums.add(self._samples.between(start_ns, self._until_ns))

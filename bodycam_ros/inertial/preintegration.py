@@ -77,6 +77,7 @@ class MotionSums:
     def __init__(self, calibration: ImuCalibration | None = None) -> None:
         self._calibration = calibration or ImuCalibration()
         self._pending: list[ImuSamples] = []
+        self._samples: list[tuple[int, tuple[float, ...]]] = []
         self._latest: tuple[int, int, Preintegrated | None] = (-1, -1, None)
         # With room for more: live, some samples come with every frame.
         self._rows: tuple[NDArray[Any], ...] = (
@@ -93,6 +94,10 @@ class MotionSums:
         if len(samples):
             self._pending.append(samples)
 
+    def add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
+        """Add one sample as it comes: its stamp [ns], angular velocity and acceleration in one tuple."""
+        self._samples.append((stamp_ns, reading))
+
     def __len__(self) -> int:
         self._integrate_pending()
         return len(self._stamps_ns)
@@ -100,8 +105,9 @@ class MotionSums:
     @property
     def latest_ns(self) -> int:
         """Stamp of the latest sample [ns]; -1 if there is none."""
-        if self._pending:
-            return int(self._pending[-1].stamps_ns[-1]) - round(1e9 * self._calibration.time_offset)
+        if self._samples or self._pending:
+            latest_ns = self._samples[-1][0] if self._samples else int(self._pending[-1].stamps_ns[-1])
+            return latest_ns - round(1e9 * self._calibration.time_offset)
         return int(self._stamps_ns[-1]) if len(self._stamps_ns) else -1
 
     def covers(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -117,7 +123,7 @@ class MotionSums:
 
     def between(self, start_ns: int, end_ns: int) -> Preintegrated | None:
         """Motion between two stamps [ns]; None unless samples cover all of it."""
-        if self._latest[:2] != (start_ns, end_ns) or self._pending:
+        if self._latest[:2] != (start_ns, end_ns) or self._pending or self._samples:
             # Several filters of one sensor need the same motion.
             self._latest = start_ns, end_ns, self._between(np.array([start_ns, end_ns], np.int64))
         return self._latest[2]
@@ -165,6 +171,9 @@ class MotionSums:
         return np.maximum(np.searchsorted(self._stamps_ns, stamps_ns, side="right") - 1, 0)
 
     def _integrate_pending(self) -> None:
+        if self._samples:
+            self.add(ImuSamples.from_rows(self._samples))
+            self._samples = []
         if not self._pending:
             return
         pending, self._pending = self._calibration.correct(ImuSamples.joined(self._pending)), []

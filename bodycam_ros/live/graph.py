@@ -73,6 +73,7 @@ class GraphArguments:
     urdf: str = _as(RetargetParameters, "urdf")
     mapping: str = _as(RetargetParameters, "mapping")
     bagfile: str = _as(PlayerParameters, "bagfile")
+    imu: str = _as(PlayerParameters, "imu")
     rate: float = _as(PlayerParameters, "rate")
     loop: bool = _as(PlayerParameters, "loop")
     transport: str = _as(TrackerParameters, "transport")
@@ -137,7 +138,9 @@ def graph(of: GraphArguments) -> list[GraphNode]:
     if not stations and (needless := _given(of, _OF_STATIONS)):
         raise StationError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
     worn = _worn_cameras(of, bool(stations))
-    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera) for camera in worn]
+    # With a rig the body file is yet to be made.
+    sensors = {"body": ""} if of.rig else {}
+    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **sensors) for camera in worn]
     count = min(of.registrations, len(worn))
     for number in range(count):
         nodes.append(

@@ -107,6 +107,12 @@ class LiveBody:
             return []
         return self._judge(self.pipeline.add(measured))
 
+    def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
+        """Add a sample of a camera's inertial sensor; return the states solved without images, see the pipeline."""
+        if self.pipeline is None:
+            return []
+        return self._judge(self.pipeline.add_sample(camera, stamp_ns, reading))
+
     def poll(self) -> list[BodyOutput]:
         """States that do not wait for cameras any more; call it regularly."""
         if self.pipeline is None:

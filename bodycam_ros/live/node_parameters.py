@@ -5,12 +5,12 @@ from typing import Final
 
 from bodycam_ros.settings import describe, setting
 
-TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit")
+TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit", "inertial")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
     *("clock", "assembler", "smoother", "motion", "contact", "evidence"),
-    *("coupling", "region", "pose_fit", "motion_log", "joint_limits", "assessment"),
+    *("coupling", "inertial", "region", "pose_fit", "motion_log", "joint_limits", "assessment"),
 )
 """The groups of settings that each node uses."""
 
@@ -77,6 +77,10 @@ class ImageParameters(ManagedParameters):
 @dataclass(frozen=True)
 class TrackerParameters(ImageParameters):
     """Of the node ``tracker``."""
+
+    body: str = setting(
+        "", reason="body YAML; with it the camera's inertial sensor, if that was calibrated, predicts its turns"
+    )
 
 
 @dataclass(frozen=True)
@@ -217,6 +221,9 @@ class PlayerParameters(CommonParameters):
     """Of the node ``player``."""
 
     bagfile: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")
+    imu: str = setting(
+        "", reason="ros2 bag with the cameras' inertial sensors, played beside 'bagfile' where that has none"
+    )
     cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
     rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded")
     loop: bool = setting(False, reason="start again at the end, with the stamps as recorded: time jumps back")

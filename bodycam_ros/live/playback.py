@@ -1,7 +1,9 @@
 """A bag that is played: what of it, when each message is due, and who has to read it."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from heapq import merge
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
@@ -11,18 +13,22 @@ from bodycam_ros.live.node_parameters import PlayerParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.factory import Message, header_message, optical_frame
 from bodycam_ros.messages.images import compressed_video, image_stamp_ns
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
 from bodycam_ros.recording.video_decoder import VideoDecoder
 
 INFO, TIMING = "/camera_info", "/timing"
+LATCHED = (INFO, TIMING)
+"""Topics of which those that come later still get the latest messages."""
+
 IMAGES = ("/image_raw/compressed", "/image_raw", "/image_raw/compressed_video", "/image_raw/foxglove")
 _RAW = "sensor_msgs/msg/Image"
 
 
 def camera_of(topic: str) -> str:
     """Name of the camera that a topic belongs to; empty if it belongs to none."""
-    for ending in (INFO, TIMING, *IMAGES):
+    for ending in (*LATCHED, IMU_TOPIC, *IMAGES):
         if topic.endswith(ending):
             return topic.removesuffix(ending).removeprefix("/")
     return ""
@@ -127,7 +133,7 @@ class Playback:
         behind_s: largest delay of a message [s].
 
     Raises:
-        RecordingError: the bag cannot be read, or has none of the cameras.
+        RecordingError: a bag cannot be read, or has none of the cameras, or of their inertial sensors.
     """
 
     def __init__(
@@ -140,9 +146,15 @@ class Playback:
         warn: Callable[[str], object],
     ) -> None:
         self._parameters, self._dropped = parameters, dropped
-        self._bag = BagFile(path).__enter__()
-        self._start_ns = self._bag.start_ns
-        chosen = _choose_topics(path, self._bag.topics, parameters.cameras, warn)
+        self._files = ExitStack()
+        bag = self._files.enter_context(BagFile(path))
+        self._start_ns = bag.start_ns
+        chosen = _choose_topics(path, bag.topics, parameters.cameras, warn)
+        self._sources = {bag: chosen}
+        if parameters.imu:
+            sensors = self._files.enter_context(BagFile(Path(parameters.imu)))
+            self._sources[sensors] = _choose_sensors(sensors, {*map(camera_of, chosen)} - {""}, chosen)
+        chosen = {topic: kind for topics in self._sources.values() for topic, kind in topics.items()}
         self._video = PlayedVideo(
             chosen, lambda reason: dropped.add("frames dropped", reason), frame_prefix, plays_video
         )
@@ -154,7 +166,7 @@ class Playback:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._bag.__exit__(None, None, None)
+        self._files.close()
 
     @property
     def now_ns(self) -> int:
@@ -172,7 +184,8 @@ class Playback:
         self.count, self.behind_s, self._started_s = 0, 0.0, time.monotonic()
         self._video.restart()
         recorded_ns = self._start_ns
-        for topic, recorded_ns, message in self._bag.messages(self._video.sources):
+        recorded = (bag.messages([*({*topics} & {*self._video.sources})]) for bag, topics in self._sources.items())
+        for topic, recorded_ns, message in merge(*recorded, key=lambda each: each[1]):
             self.behind_s = max(self.behind_s, -self.left_s(recorded_ns))
             stamp_ns = image_stamp_ns(message) if topic.endswith(IMAGES) else 0
             for played, serialized in self._video.serialized(topic, message):
@@ -211,6 +224,23 @@ class Playback:
             **self._dropped.values,
         }
         return Status(name, StatusLevel.WARN if lacking else StatusLevel.OK, text, values)
+
+
+def _choose_sensors(bag: BagFile, cameras: Collection[str], chosen: Mapping[str, str]) -> dict[str, str]:
+    """Topic -> type of the cameras' inertial sensors in a bag of their own.
+
+    Raises:
+        RecordingError: it has none.
+    """
+    sensors = {
+        topic: kind
+        for topic, kind in bag.topics.items()
+        if kind == IMU_TYPE and topic.endswith(IMU_TOPIC) and camera_of(topic) in cameras and topic not in chosen
+    }
+    if not sensors:
+        expected = ", ".join(f"/{camera}{IMU_TOPIC}" for camera in sorted(cameras))
+        raise RecordingError(f"{bag.path}: has no inertial sensor of the cameras; expected topics {expected}")
+    return sensors
 
 
 def _choose_topics(

@@ -107,7 +107,7 @@ class SolverDiagnostics:
             **dropped.values,
         }
         level, text = self._judge(tally, lost, sorted(rejections), has_body, is_solving=pipeline is not None)
-        return [Status("body", level, text, values), *_camera_statuses(pipeline)]
+        return [Status("body", level, text, values), *_sensor_status(pipeline), *_camera_statuses(pipeline)]
 
     def _judge(
         self, tally: _Tally, lost: int, rejected: Sequence[str], has_body: bool, is_solving: bool
@@ -131,6 +131,20 @@ class SolverDiagnostics:
         if tally.predicted or lost:
             return StatusLevel.WARN, "solving, with losses"
         return StatusLevel.OK, "solving"
+
+
+def _sensor_status(pipeline: "SkeletonPipeline | None") -> list[Status]:
+    """State of the inertial sensors; none of a body without."""
+    if pipeline is None or not pipeline.inertial.biases:
+        return []
+    faults, in_use = pipeline.inertial.faults(), pipeline.inertial.in_use
+    values: dict[str, object] = {"in use": ", ".join(in_use) or "none", **faults}
+    if faults:
+        text = f"sensors with faults, see the values: {few([*faults])}"
+        return [Status("inertial sensors", StatusLevel.WARN, text, values)]
+    return [
+        Status("inertial sensors", StatusLevel.OK, f"{len(in_use)} of {len(pipeline.inertial.biases)} in use", values)
+    ]
 
 
 def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:

@@ -18,7 +18,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
-from bodycam_ros.live.playback import IMAGES, INFO, TIMING, Playback, camera_of
+from bodycam_ros.live.playback import IMAGES, LATCHED, Playback, camera_of
 from bodycam_ros.messages.diagnostics import few
 from bodycam_ros.messages.factory import time_message
 from bodycam_ros.moments import Moment, Moments
@@ -102,7 +102,7 @@ class Player(Node):
         self._moments.write()
 
     def _publisher(self, topic: str, kind: str) -> Any:
-        quality = latched() if topic.endswith((INFO, TIMING)) else reliable(STAGE_DEPTH)
+        quality = latched() if topic.endswith(LATCHED) else reliable(STAGE_DEPTH)
         options = QoSOverridingOptions.with_default_policies()
         # In the node's namespace, as a camera's driver would.
         name = topic.lstrip("/")

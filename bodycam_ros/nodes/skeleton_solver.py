@@ -12,19 +12,18 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
-from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_body import LiveBody, read_static_cameras
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
-from bodycam_ros.nodes.parameters import STAGE_DEPTH, best_effort, reliable
+from bodycam_ros.nodes.parameters import IMU_DEPTH, STAGE_DEPTH, best_effort, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from bodycam_ros.live.live_calibration import LiveCalibration
 
 _POLL_S, _CALIBRATION_POLL_S = 0.5, 0.2
-_IMU_DEPTH = 200  # samples that may wait, 0.2 s of a fast sensor
 
 
 class SolverStage(Stage[SolverParameters]):
@@ -74,7 +72,7 @@ class SolverStage(Stage[SolverParameters]):
             add_landmarks = partial(self._add_landmarks, camera)
             self.subscription(LANDMARKS_TYPE, f"{camera}/landmarks", add_landmarks, reliable(STAGE_DEPTH))
             add_imu = partial(self._add_imu, camera)
-            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", add_imu, best_effort(_IMU_DEPTH), adapts=True)
+            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", add_imu, best_effort(IMU_DEPTH), raw=True)
         self.trigger("~/flush", lambda: (True, f"{self._flush()} frames published"))
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:
@@ -179,9 +177,14 @@ class SolverStage(Stage[SolverParameters]):
             self.dropped.add("registrations lost", reason)
         self._receive(matches)
 
-    def _add_imu(self, camera: str, message: Message) -> None:
-        if self._live.pipeline is not None:
-            self._live.pipeline.add_inertial(camera, ImuSamples.from_rows([imu_row(message)]))
+    def _add_imu(self, camera: str, cdr: bytes) -> None:
+        try:
+            stamp_ns, reading = imu_row_of_cdr(cdr)
+        except ValueError as error:
+            self.dropped.add("inertial samples dropped", f"{camera}{IMU_TOPIC}: malformed message ({error})")
+            return
+        if outputs := self._live.add_sample(camera, stamp_ns, reading):
+            self._publish(outputs)
 
     def _add_static(self, measured: SegmentMeasurements) -> None:
         # The wait for the models of body cameras starts here, too.

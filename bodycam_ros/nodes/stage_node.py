@@ -129,14 +129,18 @@ class Stage(Generic[P]):
         overridable: bool = False,
         even_inactive: bool = False,
         adapts: bool = False,
+        raw: bool = False,
     ) -> Any:
-        """A subscription; see ``guarded``. If it adapts to publishers, incompatible ones cause no warning."""
+        """A subscription; see ``guarded``.
+
+        If it adapts to publishers, incompatible ones cause no warning. A raw one is called with serialized messages.
+        """
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         guarded = self.guarded(callback, even_inactive)
         kind = message_class(type_name)
         events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
         made = self.node.create_subscription(
-            kind, topic, guarded, quality, qos_overriding_options=options, event_callbacks=events
+            kind, topic, guarded, quality, qos_overriding_options=options, event_callbacks=events, raw=raw
         )
         return self.node.keep(self.node.destroy_subscription, made)
 

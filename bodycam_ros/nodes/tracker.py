@@ -5,18 +5,22 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera_pipeline import landmark_tracker
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.inertial.camera_turn import CameraTurn
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.lens.lens_check import LensMonitor
 from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, TRACKS_TYPE, landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.image_stage import ImageStage
-from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.parameters import IMU_DEPTH, STAGE_DEPTH, best_effort, reliable
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
@@ -43,6 +47,10 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         self.subscription(LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH))
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._request_keyframe, reliable(1))
+        self._turn: CameraTurn | None = None
+        self._sensor = self._read_sensor()
+        if self._sensor is not None:
+            self.subscription(IMU_TYPE, f"{self.camera}{IMU_TOPIC}", self._add_imu, best_effort(IMU_DEPTH), raw=True)
         self.subscribe_images()
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
@@ -60,7 +68,10 @@ class TrackerStage(ImageStage[TrackerParameters]):
     def forget(self) -> None:
         """Forget all images so far; the next is a keyframe without a predecessor."""
         if self.camera in self._models.models:
-            self._tracker = landmark_tracker(self._models.models[self.camera], self._map, self.settings)
+            # Samples from before a restart would do, but not those from before the time of the images went back.
+            self._turn = CameraTurn(self._sensor) if self._sensor is not None else None
+            model = self._models.models[self.camera]
+            self._tracker = landmark_tracker(model, self._map, self.settings, turn=self._turn)
         self.unanswered.clear()
         self.images.thinning.forget()
 
@@ -131,9 +142,32 @@ class TrackerStage(ImageStage[TrackerParameters]):
                 self._lens.add_registration(matches.world_T_camera is not None)
         self.call_later(self.process_next)
 
+    def _read_sensor(self) -> ImuCalibration | None:
+        """Calibration of the camera's inertial sensor; None if the body has none."""
+        if not (self.parameters.body and self.settings.inertial.enabled):
+            return None
+        mount = read_body(self.parameters.body).mounts.get(self.camera)
+        return None if mount is None else mount.imu
+
+    def _add_imu(self, cdr: bytes) -> None:
+        try:
+            stamp_ns, reading = imu_row_of_cdr(cdr)
+        except ValueError as error:
+            self.dropped.add("inertial samples dropped", f"{self.camera}{IMU_TOPIC}: malformed message ({error})")
+            return
+        if self._turn is not None:
+            self._turn.add_sample(stamp_ns, reading)
+
     def _request_keyframe(self, message: Message) -> None:
         if self._tracker is not None:
             self._tracker.want_keyframe()
+
+    @property
+    def _sensor_state(self) -> str:
+        turn = self._turn
+        if turn is None:
+            return "none"
+        return "in use" if turn.is_confirmed else "contradicts the images" if turn.is_wrong else "not in use"
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
@@ -145,6 +179,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
             "tracks per image": tally.mean(tally.tracks),
             "keyframes": tally.keyframes,
             "camera_info changed": self._models.changes,
+            "inertial sensor": self._sensor_state,
             "lens": "unknown" if self._lens is None else self._lens.state,
         }
         error = "" if tally.tracks else "the images show nothing that can be tracked; is the lens covered?"

@@ -147,6 +147,10 @@ class FrameAssembler:
             frames.append(self._take())
         return frames
 
+    def skip(self, stamp_ns: int) -> None:
+        """Drop what comes up to a stamp [ns]: its state was solved without images."""
+        self._assembled_ns = max(self._assembled_ns, stamp_ns)
+
     def flush(self) -> list[BodyFrame]:
         """Frames that were still waiting for a camera; the recording is over."""
         frames = []

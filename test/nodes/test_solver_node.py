@@ -1,5 +1,6 @@
 """The solver alone, fed with registrations of a known motion: what waits, who joins late, a time that begins anew."""
 
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,19 +14,24 @@ from told_pose import told_pose
 from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_file import write_body as write_body_file
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import exp_se3, rigid
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
+from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers, stamp_ns
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_message
 from bodycam_ros.messages.tracks import landmarks_message
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 FRAME_NS = 33_333_333
 START_NS = 10_000_000_000_000
 SPEED = 0.5  # m/s, along x
+_SAMPLES = 7  # of an inertial sensor from frame to frame: 210 Hz
 _START_S, _SOON_S = 60.0, 60.0
 
 STICK = """
@@ -84,6 +90,7 @@ class Cameras:
         graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
         self._registrations = {camera: graph.publisher(f"{own}/{camera}/landmarks", topic) for camera in mounts}
         self._infos = {camera: graph.publisher(f"{own}/{camera}/camera_info", kind) for camera in mounts}
+        self._sensors = {camera: graph.publisher(f"{own}/{camera}{IMU_TOPIC}", IMU_TYPE) for camera in mounts}
         solver = GraphNode("skeleton_solver", "skeleton_solver", {"body": str(path), **given}, namespace)
         (self.solver,) = graph.run(solver)
         everything = [*self._registrations.values(), *self._infos.values()]
@@ -108,6 +115,16 @@ class Cameras:
                 if matches.camera == lost:
                     stamped = replace(stamped, world_T_camera=None, pose_covariance=np.full((6, 6), np.nan))
                 self._registrations[matches.camera].publish(landmarks_message(self._make, stamped))
+
+    def feel(self, frame: int, spin: Mapping[str, float] = MappingProxyType({})) -> None:
+        """Samples of the sensors from a frame to the next, of cameras that do not turn or as if they did [rad/s]."""
+        at_frame = {matches.camera: matches for matches in _registrations(self.body, range(frame, frame + 1))}
+        for sample in range(_SAMPLES):
+            for camera, matches in at_frame.items():
+                assert matches.world_T_camera is not None
+                stamp, up = matches.stamp_ns + sample * FRAME_NS // _SAMPLES, matches.world_T_camera[2, :3]
+                turning = np.full(3, spin.get(camera, 0.0))
+                self._sensors[camera].publish(imu_message(self._make, camera, stamp, turning, GRAVITY * up))
 
     def inform(self, *cameras: str) -> None:
         for camera in cameras:
@@ -262,3 +279,35 @@ def test_equipment_is_told_of_live(graph: Any, tmp_path: Path) -> None:
     graph.until(lambda: len(graph.heard["/equipment"]) == 40, _SOON_S, "it is told of every instant")
     stamps = [stamp_ns(message.header.stamp) for message in graph.messages("/equipment")]
     assert stamps == [START_NS + frame * FRAME_NS for frame in range(40)]
+
+
+def test_inertial_sensors_carry_the_body_while_all_cameras_are_silent(graph: Any, tmp_path: Path) -> None:
+    """Half a second without images, at delay 0, and time begins anew; one of the sensors turns where nothing does."""
+    path = write_body(tmp_path / "body.yaml", "odd")
+    body = read_body(path)
+    write_body_file(replace(body, mounts={c: replace(m, imu=ImuCalibration()) for c, m in body.mounts.items()}), path)
+    cameras = Cameras(graph, path, **{"smoother.output_delay": 0})
+    odd = [*cameras.body.mounts][-1]
+    cameras.inform(*cameras.body.mounts)
+    silence = range(60, 75)
+    for _ in range(2):
+        graph.heard["/joint_states"].clear()
+        graph.heard["/odometry"].clear()
+        for frame in range(90):
+            if frame == silence.stop:
+                # No image has come since.
+                graph.until(lambda: cameras.solved()[-1:] >= [silence.stop - 3], _SOON_S, "states without images")
+            if frame not in silence:
+                cameras.publish(range(frame, frame + 1))
+            due_s = time.monotonic() + 1e-9 * FRAME_NS
+            cameras.feel(frame, {odd: 0.5})
+            graph.until(lambda: time.monotonic() > due_s, _SOON_S, "the next frame is due")  # noqa: B023
+        graph.until(lambda: cameras.solved()[-1:] == [89], _SOON_S, "all frames")
+        assert cameras.solved() == list(range(90))
+        along_x = [odometry.pose.pose.position.x for odometry in graph.messages("/odometry")]
+        assert np.allclose(along_x, SPEED * 1e-9 * FRAME_NS * np.arange(90), atol=0.01)
+    report = cameras.reports("inertial sensors")[-1]
+    assert report["level"] == 1 and odd in report["text"] and "contradicts the images" in report[odd], report
+    assert report["in use"] == ", ".join(camera for camera in cameras.body.mounts if camera != odd)
+    assert cameras.reports("body")[-1]["late registrations"] == "0"
+    assert cameras.solver.end() == 0
