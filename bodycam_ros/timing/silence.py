@@ -1,12 +1,13 @@
 """Live, a time without images of any camera, by the stamps of inertial sensors that go on."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 _QUIET_S, _STEP_S = 0.1, 0.02  # of real time without registrations; of it so much counts between two samples
 _WAIT_NS, _WAIT_FRAMES, _WAIT_DELAYS = 50_000_000, 2.5, 2.0  # without registrations, before cameras count as silent
 _LATE_FRAMES, _LATE_DELAYS = 1.0, 1.2  # by which states are later than samples from then on
-_FADING = 0.998  # of the delay, with every registration: half of it in a second of 12 cameras at 30 Hz
+_RECENT_NS = 500_000_000  # of registrations whose delays count: at first they are late by a second and more
 
 
 class Silence:
@@ -27,12 +28,19 @@ class Silence:
     def __init__(self, steady_s: Callable[[], float] = time.monotonic) -> None:
         self._steady_s = steady_s
         self._sensed_ns = self.heard_ns = -1
-        self._delay_ns = self._quiet_s = self._sensed_s = 0.0
+        self._quiet_s = self._sensed_s = 0.0
+        # Stamp and delay [ns] of registrations, of which none later has a larger delay: the first is the largest.
+        self._delays: deque[tuple[int, int]] = deque()
 
     def add_message(self, stamp_ns: int) -> None:
         """A message of a camera, with its stamp in the body's time [ns]."""
         if self._sensed_ns >= 0:
-            self._delay_ns = max(float(self._sensed_ns - stamp_ns), _FADING * self._delay_ns)
+            delay_ns = max(self._sensed_ns - stamp_ns, 0)
+            while self._delays and self._delays[-1][1] <= delay_ns:
+                self._delays.pop()
+            self._delays.append((stamp_ns, delay_ns))
+            while self._delays[0][0] < stamp_ns - _RECENT_NS:
+                self._delays.popleft()
         self.heard_ns = max(self.heard_ns, stamp_ns)
         self._quiet_s = 0.0
 
@@ -45,6 +53,7 @@ class Silence:
     def restart(self) -> None:
         """Begin a new epoch, whose time may be earlier."""
         self._sensed_ns = self.heard_ns = -1
+        self._delays.clear()
 
     def due_ns(self, period_ns: float) -> float | None:
         """Time up to which states are due without images [ns]; None while there are images.
@@ -52,7 +61,8 @@ class Silence:
         Args:
             period_ns: of the states [ns].
         """
-        wait_ns = _WAIT_NS + _WAIT_FRAMES * period_ns + _WAIT_DELAYS * self._delay_ns
+        delay_ns = self._delays[0][1] if self._delays else 0
+        wait_ns = _WAIT_NS + _WAIT_FRAMES * period_ns + _WAIT_DELAYS * delay_ns
         if self.heard_ns < 0 or self._quiet_s < _QUIET_S or self._sensed_ns - self.heard_ns <= wait_ns:
             return None
-        return self._sensed_ns - _LATE_FRAMES * period_ns - _LATE_DELAYS * self._delay_ns
+        return self._sensed_ns - _LATE_FRAMES * period_ns - _LATE_DELAYS * delay_ns
