@@ -47,12 +47,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="BAG",
         help="bag that OUT was solved from: adds reprojection errors and overlay.png",
     )
-    parser.add_argument(
-        "--compare",
-        type=Path,
-        metavar="OUT2",
-        help="the same recording solved without the equipment: distances from constrained points",
-    )
     add_imu(parser)
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
@@ -101,14 +95,12 @@ def run(arguments: argparse.Namespace) -> int:
     folder, recording = arguments.output, arguments.recording
     outside, options = _outside_files(arguments), _agreement_options(arguments)
     check_report_folder(folder)
-    inputs = (arguments.solved, arguments.truth, recording, arguments.compare, *arguments.imu)
+    inputs = (arguments.solved, arguments.truth, recording, *arguments.imu)
     check_output(folder, (*inputs, arguments.stations, arguments.surface, arguments.map, arguments.points))
     if not arguments.force:
         _check_earlier(folder)
     with waiting("reading and measuring"):
-        evaluation = evaluate(
-            arguments.solved, arguments.truth, recording, options, arguments.compare, tuple(arguments.imu)
-        )
+        evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
     with waiting("overlaying images"):
         overlay = overlay_views(evaluation.solved, recording) if recording is not None else ()
     with waiting("drawing"):

@@ -18,7 +18,7 @@ from bodycam_ros.evaluate.agreement import (
     rate_same_motion,
 )
 from bodycam_ros.evaluate.comparison import Comparison, compare, spread
-from bodycam_ros.evaluate.equipment import WithAndWithout, equipment_figures, with_and_without
+from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.gait import solved_gait
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.evaluate.true_motion import read_true_motion
@@ -43,7 +43,6 @@ class Evaluation:
         jitter: (T, S) [m].
         comparison: with the truth, if that was given.
         agreement: with what another system captured, if that was given.
-        constraints: beside the same recording solved without equipment, if that was given.
     """
 
     solved: SolvedRecording
@@ -54,7 +53,6 @@ class Evaluation:
     jitter: Array
     comparison: Comparison | None
     agreement: Agreement | None
-    constraints: WithAndWithout | None
 
     @property
     def truth_name(self) -> str:
@@ -69,7 +67,6 @@ def evaluate(
     truth_path: Path | None = None,
     recording_path: Path | None = None,
     options: AgreementOptions | None = None,
-    without_path: Path | None = None,
     imu_paths: Sequence[Path] = (),
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
@@ -80,7 +77,6 @@ def evaluate(
         recording_path: the bag with the images, whose intrinsics allow reprojection errors and checks of lenses.
         options: how that is compared as another system's motion; by default a recording's truth is not, and its clock
             is ours.
-        without_path: bag of the same recording solved without the equipment.
         imu_paths: bags with the inertial sensors, beside the recording.
 
     Raises:
@@ -92,7 +88,7 @@ def evaluate(
     truth = None if truth_path is None or is_other else read_true_motion(truth_path)
     solved = read_solved(solved_path)
     models = {} if recording_path is None else camera_figures.camera_models(solved, recording_path)
-    agreement = comparison = same_motion = constraints = None
+    agreement = comparison = same_motion = None
     if captured is not None:
         agreement = compare_with_captured(solved, captured, options or AgreementOptions())
         same_motion = agreement.clock
@@ -101,8 +97,6 @@ def evaluate(
             agreement, truth = compare_with_truth(solved, truth, options)
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
-    if without_path is not None:
-        constraints = with_and_without(solved, read_solved(without_path), truth, comparison)
     verdict, blind, jitter = solved_verdict(solved, models), camera_figures.blind(solved), camera_figures.jitter(solved)
     variances = np.diagonal(solved.motion.root_covariance, axis1=1, axis2=2)
     rotation_sigma, position_sigma = (np.sqrt(variances[:, rows].sum(axis=1)) for rows in (slice(0, 3), slice(3, 6)))
@@ -130,11 +124,10 @@ def evaluate(
         "truth": comparison and comparison.figures(),
         "same_motion": same_motion and {"correlation": same_motion.likeness, "by_chance": same_motion.chance},
         "agreement": agreement and agreement.figures(),
-        "constraints": constraints and constraints.figures(),
         "gait": solved_gait(solved, comparison),
     }
     figures = _without_nan(figures | {name: value for name, value in more.items() if value})
-    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, constraints)
+    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement)
 
 
 def _without_nan(value: Any) -> Any:

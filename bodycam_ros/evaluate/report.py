@@ -6,7 +6,6 @@ from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
-from bodycam_ros.evaluate.equipment import draw_constraints
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
@@ -19,7 +18,6 @@ FIGURES, PAGE, _OUTSIDE = "summary.json", "report.html", "outside.png"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
-    "constraints.png": "Distances from the equipment's points, with it and without.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     _OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
@@ -91,8 +89,6 @@ def write_report(
         draw_summary(evaluation, unfinished / "summary.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
-        if evaluation.constraints is not None:
-            draw_constraints(evaluation.constraints, unfinished / "constraints.png")
         if overlay:
             draw_overlays(overlay, unfinished / "overlay.png")
         if draw_outside is not None:

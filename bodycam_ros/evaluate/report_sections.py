@@ -23,10 +23,6 @@ _PLANES_NOTE = (
     "bias and 95 % of the differences, ours less theirs (Bland and Altman 1986); where both have rotations of bones, "
     "two constant rotations per joint are fitted, for the axes of a bone are a convention"
 )
-_CONSTRAINTS: Columns = (
-    ("with: mean", "with.mean", ".2f"), ("max", "with.max", ".2f"), ("without: mean", "without.mean", ".2f"),
-    ("max", "without.max", ".2f"),
-)  # fmt: skip
 _CAMERAS: Columns = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("lost [s]", "longest_lost_s", ".2f"),
     ("tracks", "tracks", ".0f"), ("landmarks", "landmarks", ".0f"), ("motion [px]", "image_motion_px.p95", ".1f"),
@@ -119,9 +115,6 @@ def report_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
         yield figure_table("joints against the truth, mean", "segment", _JOINTS, truth["per_joint"])
     if "agreement" in figures:
         yield from _agreement_sections(figures["agreement"])
-    if "constraints" in figures:
-        rows, note = figures["constraints"]["measures"], "distance from the equipment's point"
-        yield figure_table("with and without equipment", "", _CONSTRAINTS, rows, note)
     if cameras := figures["cameras"]:
         faulty = {finding["subject"] for finding in figures["verdict"]["findings"]}
         lost = {name for name, camera in cameras.items() if not camera["registered"]}

@@ -1,7 +1,5 @@
 """A ride on a bicycle beside the same ride without it, whose foot is turned at the ankle by a known angle."""
 
-import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +7,8 @@ import pytest
 from held_ride import UNPLACED, write_held
 from known_walk import FRAMES, Walk, walking_body, write_solved
 
-from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.equipment import WithAndWithout, with_and_without
+from benchmarks.with_and_without import WithAndWithout, draw_constraints, with_and_without
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.results.solved_recording import read_solved
 
 TURNED_DEG = 10.0 * np.sin(np.linspace(0.0, np.pi, FRAMES))
@@ -43,30 +41,18 @@ def test_distances_are_from_where_the_pedal_is(both: WithAndWithout) -> None:
     np.testing.assert_allclose(point.off_without, expected, atol=1e-6)
 
 
-def test_the_command_shows_both(bags: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with_it, without = map(str, bags)
-    assert main(["evaluate", with_it, "--compare", without, "-o", str(tmp_path / "report")]) == 0
-    written = {path.name for path in (tmp_path / "report").iterdir()}
-    assert {"constraints.png", "report.html"} <= written
-    assert "with and without equipment" in capsys.readouterr().out
-    measures = json.loads((tmp_path / "report" / "summary.json").read_text())["constraints"]["measures"]
-    pedal = measures["pedal left [mm]"]
-    assert pedal["with"]["max"] < 1e-3
-    assert pedal["without"]["max"] == pytest.approx(2e3 * PEDAL_M * np.sin(np.radians(5.0)), rel=0.01)
-    assert "with and without equipment" in (tmp_path / "report" / "report.html").read_text()
+def test_both_are_measured_and_drawn(both: WithAndWithout, tmp_path: Path) -> None:
+    with_it, without = both.measures()["pedal left [mm]"]
+    assert with_it["max"] < 1e-3
+    assert without["max"] == pytest.approx(2e3 * PEDAL_M * np.sin(np.radians(5.0)), rel=0.01)
+    draw_constraints(both, tmp_path / "feet.png")
+    assert (tmp_path / "feet.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("swapped", "told"),
-    [(True, "was solved without equipment, so --compare has nothing to show"), (False, "no state")],
-)
-def test_what_does_not_fit_is_named(
-    bags: tuple[Path, Path], ride: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], swapped: bool, told: str
-) -> None:
-    given = list(bags[::-1]) if swapped else [bags[0], tmp_path / "later"]
-    if not swapped:
-        write_solved(Walk(ride.body, ride.stamps_ns + 10**12, ride.world_T_segment), given[1])
-    words = ["evaluate", str(given[0]), "--compare", str(given[1]), "-o", str(tmp_path / "report")]
-    assert main(words) == 1
-    assert told in re.sub(r"\s+", " ", capsys.readouterr().err)
-    assert not (tmp_path / "report").exists()
+def test_what_does_not_fit_is_named(bags: tuple[Path, Path], ride: Walk, tmp_path: Path) -> None:
+    write_solved(Walk(ride.body, ride.stamps_ns + 10**12, ride.world_T_segment), tmp_path / "later")
+    with_it, without, later = map(read_solved, (*bags, tmp_path / "later"))
+    with pytest.raises(RecordingError, match="was solved without equipment"):
+        with_and_without(without, with_it, None, None)
+    with pytest.raises(RecordingError, match="no state"):
+        with_and_without(with_it, later, None, None)
