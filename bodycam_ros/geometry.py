@@ -122,26 +122,8 @@ def nearest_rotation(M: NDArray[np.floating]) -> Array:
 
 def quaternion_xyzw(R: Array) -> Array:
     """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
-    if R.ndim == 2:
-        return geometry_kernels.quaternion_xyzw(as_rows(R))
-    M = R.reshape(-1, 9).T
-    xx, yy, zz = M[0], M[4], M[8]
-    # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.
-    Q = np.empty((M.shape[1], 4, 4))
-    Q[:, 0, 0] = 1.0 + xx - yy - zz
-    Q[:, 1, 1] = 1.0 - xx + yy - zz
-    Q[:, 2, 2] = 1.0 - xx - yy + zz
-    Q[:, 3, 3] = 1.0 + xx + yy + zz
-    Q[:, 0, 1] = Q[:, 1, 0] = M[1] + M[3]
-    Q[:, 0, 2] = Q[:, 2, 0] = M[2] + M[6]
-    Q[:, 1, 2] = Q[:, 2, 1] = M[5] + M[7]
-    Q[:, 0, 3] = Q[:, 3, 0] = M[7] - M[5]
-    Q[:, 1, 3] = Q[:, 3, 1] = M[2] - M[6]
-    Q[:, 2, 3] = Q[:, 3, 2] = M[3] - M[1]
-    largest = Q.reshape(-1, 16)[:, ::5].argmax(axis=1)
-    q = Q[np.arange(len(Q)), largest]
-    q *= (np.where(q[:, 3] < 0.0, -1.0, 1.0) / np.sqrt((q * q).sum(axis=1)))[:, None]
-    return np.asarray(q.reshape(*R.shape[:-2], 4), dtype=np.float64)
+    q: Array = geometry_kernels.quaternion_rows(as_rows(R.reshape(-1, 3, 3)))
+    return q.reshape(*R.shape[:-2], 4)
 
 
 def rotation_from_xyzw(q: NDArray[np.floating]) -> Array:

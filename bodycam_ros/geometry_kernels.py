@@ -87,11 +87,12 @@ def exp_se3(xi: Array) -> Array:
     return T
 
 
-@kernel("(f8[:, ::1],)")
-def quaternion_xyzw(R: Array) -> Array:
-    """Unit quaternion (4,), x y z w with w >= 0, of a rotation (3, 3), or of a transform's."""
-    q = np.empty(4)
-    q[0], q[1], q[2], q[3] = _quaternion(R)
+@kernel("(f8[:, :, ::1],)")
+def quaternion_rows(R: Array) -> Array:
+    """Unit quaternions (N, 4), x y z w with w >= 0, of rotations (N, 3, 3)."""
+    q = np.empty((len(R), 4))
+    for row in range(len(R)):
+        q[row, 0], q[row, 1], q[row, 2], q[row, 3] = _quaternion(R[row])
     return q
 
 
