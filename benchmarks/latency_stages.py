@@ -8,6 +8,7 @@ Every node is a process of its own, or all are in one.
 The nodes are started, not imported: this file has no ROS.
 """
 
+import csv
 import json
 import os
 import signal
@@ -25,10 +26,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import BodycamError
+from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
-from bodycam_ros.moments import Moment, Noted, read_moments
+from bodycam_ros.moments import COLUMNS, Instant, Moment, Noted
 from bodycam_ros.share_folder import share_folder
 
 STAGES = ("play", "track", "register", "way", "later", "solve")
@@ -299,3 +300,19 @@ def _running(commands: Mapping[str, Sequence[str]], scratch: Path) -> Iterator[d
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+def read_moments(path: Path) -> list[Noted]:
+    """Read what a process noted.
+
+    Raises:
+        RecordingError: it is not there, or no such file.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = csv.reader(file)
+            if tuple(next(lines)) != COLUMNS:
+                raise ValueError("its columns are others")
+            return [Noted(Moment(what), camera, int(a), Instant(int(b), int(c))) for what, camera, a, b, c in lines]
+    except (OSError, ValueError, StopIteration) as error:
+        raise RecordingError(f"{path}: no moments of a process ({error})") from error

@@ -10,10 +10,10 @@ from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.whole_file import failure_named
 
-_COLUMNS = ("moment", "camera", "stamp_ns", "steady_ns", "cpu_ns")
+COLUMNS = ("moment", "camera", "stamp_ns", "steady_ns", "cpu_ns")
+"""Of the file."""
 
 
 class Moment(Enum):
@@ -76,21 +76,5 @@ class Moments:
             return
         with failure_named(self._path), self._path.open("w", newline="", encoding="utf-8") as file:
             lines = csv.writer(file)
-            lines.writerow(_COLUMNS)
+            lines.writerow(COLUMNS)
             lines.writerows((n.moment.value, n.camera, n.stamp_ns, *n.at) for n in self._noted)
-
-
-def read_moments(path: Path) -> list[Noted]:
-    """Read what a process noted.
-
-    Raises:
-        RecordingError: it is not there, or no such file.
-    """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = csv.reader(file)
-            if tuple(next(lines)) != _COLUMNS:
-                raise ValueError("its columns are others")
-            return [Noted(Moment(what), camera, int(a), Instant(int(b), int(c))) for what, camera, a, b, c in lines]
-    except (OSError, ValueError, StopIteration) as error:
-        raise RecordingError(f"{path}: no moments of a process ({error})") from error

@@ -7,7 +7,7 @@ joined by a dot, such as ``registrar.min_inliers``.
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
@@ -125,27 +125,6 @@ class SettingsGroups:
         """Group -> its settings dataclass."""
         defaults = cls()
         return {f.name: type(getattr(defaults, f.name)) for f in fields(cls)}
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Mapping[str, Any]], source: str) -> Self:
-        """Settings of group -> setting -> value; what is absent keeps its default.
-
-        Args:
-            source: where the values come from, for messages ("config.yaml").
-
-        Raises:
-            SettingsError: an unknown group or setting, a wrong type, or a value out of range.
-        """
-        groups = cls.groups()
-        for group in values:
-            if group not in groups:
-                raise SettingsError(f"{source}: there is no group of settings '{group}'; known are {', '.join(groups)}")
-        return cls(
-            **{
-                group: settings_from_mapping(groups[group], given, f"{source}: {group}")
-                for group, given in values.items()
-            }
-        )
 
     def as_mapping(self) -> dict[str, dict[str, Any]]:
         """Group -> setting -> value."""

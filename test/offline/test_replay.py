@@ -11,6 +11,7 @@ import pytest
 from altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.evaluate.comparison import compare
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.messages.factory import stamp_ns, time_message
@@ -21,6 +22,7 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.timing.frame_assembler import AssemblerSettings
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +54,7 @@ def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
 
 
 def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, short: Path, tmp_path: Path) -> None:
-    settings = PipelineSettings.from_mapping({"smoother": {"output_delay": "offline"}}, "test")
+    settings = PipelineSettings(smoother=SmootherSettings(output_delay="offline"))
     steps: list[tuple[str, float]] = []
     inputs = (short, sample / "map", sample / "body.yaml")
     summary = replay(*inputs, tmp_path / "whole", settings, 1, on_step=lambda step, share: steps.append((step, share)))
@@ -72,7 +74,7 @@ def test_a_camera_that_starts_late_costs_the_others_nothing(sample: Path, tmp_pa
         return None if topic == "/thigh_left/image_raw/compressed" and number < 40 else message
 
     bag = write_altered_sample(sample, tmp_path / "bag", late, frames=45)
-    settings = PipelineSettings.from_mapping({"assembler": {"max_wait": 0.5}}, "test")
+    settings = PipelineSettings(assembler=AssemblerSettings(max_wait=0.5))
     for name, jobs in (("one", 1), ("three", 3)):
         summary = replay(bag, sample / "map", sample / "body.yaml", tmp_path / name, settings, jobs)
         assert (summary.solved, summary.late) == (45, 0)
