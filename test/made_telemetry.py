@@ -1,7 +1,6 @@
-"""Videos with a GoPro's telemetry of satellites and inertial sensors in a track beside the picture."""
+"""Videos with a GoPro's telemetry of inertial sensors in a track beside the picture."""
 
 import struct
-from datetime import UTC, datetime, timedelta
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,21 +18,6 @@ def record(name: bytes, kind: bytes, size: int, content: bytes) -> bytes:
 def nested(name: bytes, *records: bytes) -> bytes:
     """A GPMF record that holds others."""
     return struct.pack(">4sBBH", name, 0, 1, len(b"".join(records))) + b"".join(records)
-
-
-def payload(at: datetime, gps9: bool, fix: int = 3) -> bytes:
-    """What a camera says of the satellites at a time."""
-    if gps9:
-        since = at - datetime(2000, 1, 1, tzinfo=UTC)
-        reading = struct.pack(
-            ">7i2H", 0, 0, 0, 0, 0, since.days, round(since.seconds * 1e3 + since.microseconds / 1e3), 1, fix
-        )
-        stream = [record(b"STNM", b"c", 1, b"GPS (Lat., Long.)"), record(b"GPS9", b"?", 32, reading)]
-    else:
-        text = (at.strftime("%y%m%d%H%M%S") + f".{at.microsecond // 1000:03d}").encode()
-        stream = [record(b"GPSF", b"L", 4, struct.pack(">I", fix)), record(b"GPSU", b"U", 16, text)]
-    gyroscope = nested(b"STRM", record(b"GYRO", b"s", 6, struct.pack(">6h", *range(6))))
-    return nested(b"DEVC", record(b"DVID", b"L", 4, bytes(4)), gyroscope, nested(b"STRM", *stream))
 
 
 def inertial_payloads(
@@ -63,21 +47,11 @@ def inertial_payloads(
     return payloads
 
 
-def add_telemetry(
-    video: Path,
-    path: Path,
-    began: datetime,
-    gps9: bool = False,
-    content: bytes | None = None,
-    payloads: list[bytes] | None = None,
-) -> Path:
-    """Copy a video of some seconds, with a payload each half of a second; ``began`` is UTC at its media time 0.
+def add_telemetry(video: Path, path: Path, payloads: list[bytes]) -> Path:
+    """Copy a video of some seconds, with a payload each half of a second.
 
     A track of other data lies before the telemetry, as a GoPro's time code does.
     """
-    if payloads is None:
-        times = [began + timedelta(seconds=number * _EVERY_S) for number in range(4)]
-        payloads = [payload(time, gps9) if content is None else content for time in times]
     with av.open(str(video)) as source, av.open(str(path), "w") as container:
         picture = source.streams.video[0]
         copied = container.add_stream_from_template(picture)

@@ -1,4 +1,4 @@
-"""Start and drift of each camera's clock: by sound, else by motion, by satellites, or by the file's time of creation.
+"""Start and drift of each camera's clock: by sound, else by motion, or by the file's time of creation.
 
 Sources after the sound are used in turn, for the cameras that those before do not place.
 """
@@ -31,7 +31,6 @@ _DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
 
 _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
-_SATELLITE_SIGMA_S = 0.1  # the reading is some way behind its payload, and not the same way in each camera
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
 
@@ -66,7 +65,7 @@ def find_offsets(
     """Find the clocks of all cameras from their files; see ``camera_times``."""
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
-    sources = [_motion(cameras, rig, on_progress), satellite_clock(videos), creation_clock(videos)]
+    sources = [_motion(cameras, rig, on_progress), creation_clock(videos)]
     return camera_times(sounds, None if rig is None else rig.cameras, sources, on_progress)
 
 
@@ -199,24 +198,22 @@ def _unknown_clocks(reasons: Mapping[str, str]) -> str:
     )
 
 
-def satellite_clock(videos: Sequence[CameraVideo | ImageFolder]) -> TimeSource:
-    """By the satellites that a GoPro received."""
-    starts_s = {}
-    for video in videos:
-        try:
-            received = video.satellite_times()
-        except RecordingError:
-            continue  # named where its frames are read
-        if received:
-            starts_s[video.camera] = float(np.median([utc_s - media_s for media_s, utc_s in received]))
-    return _wall_clock("telemetry", starts_s, _SATELLITE_SIGMA_S)
-
-
 def creation_clock(videos: Sequence[CameraVideo | ImageFolder]) -> TimeSource:
     """By the time of creation that the camera's own clock gave its file, if that was ever set."""
     created = {video.camera: plausible_time(video.created) for video in videos}
     starts_s = {name: time.timestamp() for name, time in created.items() if time is not None}
-    return _wall_clock("given", starts_s, _CREATION_SIGMA_S)
+
+    def found(known: Mapping[str, CameraTime]) -> FoundTimes:
+        first = next(iter(starts_s), "")
+        times = {
+            name: CameraTime(name, start_s - starts_s[first], 0.0, _CREATION_SIGMA_S, _FILE_DRIFT_SIGMA, "given")
+            for name, start_s in starts_s.items()
+        }
+        if first and not known:
+            times[first] = CameraTime(first, 0.0, 0.0, 0.0, 0.0, "given")
+        return FoundTimes("given", times)
+
+    return found
 
 
 def plausible_time(created: datetime | None) -> datetime | None:
@@ -224,22 +221,6 @@ def plausible_time(created: datetime | None) -> datetime | None:
     if created is None or not _OLDEST < created < datetime.now(UTC) + timedelta(days=1):
         return None
     return created
-
-
-def _wall_clock(source: str, starts_s: Mapping[str, float], sigma_s: float) -> TimeSource:
-    """A source of clocks by the UTC at each camera's media time 0 [s since 1970], each with a standard deviation."""
-
-    def found(known: Mapping[str, CameraTime]) -> FoundTimes:
-        first = next(iter(starts_s), "")
-        times = {
-            name: CameraTime(name, start_s - starts_s[first], 0.0, sigma_s, _FILE_DRIFT_SIGMA, source)
-            for name, start_s in starts_s.items()
-        }
-        if first and not known:
-            times[first] = CameraTime(first, 0.0, 0.0, 0.0, 0.0, source)
-        return FoundTimes(source, times)
-
-    return found
 
 
 def _motion(cameras: Sequence[IngestCamera], rig: Rig | None, on_progress: Progress) -> TimeSource:

@@ -30,7 +30,7 @@ class CameraTime:
         drift: seconds by which the recording's time gains on the media time, per second.
         start_sigma_s: standard deviation of ``start_s`` [s].
         drift_sigma: standard deviation of ``drift``.
-        source: what it was found by: sound, motion, telemetry or given.
+        source: what it was found by: sound, motion or given.
     """
 
     camera: str
@@ -159,10 +159,10 @@ def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, Ca
 
 @dataclass(frozen=True, eq=False)
 class FoundTimes:
-    """Clocks by one source, such as motion or satellites.
+    """Clocks by one source, such as motion.
 
     Attributes:
-        source: sound, motion, telemetry or given.
+        source: sound, motion or given.
         times: camera -> its clock, in the time of those known before, or in one of its own.
         confidence: camera -> 0 to 1, the lead over the second best offset; 0 of one that is not in it.
         remarks: for the user, a sentence each.

@@ -7,7 +7,7 @@ cameras:
     start_sigma_s: 0.0013        standard deviation, the travel of sound included
     drift_ppm: 3.1
     drift_sigma_ppm: 31.0
-    source: sound                sound, motion, telemetry or given
+    source: sound                sound, motion or given
     confidence: 0.49             0 to 1: lead over the second best start; 1 of a given one
 unplaced: {foot_left: has no sound}
 remarks: []

@@ -17,7 +17,7 @@ class CameraTiming:
 
     Attributes:
         stamp_ns: first stamp for which it is valid, in the camera's own stamps [ns].
-        source: sound, motion, telemetry, given or body.
+        source: sound, motion, given or body.
         readout: read-out time of the rows; None if it is unknown.
         offset: clock offset, positive if the stamps are ahead of the recording's time [s].
         offset_sigma: its standard deviation [s].

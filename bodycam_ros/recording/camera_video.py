@@ -12,7 +12,7 @@ import numpy as np
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording import video_file
 from bodycam_ros.recording.sound import SoundBlock, sound_blocks
-from bodycam_ros.recording.telemetry import InertialSamples, inertial_samples, satellite_times, stabilisation
+from bodycam_ros.recording.telemetry import InertialSamples, inertial_samples, stabilisation
 from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
 
 _CLOCK_S = 2.0
@@ -160,14 +160,6 @@ class CameraVideo:
         media_s, gyroscope, accelerometer = (np.concatenate(column) for column in columns)
         later = np.concatenate([[True], media_s[1:] > np.maximum.accumulate(media_s)[:-1]])
         return InertialSamples(media_s[later], gyroscope[later], accelerometer[later])
-
-    def satellite_times(self) -> list[tuple[float, float]]:
-        """Media time [s] and UTC [s since 1970] by the satellites that a GoPro received; see ``telemetry``."""
-        return [
-            (media_s + chapter.start_s, utc_s)
-            for chapter in self.chapters
-            for media_s, utc_s in satellite_times(chapter.path)
-        ]
 
 
 def _overlap(before: Chapter, path: Path, facts: FileFacts) -> bool:

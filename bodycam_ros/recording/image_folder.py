@@ -98,10 +98,6 @@ class ImageFolder:
         """None: images have no sound."""
         return iter(())
 
-    def satellite_times(self) -> list[tuple[float, float]]:
-        """None: images have no telemetry."""
-        return []
-
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
     pixels = read_image_file(path, cv2.IMREAD_COLOR)

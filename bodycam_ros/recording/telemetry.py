@@ -1,4 +1,4 @@
-"""A GoPro's telemetry (GPMF): satellites' time, gyroscope and accelerometer, and whether images are stabilised.
+"""A GoPro's telemetry (GPMF): gyroscope and accelerometer, and whether images are stabilised.
 
 GPMF is nested records: a name of four letters, a type, the size of an element, how many there are, and the elements,
 filled up to four bytes. Payloads come about once a second. A firmware may write anything, so what does not fit is
@@ -8,7 +8,6 @@ left out.
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,12 +23,6 @@ Array = NDArray[np.float64]
 _HEADER = struct.Struct(">4sBBH")
 _NESTED = 0
 _DEEPEST = 6
-_MOST_SATELLITE_PAYLOADS = 600  # ten minutes of them are as good as two hours
-_WITH_FIX = 2  # less, and the time is the camera's own clock
-
-_GPS9 = struct.Struct(">7i2H")
-_GPS9_DAY, _GPS9_SECOND, _GPS9_FIX = 5, 6, 8
-_SINCE = datetime(2000, 1, 1, tzinfo=UTC)
 
 _DTYPES = {b"s": ">i2", b"S": ">u2", b"l": ">i4", b"L": ">u4", b"f": ">f4", b"J": ">u8", b"c": "S1"}
 _DEFAULT_ORDER = "ZXY"  # of channels, of cameras before the HERO8
@@ -54,23 +47,6 @@ class InertialSamples:
     media_s: Array
     gyroscope: Array
     accelerometer: Array
-
-
-def satellite_times(path: Path) -> list[tuple[float, float]]:
-    """Media time [s] and UTC [s since 1970] of the payloads whose satellites had a fix; none without telemetry.
-
-    Raises:
-        RecordingError: the file cannot be opened.
-    """
-    times: list[tuple[float, float]] = []
-    for number, (media_s, _, payload) in enumerate(_payloads(path)):
-        if number == _MOST_SATELLITE_PAYLOADS:
-            break
-        for stream in _streams(payload):
-            if (utc_s := _utc(stream)) is not None:
-                times.append((media_s, utc_s))
-                break
-    return times
 
 
 def inertial_samples(path: Path) -> InertialSamples | None:
@@ -224,26 +200,3 @@ def _timed(parts: list[tuple[float, float, Array]]) -> tuple[Array, Array]:
     even = start + slope * index
     is_even = float(np.abs(even - rough).max()) < 2.0 * float(np.median(np.diff(rough))) + 0.05
     return (even if is_even else rough), samples
-
-
-def _utc(stream: Records) -> float | None:
-    """UTC of the first satellite reading in a stream, if there was a fix."""
-    if b"GPS9" in stream and len(content := stream[b"GPS9"][1]) >= _GPS9.size:
-        values = _GPS9.unpack_from(content)
-        return _timestamp(values[_GPS9_DAY], values[_GPS9_SECOND]) if values[_GPS9_FIX] >= _WITH_FIX else None
-    fix = int.from_bytes(stream.get(b"GPSF", (b"", b""))[1][:4], "big")
-    if b"GPSU" not in stream or fix < _WITH_FIX:
-        return None
-    try:
-        text = stream[b"GPSU"][1][:16].decode("ascii")
-        whole = datetime.strptime(text[:12], "%y%m%d%H%M%S").replace(tzinfo=UTC)
-        return whole.timestamp() + float(text[12:])
-    except ValueError:
-        return None
-
-
-def _timestamp(days: int, milliseconds: int) -> float | None:
-    try:
-        return (_SINCE + timedelta(days=days, milliseconds=milliseconds)).timestamp()
-    except OverflowError:
-        return None

@@ -1,6 +1,5 @@
 """Inertial samples of GoPro files and of CSVs, as the bag has them."""
 
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.telemetry import inertial_samples, stabilisation
 
-NOON = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
 RATE_HZ = 200.0
 TIMES_S = np.arange(600) / RATE_HZ
 GYROSCOPE = np.column_stack([np.sin(3.0 * TIMES_S), 0.5 * np.cos(2.0 * TIMES_S), 0.2 * TIMES_S])
@@ -29,9 +27,7 @@ def optical(camera: np.ndarray) -> np.ndarray:
 def go_pro(folder: Path, name: str = "head", **options: object) -> Path:
     plain = make_video(folder / "plain.mp4", frames=90)
     write_lens(folder / f"{name}.yaml")
-    return add_telemetry(
-        plain, folder / f"{name}.mp4", NOON, payloads=inertial_payloads(GYROSCOPE, ACCELEROMETER, RATE_HZ, **options)
-    )
+    return add_telemetry(plain, folder / f"{name}.mp4", inertial_payloads(GYROSCOPE, ACCELEROMETER, RATE_HZ, **options))
 
 
 def test_samples_of_a_gopro_have_the_optical_frame_s_axes(tmp_path: Path) -> None:
@@ -89,7 +85,7 @@ def test_a_csv_that_cannot_be_used_is_named_and_the_frames_go_on(
 
 def test_time_lapse_samples_are_refused(tmp_path: Path) -> None:
     sparse = inertial_payloads(GYROSCOPE[:180], ACCELEROMETER[:180], 30.0)
-    video = add_telemetry(make_video(tmp_path / "plain.mp4", frames=90), tmp_path / "lapse.mp4", NOON, payloads=sparse)
+    video = add_telemetry(make_video(tmp_path / "plain.mp4", frames=90), tmp_path / "lapse.mp4", sparse)
     with pytest.raises(RecordingError, match=r"lapse\.mp4: its gyroscope has 30 samples a second of video"):
         inertial_samples(video)
 
@@ -117,3 +113,11 @@ def test_the_setting_of_stabilisation_is_read(tmp_path: Path) -> None:
 
 def box(name: bytes, content: bytes) -> bytes:
     return (8 + len(content)).to_bytes(4, "big") + name + content
+
+
+def test_telemetry_that_makes_no_sense_is_passed_over(tmp_path: Path) -> None:
+    (whole, *_) = inertial_payloads(GYROSCOPE, ACCELEROMETER, RATE_HZ)
+    plain = make_video(tmp_path / "plain.mp4", frames=3)
+    for number, content in enumerate([whole[:30], whole[:8] + b"\xff" * 60, b"DEVC\x00\x01\xff\xff" * 20, bytes(64)]):
+        path = add_telemetry(plain, tmp_path / f"odd_{number}.mp4", [content] * 4)
+        assert inertial_samples(path) is None and stabilisation(path) == ""
