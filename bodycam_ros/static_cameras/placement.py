@@ -1,12 +1,12 @@
 """A body that a person places before static cameras, segment by segment, within the range of motion of its joints.
 
 The root moves the whole body. Any other segment takes its parents along as a limb: an ankle that is moved bends hip and
-knee, a wrist shoulder and elbow, the head leans the torso; the segment itself keeps the direction that it was given, as
-far as its joint allows.
+knee, a wrist shoulder and elbow, the head leans the torso. A head or foot keeps its direction meanwhile, as far as its
+joint allows, a hand its wrist's angle; an elbow or knee swings around while the hand or foot stays.
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,14 +14,16 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.geometry import Array, inverse, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.static_cameras.station import Station
 
-_REACH_M, _BEND_RAD = 0.01, 2.0
-"""Sigmas of the place that a limb is moved to, and of the angles about those before."""
+_REACH_M, _END_M, _BEND_RAD = 0.01, 0.1, 2.0
+"""Sigmas of the place that a segment is moved to, of where its far end was, and of angles about those before."""
 
 _UNBEND = 0.1  # share of the way to the middle of its limits that a joint is bent first: straight, it has no direction
+_STILL_M = 1e-5  # that handles differ from where they were put
 _IN_FRONT_M, _IN_FRONT_WEIGHT = 3.0, 0.01  # of a camera, where its axis meets no other; and how little that counts
 
 
@@ -70,25 +72,35 @@ class Placement:
         kept = self.steps[:-1] if continues and len(self.steps) > 1 else self.steps
         before, body = kept[-1], self.body
         row = body.segment_index[segment]
+        ends = [child for parent, child in body.joint_ends.tolist() if parent == row]
+        place = world_T_segment[:3, 3]
+        is_moved = segment != body.root and not np.allclose(before[row, :3, 3], place, rtol=0.0, atol=_STILL_M)
+        limb = self._limb(segment) if is_moved else []
         if segment == body.root:
             poses = world_T_segment @ inverse(before[row]) @ before
+        elif limb and len(ends) == 1:
+            places = {row: (place, _REACH_M), ends[0]: (before[ends[0], :3, 3], _END_M)}
+            poses = self._reached(before, [*limb, self._own_joint(row)], places)
         else:
-            poses = self._turned(self._reached(before, segment, world_T_segment[:3, 3]), row, world_T_segment[:3, :3])
+            poses = self._reached(before, limb, {row: (place, _REACH_M)})
+            if not limb or SegmentName(segment).kind != "hand":
+                poses = self._turned(poses, row, world_T_segment[:3, :3])
         return replace(self, steps=(*kept, poses))
 
-    def _reached(self, before: Array, segment: str, place: Array) -> Array:
-        """Poses with a segment's origin at a place (3,), or as near as its limb reaches."""
-        limits, row = self._limits, self.body.segment_index[segment]
+    def _reached(self, before: Array, limb: Sequence[int], places: Mapping[int, tuple[Array, float]]) -> Array:
+        """Poses in which joints, by their rows, bring segments to places: row -> place (3,) and its sigma [m]."""
+        limits, rows = self._limits, [*places]
         root = before[self.body.segment_index[self.body.root]]
         angles = limits.nearest_angles(self.body.joint_poses(before))
-        free = np.flatnonzero(np.isin(limits.angles.joint_rows, self._limb(segment)))
-        if not len(free) or np.array_equal(before[row, :3, 3], place):
+        free = np.flatnonzero(np.isin(limits.angles.joint_rows, limb))
+        if not len(free):
             return before
         low, high = limits.low[free], limits.high[free]
         first = np.clip(angles[free], low, high)
         bounded = np.isfinite(high - low)
         begin = first.copy()
         begin[bounded] += _UNBEND * (0.5 * (low[bounded] + high[bounded]) - first[bounded])
+        wanted, sigmas = np.array([place for place, _ in places.values()]), np.array([[s] for _, s in places.values()])
 
         def poses(bent: Array) -> Array:
             all_angles = angles.copy()
@@ -96,16 +108,21 @@ class Placement:
             return limits.angles.forward_kinematics(root, all_angles)
 
         def errors(bent: Array) -> Array:
-            return np.concatenate([(poses(bent)[row, :3, 3] - place) / _REACH_M, (bent - first) / _BEND_RAD])
+            off = (poses(bent)[rows, :3, 3] - wanted) / sigmas
+            return np.concatenate([off.ravel(), (bent - first) / _BEND_RAD])
 
         return poses(least_squares(errors, begin, bounds=(low, high), max_nfev=30).x)
+
+    def _own_joint(self, row: int) -> int:
+        """Row of the joint that a segment hangs on."""
+        return next(joint for joint, (_, child) in enumerate(self.body.joint_ends.tolist()) if child == row)
 
     def _turned(self, poses: Array, row: int, world_R_segment: Array) -> Array:
         """Poses with the segment of a row turned to a rotation (3, 3), or as near as its joint allows."""
         wanted = poses.copy()
         wanted[row, :3, :3] = world_R_segment
         motion = self.body.joint_poses(poses)
-        own = next(joint for joint, (_, child) in enumerate(self.body.joint_ends.tolist()) if child == row)
+        own = self._own_joint(row)
         motion[own, :3, :3] = self._limits.clamp(self.body.joint_rotations(wanted))[own]
         return self.body.forward_kinematics(poses[self.body.segment_index[self.body.root]], motion)
 

@@ -11,7 +11,6 @@ from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.placement import Placement, nearest_on_ray
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
-from bodycam_ros.static_cameras.start_file import write_start
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.viewer.correction import Part
@@ -23,9 +22,6 @@ from bodycam_ros.viewer.placing_sources import PlacingSources
 from bodycam_ros.viewer.scene import CAMERAS, Scene
 from bodycam_ros.viewer.scene_nodes import WORLD, place
 from bodycam_ros.viewer.server import LocalServer
-
-_FITS = 3
-"""Times that a press of "Fit" fits: each moves a segment by some centimetres at most."""
 
 _PICTURE_PANEL_PX = 600
 _OUTSIDE = "outside"
@@ -195,18 +191,13 @@ class PlacingSession:
 
     def _fit(self) -> None:
         self._remark.content = "fitting"
-        tracker, images, poses = self._sources.tracker, self._sources.images, self._placement.poses
-        for _ in range(_FITS):
-            poses = tracker.initialise(images, poses)
-        support = tracker.support(images, poses)
+        poses, support = self._sources.fit(self._placement.poses)
         self._change(self._placement.changed(poses))
         self._remark.content = support_table(dict(zip(self._placement.body.segments, support.tolist(), strict=True)))
 
     def _write(self) -> None:
-        placement = self._placement
-        poses = self._sources.file_T_world @ placement.poses
-        write_start(self._output, dict(zip(placement.body.segments, poses, strict=True)))
-        self._written = placement
+        self._sources.write(self._output, self._placement.poses)
+        self._written = self._placement
         self._server.notify("Written", f"{self._output}; replay with --start {self._output}", "green")
 
     def _cut(self, is_close_up: bool) -> None:

@@ -17,7 +17,7 @@ from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles, world_T_file
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles, world_T_file, write_start
 from bodycam_ros.static_cameras.station import Image, Station
 from bodycam_ros.static_cameras.surface import BodySurface, Surface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
@@ -25,6 +25,7 @@ from bodycam_ros.static_cameras.surface_folder import surfaces_of
 logger = logging.getLogger(__name__)
 
 _AT_ONCE_NS = 100_000_000  # as long a start is known; a camera that starts later shows the person elsewhere
+_FITS = 3  # each moves a segment by some centimetres at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +79,17 @@ class PlacingSources:
             inverse(world_T_file(files.stations, stations)),
             reference_map,
         )
+
+    def fit(self, poses: Array) -> tuple[Array, Array]:
+        """Poses (S, 4, 4) of a body, moved onto its images from poses (S, 4, 4), and their support (S,) in these."""
+        for _ in range(_FITS):
+            poses = self.tracker.initialise(self.images, poses)
+        return poses, self.tracker.support(self.images, poses)
+
+    def write(self, output: Path, poses: Array) -> None:
+        """Write the start with the body at poses (S, 4, 4); raises as ``write_start``."""
+        segments = self.placement.body.segments
+        write_start(output, dict(zip(segments, self.file_T_world @ poses, strict=True)))
 
 
 def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict[str, Image]:

@@ -93,6 +93,26 @@ def test_a_straight_leg_whose_foot_is_lifted_bends_its_knee_forwards(standing: P
     assert knee[0] > 0.15
 
 
+@pytest.mark.parametrize(
+    ("hand", "elbow", "shift"),
+    [("hand_left", "forearm_left", (0.2, 0.1, 0.3)), ("foot_right", "shin_right", (0.2, 0.0, 0.2))],
+)
+def test_an_elbow_or_knee_swings_around_while_the_end_of_the_limb_stays(
+    standing: Placement, hand: str, elbow: str, shift: tuple[float, float, float]
+) -> None:
+    bent = standing.moved_to(hand, shifted(standing, hand, shift))
+    upper = bent.body.tree_joints[bent._limb(hand)[-1]].child
+    shoulder, wrist = bent.pose_of(upper)[:3, 3], bent.pose_of(hand)[:3, 3]
+    axis = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
+    target = bent.pose_of(elbow).copy()
+    target[:3, 3] = shoulder + exp_so3(0.3 * axis) @ (target[:3, 3] - shoulder)
+    swung = bent.moved_to(elbow, target)
+    assert np.linalg.norm(target[:3, 3] - bent.pose_of(elbow)[:3, 3]) > 0.02
+    assert_allclose(swung.pose_of(elbow)[:3, 3], target[:3, 3], rtol=0.0, atol=REACHED_M)
+    assert_allclose(swung.pose_of(hand)[:3, 3], wrist, rtol=0.0, atol=0.01)
+    assert_sound(swung)
+
+
 def test_a_place_out_of_reach_is_approached(standing: Placement) -> None:
     hip = standing.pose_of("thigh_left")[:3, 3]
     reach = np.linalg.norm(standing.pose_of("foot_left")[:3, 3] - hip)
