@@ -19,7 +19,7 @@ from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
 from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
 
-MAX_ROWS = 120
+MAX_ROWS = 300
 """Stamps of the recording that are used, evenly spread: neighbours share the errors of their tracks."""
 
 STRAIGHT_SIGMA_M = 0.005
@@ -27,7 +27,7 @@ STRAIGHT_SIGMA_M = 0.005
 
 _POSE_ITERATIONS = 4  # on the registrations' own poses, from the joint centres to within a pixel
 _IMAGE_ITERATIONS = 4  # on the landmarks in the images; further ones move joints by 0.1 mm
-_LANDMARK_SIGMA_M = 0.02  # of a landmark in the map; the images of the whole recording correct the rest
+_LANDMARK_SIGMA_M = 0.005  # of a landmark in the map, along each axis; a recording moves it by 4 mm in all (median)
 _SIGMA_BLOCKS = 12  # stretches that are left out one by one for the covariance; each must outlast the tracks
 _OUTLIER_SIGMAS = 4.0  # a camera this far from the body counts half (Cauchy), as in the solver
 _FIXED = 1e12  # information on what is a matter of choice: each segment's axes, and the root's origin
