@@ -26,8 +26,8 @@ class MotionLogSettings:
         25.0,
         unit="Hz",
         limits=(2.0, 1000.0),
-        reason="images used per second and camera of a recording; more take longer, and at 12 a walk with that body is 10 to "
-        "16 % less accurate",
+        reason="images used per second and camera of a recording; more take longer, and at 12 a walk with that body is "
+        "10 to 16 % less accurate",
     )
 
 
