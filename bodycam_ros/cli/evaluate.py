@@ -62,8 +62,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     truth.add_argument(
         "--clock",
         choices=(_FOUND, _SHARED),
-        help="whether its stamps are of our clock, or offset and rate are found by the motion (default: shared for a "
-        "recording's truth, found for another system)",
+        help="whether the other system's stamps are of our clock, or offset and rate are found by the motion (default: "
+        "found)",
     )
     truth.add_argument(
         "--points",
@@ -131,23 +131,19 @@ def compare_lenses(verdict: "Verdict", recording: Path) -> None:
 
 
 def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | None":
-    """How to compare; None without a truth.
+    """How to compare with another system; None without one.
 
     Raises:
-        RecordingError: an option of the truth is given without one.
+        RecordingError: an option of it is given without one.
     """
     from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.formats.read_captured import is_captured
 
-    if arguments.truth is None:
+    if arguments.truth is None or not is_captured(arguments.truth):
         for flag in given_flags(arguments, "align", "clock", "points"):
-            raise RecordingError(f"{flag} needs --truth, which OUT is compared with")
+            raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
         return None
-    is_other = is_captured(arguments.truth)
-    if not is_other and arguments.align is arguments.clock is arguments.points is None:
-        return None
-    clock = arguments.clock or (_FOUND if is_other else _SHARED)
-    return AgreementOptions(arguments.align or _ALIGNMENTS[0], clock == _SHARED, arguments.points)
+    return AgreementOptions(arguments.align or _ALIGNMENTS[0], arguments.clock == _SHARED, arguments.points)
 
 
 def _outside_files(arguments: argparse.Namespace) -> "StaticFiles | None":

@@ -28,7 +28,7 @@ from bodycam_ros.evaluate.anatomical_angles import (
 )
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.comparison import spread
-from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_camera
+from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array
@@ -277,28 +277,6 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
     return replace(agreement, rigid_error=float(np.nanmean(errors)))
 
 
-def compare_with_truth(
-    solved: SolvedRecording, truth: TrueMotion, options: AgreementOptions
-) -> tuple[Agreement, TrueMotion]:
-    """Compare with a recording's truth as with any other system; also the truth with stamps of our clock.
-
-    Raises:
-        RecordingError: they share no time or too few segments, or the truth's cameras are malformed.
-    """
-    poses = dict(truth.world_T_segment)
-    for camera in solved.body.mounts:
-        if (camera_poses := read_true_camera(truth, camera)) is not None:
-            poses[optical_frame(camera)] = camera_poses
-    rotations = {name: np.ascontiguousarray(poses[name][:, :3, :3]) for name in truth.world_T_segment}
-    captured = _captured_truth(truth, poses, rotations)
-    agreement = replace(compare_with_captured(solved, captured, options), name=truth.recording)
-    if options.shares_clock:
-        return agreement, truth
-    start_ns = solved.start_ns + round(1e9 * agreement.clock.start_s)
-    since_ns = np.rint(agreement.clock.rate * (truth.stamps_ns - truth.stamps_ns[0])).astype(np.int64)
-    return agreement, replace(truth, stamps_ns=start_ns + since_ns)
-
-
 def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
     """The clock of a truth with stamps of our clock, with the chance that it is of another motion.
 
@@ -306,14 +284,10 @@ def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
         RecordingError: they agree no better than at other offsets in time.
     """
     segments = [segment for segment in solved.body.segments if segment in truth.world_T_segment]
-    captured = _captured_truth(truth, {segment: truth.world_T_segment[segment] for segment in segments}, {})
+    points = {segment: np.ascontiguousarray(truth.world_T_segment[segment][:, :3, 3]) for segment in segments}
+    captured = CapturedMotion(truth.path, "truth", truth.stamps_ns, points)
     places = {segment: PointSite(segment, np.zeros(3)) for segment in segments}
     return rate_shared_clock(_body_points(solved, places), captured, solved.start_ns)
-
-
-def _captured_truth(truth: TrueMotion, poses: Mapping[str, Array], rotations: Mapping[str, Array]) -> CapturedMotion:
-    points = {name: np.ascontiguousarray(each[:, :3, 3]) for name, each in poses.items()}
-    return CapturedMotion(truth.path, "truth", truth.stamps_ns, points, rotations)
 
 
 def _body_points(

@@ -14,7 +14,6 @@ from bodycam_ros.evaluate.agreement import (
     Agreement,
     AgreementOptions,
     compare_with_captured,
-    compare_with_truth,
     rate_same_motion,
 )
 from bodycam_ros.evaluate.comparison import Comparison, compare, spread
@@ -75,8 +74,7 @@ def evaluate(
         solved_path: the bag.
         truth_path: folder of the recording, or of its truth, or what another system captured, to score against.
         recording_path: the bag with the images, whose intrinsics allow reprojection errors and checks of lenses.
-        options: how that is compared as another system's motion; by default a recording's truth is not, and its clock
-            is ours.
+        options: how what another system captured is compared; the clock of a recording's truth is ours.
         imu_paths: bags with the inertial sensors, beside the recording.
 
     Raises:
@@ -93,8 +91,6 @@ def evaluate(
         agreement = compare_with_captured(solved, captured, options or AgreementOptions())
         same_motion = agreement.clock
     elif truth is not None:
-        if options is not None:
-            agreement, truth = compare_with_truth(solved, truth, options)
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
     verdict, blind, jitter = solved_verdict(solved, models), camera_figures.blind(solved), camera_figures.jitter(solved)

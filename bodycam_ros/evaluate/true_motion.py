@@ -82,19 +82,6 @@ def read_true_motion(path: Path) -> TrueMotion:
     return TrueMotion(truth, stamps_ns, root, parents, {segment: poses for segment, (_, poses) in trajectories.items()})
 
 
-def read_true_camera(truth: TrueMotion, camera: str) -> Array | None:
-    """Poses (K, 4, 4) of a camera at the truth's stamps, from ``cameras/*.tum``; None without that file.
-
-    Raises:
-        RecordingError: the file is malformed, or has other stamps.
-    """
-    path = truth.path / "cameras" / f"{camera}.tum"
-    if not path.is_file():
-        return None
-    stamps_ns, poses = read_tum(path)
-    return interpolated(stamps_ns, poses, np.clip(truth.stamps_ns, stamps_ns[0], stamps_ns[-1]))
-
-
 def _tree(truth: Path) -> tuple[str, dict[str, str]]:
     """The topmost segment, and segment -> parent of all others."""
     path = next(

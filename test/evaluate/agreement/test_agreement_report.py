@@ -46,38 +46,28 @@ def share_of(colour: str, picture: Path) -> float:
 @pytest.mark.parametrize(
     ("flags", "told"),
     [
-        ("--align rigid", "--align needs --truth, which OUT is compared with"),
+        ("--align rigid", "--align needs --truth with what another system captured"),
+        ("--truth {truth} --clock found", "--clock needs --truth with what another system captured"),
         ("--truth {folder}/no.trc", "no.trc: does not exist"),
         ("--truth {folder}/other.trc --points {folder}/names.yaml", "other.trc has no 'LKNE'"),
         ("--truth {folder}/other.trc --clock shared", "other.trc: has nothing from the time of"),
     ],
 )
 def test_what_does_not_fit_is_named_and_nothing_is_written(
-    solved: Path, walk: Walk, tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: str, told: str
+    solved: Path,
+    truth: Path,
+    walk: Walk,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    flags: str,
+    told: str,
 ) -> None:
     write_trc(tmp_path / "other.trc", seconds(walk), origins(walk))
     (tmp_path / "names.yaml").write_text("LKNE: knee_left")
-    words = flags.format(folder=tmp_path).split()
+    words = flags.format(folder=tmp_path, truth=truth).split()
     assert main(["evaluate", str(solved), "-o", str(tmp_path / "report"), *words]) == 1
     assert told in re.sub(r"\s+", " ", capsys.readouterr().err)
     assert not (tmp_path / "report").exists()
-
-
-def test_the_truth_of_a_recording_may_have_a_clock_of_its_own(
-    solved: Path, truth: Path, walk: Walk, tmp_path: Path
-) -> None:
-    late = tmp_path / "late"
-    (late / "truth" / "segments").mkdir(parents=True)
-    (late / "rig.yaml").write_text((truth / "rig.yaml").read_text())
-    for file in (truth / "truth" / "segments").glob("*.tum"):
-        lines = [re.sub(r"^17000000", "18000000", line) for line in file.read_text().splitlines()]
-        (late / "truth" / "segments" / file.name).write_text("\n".join(lines))
-    from bodycam_ros.evaluate.agreement import AgreementOptions
-    from bodycam_ros.evaluate.evaluation import evaluate
-
-    found = evaluate(solved, late, options=AgreementOptions("rigid"))
-    assert found.comparison is not None and found.agreement is not None
-    assert found.comparison.position_errors.max() < 1e-3 and found.agreement.name == "late"
 
 
 def test_a_page_shows_text_as_text() -> None:
