@@ -18,6 +18,8 @@ APRILTAG, CHARUCO, CHECKERBOARD = KINDS = ("apriltag", "charuco", "checkerboard"
 _SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 """Corners of a tag in the order of cv2.aruco: clockwise from the upper left of the print."""
 
+_CELL = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])  # of a tag, by columns and rows
+
 
 @dataclass(frozen=True)
 class BoardLayout:
@@ -88,7 +90,7 @@ class BoardLayout:
             for tag, corners in self.tags.items():
                 black = ~tag_cells(dictionary, tag)
                 cell = np.array(self.tag_m) / black.shape[0] * [1.0, -1.0]
-                loops += [corners[0, :2] + loop * cell for loop in cell_outlines(black)]
+                loops += [corners[0, :2] + (_CELL + [column, row]) * cell for row, column in np.argwhere(black)]
         return loops
 
     def _centre(self, row: int, column: int) -> Array:
@@ -106,29 +108,6 @@ def tag_cells(dictionary: cv2.aruco.Dictionary, tag: int) -> NDArray[np.bool_]:
 def tags_in(dictionary: int) -> int:
     """How many tags a family of ``cv2.aruco`` has."""
     return len(cv2.aruco.getPredefinedDictionary(dictionary).bytesList)
-
-
-def cell_outlines(black: NDArray[np.bool_]) -> list[Array]:
-    """Loops (N, 2) of (column, row) around black cells, wound the other way around white ones within.
-
-    Cells drawn one by one would show hairlines between them.
-    """
-    ahead: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for row, column in np.argwhere(black).tolist():
-        ring = [(column, row), (column + 1, row), (column + 1, row + 1), (column, row + 1)]
-        for start, end in zip(ring, ring[1:] + ring[:1], strict=True):
-            if start in ahead.get(end, []):  # the border to a neighbour
-                ahead[end].remove(start)
-            else:
-                ahead.setdefault(start, []).append(end)
-    loops = []
-    for start, ends in ahead.items():
-        while ends:
-            loop = [start]
-            while ahead[loop[-1]]:
-                loop.append(ahead[loop[-1]].pop())
-            loops.append(np.array(loop[:-1], dtype=np.float64))
-    return loops
 
 
 @dataclass(frozen=True)

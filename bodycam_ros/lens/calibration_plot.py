@@ -4,26 +4,15 @@ import textwrap
 from io import BytesIO
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from bodycam_ros.lens.lens_calibration import LensCalibration
 from bodycam_ros.lens.lens_quality import CELLS, TRUSTED_RADIUS
-from bodycam_ros.picture_style import (
-    FAINT,
-    GOOD,
-    INK,
-    QUIET,
-    TYPOGRAPHY,
-    WARNING,
-    light_grid,
-    panel_title,
-)
+from bodycam_ros.picture_style import FAINT, GOOD, INK, QUIET, WARNING, light_grid, open_picture, panel_title
 
-_INCHES, _DPI = (13.0, 5.5), 110
+_INCHES = (13.0, 5.5)
 _LEAST_IN_BIN = 3
 _LETTERS = 165  # of a line of the verdict
 _BINS = 12
@@ -33,8 +22,8 @@ def calibration_plot(calibration: LensCalibration, title: str) -> bytes:
     """A PNG with two panels."""
     refused, warned = calibration.objections, calibration.warnings
     verdict = f"not to be used: {'; '.join(refused)}" if refused else "; ".join(warned) or "good to use"
-    with mpl.rc_context(TYPOGRAPHY):
-        figure = Figure(figsize=_INCHES, dpi=_DPI)
+    written = BytesIO()
+    with open_picture(written, *_INCHES) as figure:
         panels: Any = figure.subplot_mosaic([["seen", "errors"]])
         figure.subplots_adjust(left=0.05, right=0.97, top=0.82, bottom=0.1, wspace=0.08, hspace=0.25)
         figure.text(0.05, 0.962, title, fontsize=13.0, weight="bold", color=INK)
@@ -42,8 +31,6 @@ def calibration_plot(calibration: LensCalibration, title: str) -> bytes:
         figure.text(0.05, 0.953, lines, fontsize=9.0, color=WARNING if refused or warned else GOOD, va="top")
         _draw_coverage(panels["seen"], calibration)
         _draw_errors(panels["errors"], calibration)
-        written = BytesIO()
-        figure.savefig(written, format="png")
     return written.getvalue()
 
 
