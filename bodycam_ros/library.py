@@ -26,8 +26,7 @@ from bodycam_ros.offline.camera_worker import known_readouts
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.imu_reader import read_imus
+from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 __all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]

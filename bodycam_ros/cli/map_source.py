@@ -82,7 +82,7 @@ def inertial_alignment(
         RecordingError: a bag of --imu has none of these cameras' sensors.
     """
     from bodycam_ros.offline.align_map import align_map
-    from bodycam_ros.recording.imu_reader import read_imus
+    from bodycam_ros.recording.bag_reader import read_imus
 
     if arguments.from_bag is None:
         return None

@@ -21,8 +21,7 @@ from bodycam_ros.offline.front_end import register_recording, warm_up
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.imu_reader import read_imus
+from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings

@@ -40,9 +40,8 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
 from bodycam_ros.static_cameras.person_model import with_hands

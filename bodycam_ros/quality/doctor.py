@@ -13,7 +13,6 @@ from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.progress import Progress
-from bodycam_ros.quality.limit_checks import check_limits
 from bodycam_ros.quality.place_checks import (
     OPENING_S,
     check_board,
@@ -25,10 +24,10 @@ from bodycam_ros.quality.place_checks import (
 from bodycam_ros.quality.recording_checks import IMAGE_CHECKS, check_cameras, check_clocks, check_gaps, check_lens
 from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
 from bodycam_ros.quality.sensor_checks import check_sensors
-from bodycam_ros.recording.imu_reader import read_imus
+from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.verdict import Finding
+from bodycam_ros.verdict import Finding, check_limits
 
 _BAG_SUFFIXES, _BAG_FILE = {".mcap", ".db3"}, "metadata.yaml"
 _IMAGES = 12  # of each camera, spread over the recording: faults that last are found in seconds

@@ -13,9 +13,8 @@ from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.mapping.apriltag import FAMILIES, find_tags
 from bodycam_ros.mapping.board import Board
 from bodycam_ros.progress import Progress
-from bodycam_ros.quality.limit_checks import good
 from bodycam_ros.quality.sampled_recording import RegisteredSamples, SampledRecording
-from bodycam_ros.verdict import Finding, Level, limit_level
+from bodycam_ros.verdict import Finding, Level, good, limit_level
 
 _ENOUGH_BOARD_IMAGES = 3
 _MAX_BOARD_IMAGES = 48  # tags of a fisheye picture take a tenth of a second

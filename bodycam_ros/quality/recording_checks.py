@@ -6,10 +6,9 @@ import cv2
 import numpy as np
 
 from bodycam_ros.camera.model import mode_of_size
-from bodycam_ros.quality.limit_checks import LimitCheck, good
 from bodycam_ros.quality.sampled_recording import Grey, SampledCamera, SampledRecording
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
-from bodycam_ros.verdict import Finding, Level
+from bodycam_ros.verdict import Finding, Level, LimitCheck, good
 
 
 def check_cameras(recording: SampledRecording, wanted: Collection[str] | None) -> Iterator[Finding]:

@@ -8,8 +8,7 @@ import numpy as np
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.quality.limit_checks import LimitCheck, check_limits, good
-from bodycam_ros.verdict import Finding, Level
+from bodycam_ros.verdict import Finding, Level, LimitCheck, check_limits, good
 
 _CHECK = "sensors"
 MIN_SAMPLES = 100  # of which the quality is computed

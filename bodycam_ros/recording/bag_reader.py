@@ -1,4 +1,4 @@
-"""The cameras of a recording: their intrinsics, and their images in time order."""
+"""The cameras of a recording: their intrinsics, their images in time order, and samples of their inertial sensors."""
 
 import logging
 import math
@@ -15,6 +15,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
 from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import (
     camera_model,
     compressed_image,
@@ -22,6 +23,7 @@ from bodycam_ros.messages.images import (
     image_stamp_ns,
     raw_image,
 )
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
 from bodycam_ros.messages.timing import CameraTiming, camera_timing
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
@@ -240,4 +242,31 @@ def _image_topics(topics: dict[str, str]) -> dict[str, str]:
             camera = topic.removeprefix("/").removesuffix(suffix)
             if topic.endswith(suffix) and message_type == wanted_type and camera:
                 found.setdefault(camera, topic)
+    return found
+
+
+def read_imus(paths: Iterable[Path], cameras: Collection[str]) -> dict[str, ImuSamples]:
+    """Camera -> samples of its sensor, of cameras that have one in any of the bags; the first bag counts.
+
+    Raises:
+        RecordingError: a bag cannot be read, or one beside the first has no sensor of these cameras.
+    """
+    found: dict[str, ImuSamples] = {}
+    for number, path in enumerate(paths):
+        with BagFile(path) as bag:
+            topics = {
+                topic: camera
+                for topic, kind in bag.topics.items()
+                if kind == IMU_TYPE and topic.endswith(IMU_TOPIC)
+                if (camera := topic.removeprefix("/").removesuffix(IMU_TOPIC)) in cameras and camera not in found
+            }
+            if number and not topics:
+                raise RecordingError(
+                    f"{path}: has no inertial sensor of cameras {', '.join(cameras)}; expected topics "
+                    f"/<camera>{IMU_TOPIC} ({IMU_TYPE})"
+                )
+            rows: dict[str, list[tuple[int, tuple[float, ...]]]] = {camera: [] for camera in topics.values()}
+            for topic, _, message in bag.messages(topics):
+                rows[topics[topic]].append(imu_row(message))
+        found |= {camera: ImuSamples.from_rows(each) for camera, each in rows.items()}
     return found

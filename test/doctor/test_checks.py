@@ -8,7 +8,6 @@ import pytest
 from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
 
 from bodycam_ros.quality import sampled_recording
-from bodycam_ros.quality.limit_checks import check_limits
 from bodycam_ros.quality.recording_checks import (
     IMAGE_CHECKS,
     blur_measure,
@@ -18,7 +17,7 @@ from bodycam_ros.quality.recording_checks import (
     check_lens,
 )
 from bodycam_ros.quality.sampled_recording import SampledCamera, SampledRecording
-from bodycam_ros.verdict import Finding, Level, limit_level, worst_level
+from bodycam_ros.verdict import Finding, Level, check_limits, limit_level, worst_level
 
 STAMPS_S = np.arange(0.0, DURATION_S, INTERVAL_S)
 

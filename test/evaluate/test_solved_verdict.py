@@ -8,11 +8,10 @@ import pytest
 from known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_model import CameraMount
-from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.evaluation import evaluate, solved_verdict
 from bodycam_ros.evaluate.report import write_report
 from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
-from bodycam_ros.quality.solved_verdict import solved_verdict
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.verdict import Finding, Level, Verdict, parse_verdict, verdict_text
 
