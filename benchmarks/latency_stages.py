@@ -30,7 +30,6 @@ from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
 from bodycam_ros.moments import COLUMNS, Instant, Moment, Noted
-from bodycam_ros.share_folder import share_folder
 
 STAGES = ("play", "track", "register", "way", "later", "solve")
 """Rows of ``Latency.stages_s``.
@@ -279,7 +278,7 @@ def _running(commands: Mapping[str, Sequence[str]], scratch: Path) -> Iterator[d
         "ROS_DOMAIN_ID": str(_DOMAINS[os.getpid() % len(_DOMAINS)]),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
-    environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(share_folder() / _SHARED_MEMORY))
+    environment.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).resolve().parents[1] / _SHARED_MEMORY))
     processes: dict[str, subprocess.Popen[bytes]] = {}
     try:
         for name, arguments in commands.items():

@@ -20,7 +20,6 @@ from bodycam_ros.body.equipment import Equipment, unknown_lengths
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, joint_gap, turn_jacobian
-from bodycam_ros.least_squares import damped_gauss_newton
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
@@ -33,6 +32,8 @@ _QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
 _ANNEALING = 0.2
 _SHORT, _LONG = 6, 60  # steps of an annealing stage, and of a descent to the end
 _LONGEST_STEP = 0.6  # [rad], or of a limb's length
+_LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
+_FLOOR = 1e-3  # of the mean of the diagonal: damps columns that no row moves
 _CONVERGED = 1e-5  # relative decrease of the cost
 _EXACT = 1e-20  # [sigma^2] cost of closed loops: places are right to 1e-14 m
 
@@ -279,18 +280,41 @@ def _descend(
     converged: float,
     solved: float = 0.0,
 ) -> tuple[Configuration, float]:
-    units = mechanism.units[columns]
+    """The configuration after so many steps that lower the cost, and its cost (Levenberg-Marquardt).
 
-    def moved(configuration: Configuration, step: Array) -> Configuration:
-        increment = np.zeros(mechanism.tangent.count)
-        increment[columns] = units * step
-        return mechanism.moved(configuration, increment)
-
-    def in_units(configuration: Configuration) -> tuple[Array, Array, float]:
-        residuals, J, cost = linearise(configuration)
-        return residuals, J[:, columns] * units, cost
-
-    return damped_gauss_newton(start, in_units, moved, steps, _LONGEST_STEP, converged, solved)
+    Args:
+        mechanism: whose columns move.
+        start: the first configuration.
+        linearise: residuals (R), Jacobian (R, K) and cost; weights of a robust cost are in the first two.
+        columns: that are moved.
+        steps: at most.
+        converged: relative decrease of the cost at which it ends.
+        solved: cost at which it ends, as it does where nothing can be moved.
+    """
+    units, damping, state = mechanism.units[columns], _FIRST_DAMPING, start
+    residuals, J, cost = linearise(state)
+    for _ in range(steps):
+        J = J[:, columns] * units
+        hessian, gradient, before = J.T @ J, J.T @ residuals, cost
+        if cost <= solved or not len(gradient):
+            break
+        scale = np.diag(hessian) + _FLOOR * np.trace(hessian) / len(hessian)
+        while damping < _MOST_DAMPING:
+            step = -np.linalg.solve(hessian + np.diag(damping * scale), gradient)
+            step *= min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+            increment = np.zeros(mechanism.tangent.count)
+            increment[columns] = units * step
+            tried = mechanism.moved(state, increment)
+            system = linearise(tried)
+            if system[2] < cost:
+                state, (residuals, J, cost) = tried, system
+                damping = max(0.2 * damping, _LEAST_DAMPING)
+                break
+            damping *= 5.0
+        if before - cost <= converged * before:
+            break
+        damping = min(damping, 0.1 * _MOST_DAMPING)
+    return state, cost
 
 
 def close_loops(mechanism: Mechanism) -> tuple[Configuration, set[str]]:

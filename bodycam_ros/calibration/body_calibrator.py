@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
 from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, assess
@@ -14,7 +15,6 @@ from bodycam_ros.calibration.first_body import first_body, first_motion, joints_
 from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
 from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
-from bodycam_ros.calibration.joint_limits import JointLimitSettings, limited_body
 from bodycam_ros.calibration.joint_search import FoundJoints, find_joints
 from bodycam_ros.calibration.refinement import MAX_ROWS, refine
 from bodycam_ros.calibration.rest_pose import (
@@ -29,13 +29,27 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout, VideoMode
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.measurements import EvidenceSettings
+from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_time import ReadoutLog
-from bodycam_ros.settings import SettingsGroups
+from bodycam_ros.settings import SettingsGroups, setting
 from bodycam_ros.timing.clock_state import ClockSettings
 
+_PERCENTILE = 0.5  # [%] of the states beyond each limit: one wrong state must not open a joint
 _MOST_TURNS, _SETTLED_S = 3, 0.001  # of a calibration whose clock offsets moved; offsets that need no further turn
+
+
+@dataclass(frozen=True)
+class JointLimitSettings:
+    """Limits of joints, in URDF and for the solver."""
+
+    margin: float = setting(
+        0.09,
+        unit="rad",
+        limits=(0.0, 3.2),
+        reason="added to the range that was exercised: people go a little further another day",
+    )
 
 
 @dataclass(frozen=True)
@@ -128,7 +142,9 @@ class BodyCalibrator:
             delays_s = findings.delays_s
             if np.abs(findings.refined.motion.delays).max() < _SETTLED_S:
                 break
-        body = self._with_readouts(limited_body(findings.zeroed.motion, self._settings.joint_limits), findings.readouts)
+        body = self._with_readouts(
+            _limited_body(findings.zeroed.motion, self._settings.joint_limits), findings.readouts
+        )
         return CalibratedBody(body, assess(findings, self._settings.assessment))
 
     def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
@@ -196,3 +212,16 @@ class BodyCalibrator:
             for camera, mount in body.mounts.items()
         }
         return replace(body, mounts=mounts)
+
+
+def _limited_body(motion: ArticulatedMotion, settings: JointLimitSettings) -> BodyModel:
+    """The body of a motion, its joints limited to what they did and the N-pose."""
+    tracker = JointAngleTracker(motion.body)
+    angles = np.stack([tracker.angles(poses) for poses in motion.world_T_segment()])
+    low, high = np.percentile(angles, [_PERCENTILE, 100.0 - _PERCENTILE], axis=0)
+    low, high = np.minimum(low, 0.0) - settings.margin, np.maximum(high, 0.0) + settings.margin
+    limit_of = {name: (float(low[column]), float(high[column])) for column, name in enumerate(tracker.names)}
+    joints = tuple(
+        replace(joint, limits=tuple(limit_of[name] for name in joint.angle_names)) for joint in motion.body.joints
+    )
+    return replace(motion.body, joints=joints)

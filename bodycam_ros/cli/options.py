@@ -187,7 +187,7 @@ def _read_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, d
     """
     groups = read_settings_file(config)
     if groups.keys() - groups_type.groups().keys():
-        from bodycam_ros.all_settings import all_groups
+        from bodycam_ros.cli.settings import all_groups
 
         known = all_groups() | groups_type.groups()
         for group in groups:

@@ -28,10 +28,21 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def all_groups() -> dict[str, type]:
+    """Name of a group in a file -> its dataclass: one file serves all commands and nodes, each reads its own of it."""
+    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
+    from bodycam_ros.mapping.map_settings import MapSettings
+    from bodycam_ros.pipeline_settings import PipelineSettings
+    from bodycam_ros.robot.retargeting import RobotSettings
+    from bodycam_ros.static_cameras.body_shape import MeasureSettings
+    from bodycam_ros.static_cameras.station_registration import StationsSettings
+
+    every = (PipelineSettings, CalibrationSettings, MapSettings, MeasureSettings, StationsSettings, RobotSettings)
+    return {name: group for settings in every for name, group in settings.groups().items()}
+
+
 def all_settings_yaml() -> str:
     """A ROS parameter file with the default of every setting."""
-    from bodycam_ros.all_settings import all_groups
-
     lines = ["/**:", "  ros__parameters:"]
     for group, settings_type in all_groups().items():
         lines += ["", *_comment((settings_type.__doc__ or "").splitlines()[0], 4), f"    {group}:"]

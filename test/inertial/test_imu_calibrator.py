@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodycam_ros.body.imu_yaml import imu_entry, imu_of
+from bodycam_ros.body.body_yaml import imu_entry, imu_of
 from bodycam_ros.errors import BodyError, RangeOfMotionError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.inertial.bias_filter import BiasFilter

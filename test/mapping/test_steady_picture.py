@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from turned_view import CAMERA, rolled_view, turned_view
 
-from bodycam_ros.mapping.steady_picture import camera_turn, steady_picture
+from bodycam_ros.mapping.frame_choice import camera_turn, steady_picture
 
 READOUT_S = 0.02
 

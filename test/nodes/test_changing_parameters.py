@@ -11,8 +11,8 @@ import yaml
 from driven_camera import DrivenCamera
 from two_cameras import write_map
 
-from bodycam_ros.all_settings import all_groups
 from bodycam_ros.calibration.body_calibrator import CalibrationSettings
+from bodycam_ros.cli.settings import all_groups
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.live.node_parameters import GROUPS
 from bodycam_ros.pipeline_settings import PipelineSettings
