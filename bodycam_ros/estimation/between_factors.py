@@ -80,6 +80,7 @@ class InertialStep:
         spin_before, spin_after: (3,) angular velocities of the segment at both, in its axes [rad/s].
         density: spectral density of the acceleration's error [m^2/s^3].
         sigma: of the change of velocity, beside that [m/s].
+        slack: of the change of place, beside both [m].
     """
 
     row: int
@@ -91,6 +92,7 @@ class InertialStep:
     spin_after: Array
     density: float
     sigma: float
+    slack: float
 
     def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
         """See ``Between``."""
@@ -112,7 +114,7 @@ class InertialStep:
         # In sigmas, by the Cholesky factor (a, 0; b, c) of the covariance of velocity and position along each axis.
         a = math.sqrt(self.density * dt + self.sigma**2)
         b = 0.5 * self.density * dt**2 / a
-        c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 - b**2)
+        c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 + self.slack**2 - b**2)
         for rows in (off, by_after, by_before):
             rows[:3] /= a
             rows[3:] = (rows[3:] - b * rows[:3]) / c
@@ -176,39 +178,37 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
     if not measured:
         return link
     link, K = _loosen_joints(link, measured, tangent), tangent.count
-    before, after = link.before.at, link.after.at
+    both = start = Coordinates.stacked(link.before.at, link.after.at)
     for iteration in range(_ITERATIONS):
-        r, H, H_before = _linearise(before, after, measured, tangent)
+        r, H_before, H = _linearise(both, measured, tangent)
         width = H.shape[1]
         if iteration:
-            moved = link.after.at.step_to(tangent, after), link.before.at.step_to(tangent, before)
-            r += H @ moved[0][:width] + H_before @ moved[1][:width]
+            moved = start.step_to(tangent, both)
+            r += H @ moved[1, :width] + H_before @ moved[0, :width]
         # Covariances of the measured numbers with both states.
         of_after = link.after.covariance[:, :width] @ H.T + link.cross[:, :width] @ H_before.T
         of_before = link.cross[:width].T @ H.T + link.before.covariance[:, :width] @ H_before.T
         S = H @ of_after[:width] + H_before @ of_before[:width] + np.eye(len(r))
         solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
         gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
-        before = link.before.at.moved(tangent, of_before @ scaled)
-        after = link.after.at.moved(tangent, step := of_after @ scaled)
-        if np.abs(step[:K]).max() < _NEAR:
+        steps = np.stack([of_before @ scaled, of_after @ scaled])
+        both = start.moved(tangent, steps)
+        if np.abs(steps[1, :K]).max() < _NEAR:
             break
     return Transition(
-        Estimate(before, link.before.covariance - gain_before @ of_before.T),
-        Estimate(after, link.after.covariance - gain_after @ of_after.T),
+        Estimate(both[0], link.before.covariance - gain_before @ of_before.T),
+        Estimate(both[1], link.after.covariance - gain_after @ of_after.T),
         link.cross - gain_after @ of_before.T,
     )
 
 
-def _linearise(
-    before: Coordinates, after: Coordinates, measured: Sequence[Between], tangent: TreeTangent
-) -> tuple[Array, Array, Array]:
+def _linearise(both: Coordinates, measured: Sequence[Between], tangent: TreeTangent) -> tuple[Array, Array, Array]:
     """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
     rows = sorted({one.row for one in measured})
     place = {row: number for number, row in enumerate(rows)}
-    poses = np.stack([before.poses(tangent), after.poses(tangent)])
+    poses = both.poses(tangent)
     J_before, J = tangent.segment_jacobians(poses, rows)
-    twists_before, twists = J_before @ before.velocity, J @ after.velocity
+    twists_before, twists = J_before @ both.velocity[0], J @ both.velocity[1]
     places = [place[one.row] for one in measured]
     each = [
         one.residual(poses[0, one.row], poses[1, one.row], twists_before[at], twists[at])
@@ -225,5 +225,5 @@ def _linearise(
             blocks.append(np.concatenate(parts, axis=1))
         return np.concatenate(blocks)
 
-    H, H_before = stacked((by for _, by, _ in each), J), stacked((by for _, _, by in each), J_before)
-    return np.concatenate([left for left, _, _ in each]), H, H_before
+    H_before, H = stacked((by for _, _, by in each), J_before), stacked((by for _, by, _ in each), J)
+    return np.concatenate([left for left, _, _ in each]), H_before, H

@@ -16,7 +16,7 @@ from bodycam_ros.kinematics.tangent import TreeTangent
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Where a body is and how it moves.
+    """Where a body is and how it moves; of several states (``stacked``) each array has one more axis in front.
 
     Attributes:
         root: (4, 4) world_T_root [m].
@@ -28,16 +28,26 @@ class Coordinates:
     motion: Array
     velocity: Array
 
+    @staticmethod
+    def stacked(first: "Coordinates", second: "Coordinates") -> "Coordinates":
+        """Those of two states, whose Jacobians and increments cost hardly more together than those of one."""
+        pairs = zip(*((of.root, of.motion, of.velocity) for of in (first, second)), strict=True)
+        return Coordinates(*(np.stack(pair) for pair in pairs))
+
+    def __getitem__(self, row: int) -> "Coordinates":
+        """One of several states."""
+        return Coordinates(self.root[row], self.motion[row], self.velocity[row])
+
     def moved(self, tangent: TreeTangent, step: Array) -> "Coordinates":
         """The coordinates after an increment (2K) of coordinates and velocities, or (K) of coordinates alone."""
-        root, motion = tangent.moved(self.root, self.motion, step[: tangent.count])
-        rest = step[tangent.count :]
-        return Coordinates(root, motion, self.velocity + rest if len(rest) else self.velocity)
+        root, motion = tangent.moved(self.root, self.motion, step[..., : tangent.count])
+        rest = step[..., tangent.count :]
+        return Coordinates(root, motion, self.velocity + rest if rest.shape[-1] else self.velocity)
 
     def step_to(self, tangent: TreeTangent, other: "Coordinates") -> Array:
         """The increment (2K) from these coordinates to others."""
         step = tangent.step_between(self.root, self.motion, other.root, other.motion)
-        return np.concatenate([step, other.velocity - self.velocity])
+        return np.concatenate([step, other.velocity - self.velocity], axis=-1)
 
     def poses(self, tangent: TreeTangent) -> Array:
         """(S, 4, 4) world_T_segment."""

@@ -18,7 +18,7 @@ from bodycam_ros.timing.clock_state import ClockState
 
 _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, not to a random walk
 _LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
-_OBSERVED = 20.0  # times the sigma of a change of velocity where cameras observe it: they need not be bent by it
+_SLACK_M = 0.005  # of a change of place where cameras observe it: their errors last, and need not be bent by it
 _LEAST_IMAGES = 20  # registered images without a sample at their time, after which a clock is off
 _LATE_NS, _LATE_SHARE = 12_000_000, 0.1  # of samples behind an image, and of such images, which are named
 _LEVER_M = 0.015  # most that a sensor's place in its camera is off
@@ -115,7 +115,7 @@ class InertialSensors:
             if is_needed:
                 factors.append(self._turn(name, moved))
             if takes_step:
-                factors.append(self._step(name, moved, 1.0 if is_needed else _OBSERVED))
+                factors.append(self._step(name, moved, observed=not is_needed))
                 has_step = True
         return factors
 
@@ -166,7 +166,7 @@ class InertialSensors:
         sigma = float(np.sqrt(density * moved.seconds + of_angle**2 + of_delay**2 + _LEAST_RAD**2))
         return SegmentTurn(self._rows[name], segment_R_camera @ R @ segment_R_camera.T, sigma)
 
-    def _step(self, name: str, moved: Preintegrated, share: float) -> InertialStep:
+    def _step(self, name: str, moved: Preintegrated, observed: bool) -> InertialStep:
         R, filtered, spin_bias = self._segment_R_camera[name], self._accelerometers[name], self.biases[name].bias
         imu, (spun, pushed) = self._calibrations[name], np.linalg.norm(moved.change.reshape(2, 3), axis=1)
         lever = min(imu.position_sigma, _LEVER_M)
@@ -179,5 +179,6 @@ class InertialSensors:
             spin_before=R @ (moved.first_rate - spin_bias),
             spin_after=R @ (moved.second_rate - spin_bias),
             density=imu.accelerometer_noise**2 + filtered.sigma**2 * _DRIFT_S,
-            sigma=share * (_LEAST_M_S + float(np.hypot(lever * spun, imu.time_offset_sigma * pushed))),
+            sigma=_LEAST_M_S + float(np.hypot(lever * spun, imu.time_offset_sigma * pushed)),
+            slack=_SLACK_M if observed else 0.0,
         )

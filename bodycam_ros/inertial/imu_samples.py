@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +35,13 @@ class ImuSamples:
 
         Samples that are not finite, or whose stamp does not increase, are left out.
         """
-        stamps_ns, values, latest_ns = [], [], -1
-        for stamp_ns, row in rows:
-            if stamp_ns > latest_ns and np.isfinite(row).all():
-                stamps_ns.append(stamp_ns)
-                values.append(row)
-                latest_ns = stamp_ns
-        numbers = np.array(values, np.float64).reshape(-1, 6)
-        return ImuSamples(np.array(stamps_ns, np.int64), numbers[:, :3], numbers[:, 3:])
+        kept = [*rows]
+        stamps_ns = np.array([stamp_ns for stamp_ns, _ in kept], np.int64)
+        values = np.fromiter(chain.from_iterable(row for _, row in kept), np.float64, 6 * len(kept)).reshape(-1, 6)
+        is_finite = np.isfinite(values).all(axis=1)
+        stamps_ns, values = stamps_ns[is_finite], values[is_finite]
+        later = np.diff(np.maximum.accumulate(stamps_ns), prepend=-1) > 0
+        return ImuSamples(stamps_ns[later], values[later, :3], values[later, 3:])
 
     @staticmethod
     def joined(parts: Sequence["ImuSamples"]) -> "ImuSamples":

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.inertial.preintegration_kernels import add_samples
+from bodycam_ros.inertial.preintegration_kernels import add_samples, motion_between
 
 _KEEP_S = 120.0  # older sums are forgotten: a block of a recording that is solved as a whole is much shorter
 _GAP_S = 0.03  # between neighbouring samples; a longer gap is not integrated across
@@ -125,29 +125,30 @@ class MotionSums:
         """Motion between two stamps [ns]; None unless samples cover all of it."""
         if self._latest[:2] != (start_ns, end_ns) or self._pending or self._samples:
             # Several filters of one sensor need the same motion.
-            self._latest = start_ns, end_ns, self._between(np.array([start_ns, end_ns], np.int64))
+            self._latest = start_ns, end_ns, self._between(start_ns, end_ns)
         return self._latest[2]
 
-    def _between(self, stamps_ns: NDArray[np.int64]) -> Preintegrated | None:
-        if not self.covers(stamps_ns).all():
+    def _between(self, start_ns: int, end_ns: int) -> Preintegrated | None:
+        self._integrate_pending()
+        stamps_ns, gaps, sums, last = self._stamps_ns, self._gaps, self._sums, len(self._stamps_ns) - 1
+        if last < 0 or start_ns < stamps_ns[0] or end_ns > stamps_ns[last] + round(1e9 * _AHEAD_S):
             return None
-        first, last = self._gaps[self._nodes(stamps_ns)].tolist()
-        if first != last:
+        first, second = (np.searchsorted(stamps_ns, (start_ns, end_ns), side="right") - 1).tolist()
+        # A stamp inside a gap has the number of the samples before it, and that after it is another.
+        if not gaps[first] == gaps[min(first + 1, last)] == gaps[second] == gaps[min(second + 1, last)]:
             return None
-        at, seconds = self.at(stamps_ns), 1e-9 * int(stamps_ns[1] - stamps_ns[0])
-        first_R_sums = at.R[0].T
-        once, twice = at.once[1] - at.once[0], at.twice[1] - at.twice[0] - seconds * at.once[0]
+        moved = motion_between(stamps_ns, sums.readings, sums.R, sums.once, sums.twice, first, second, start_ns, end_ns)
         return Preintegrated(
-            seconds=seconds,
-            rotation=first_R_sums @ at.R[1],
-            velocity=first_R_sums @ once[9:],
-            position=first_R_sums @ twice[9:],
-            first_rate=at.readings[0, :3],
-            second_rate=at.readings[1, :3],
-            change=at.readings[1] - at.readings[0],
-            rotation_by_bias=at.R[1].T @ once[:9].reshape(3, 3),
-            velocity_by_bias=first_R_sums @ once[:9].reshape(3, 3),
-            position_by_bias=first_R_sums @ twice[:9].reshape(3, 3),
+            seconds=1e-9 * (end_ns - start_ns),
+            rotation=moved[:9].reshape(3, 3),
+            velocity=moved[9:12],
+            position=moved[12:15],
+            first_rate=moved[15:18],
+            second_rate=moved[18:21],
+            change=moved[21:27],
+            rotation_by_bias=moved[27:36].reshape(3, 3),
+            velocity_by_bias=moved[36:45].reshape(3, 3),
+            position_by_bias=moved[45:].reshape(3, 3),
         )
 
     def at(self, stamps_ns: NDArray[np.int64]) -> _Sums:
