@@ -21,7 +21,11 @@ def nested(name: bytes, *records: bytes) -> bytes:
 
 
 def inertial_payloads(
-    gyroscope: np.ndarray, accelerometer: np.ndarray, rate_hz: float, iori: tuple[float, ...] | None = None
+    gyroscope: np.ndarray,
+    accelerometer: np.ndarray,
+    rate_hz: float,
+    iori: tuple[float, ...] | None = None,
+    matrix: np.ndarray | None = None,
 ) -> list[bytes]:
     """Payloads each half of a second, of samples (N, 3) in a HERO8's axes: X right, Y forward, Z up.
 
@@ -30,6 +34,7 @@ def inertial_payloads(
         accelerometer: [m/s^2].
         rate_hz: of both.
         iori: orientation of each image against the camera, a quaternion (w, x, y, z).
+        matrix: (3, 3) Z, X, Y of the camera by the channels, of a sensor that lies otherwise in it.
     """
     length = round(rate_hz * _EVERY_S)
     payloads = []
@@ -37,8 +42,12 @@ def inertial_payloads(
         streams = []
         for name, values, scale in ((b"GYRO", gyroscope, 939), (b"ACCL", accelerometer, 417)):
             x, y, z = values[first : first + length].T
-            numbers = np.round(scale * np.stack([x, -z, y], axis=1)).astype(">i2")
+            channels = np.stack([x, -z, y], axis=1)
             fields = [record(b"ORIN", b"c", 1, b"XzY"), record(b"SCAL", b"s", 2, struct.pack(">h", scale))]
+            if matrix is not None:
+                channels = np.stack([z, x, y], axis=1) @ np.linalg.inv(matrix).T
+                fields += [record(b"ORIO", b"c", 1, b"ZXY"), record(b"MTRX", b"f", 36, matrix.astype(">f4").tobytes())]
+            numbers = np.round(scale * channels).astype(">i2")
             streams.append(nested(b"STRM", *fields, record(name, b"s", 6, numbers.tobytes())))
         if iori is not None:
             numbers = np.round(32767 * np.array(iori)).astype(">i2")

@@ -26,6 +26,7 @@ _DEEPEST = 6
 
 _DTYPES = {b"s": ">i2", b"S": ">u2", b"l": ">i4", b"L": ">u4", b"f": ">f4", b"J": ">u8", b"c": "S1"}
 _DEFAULT_ORDER = "ZXY"  # of channels, of cameras before the HERO8
+_EXCHANGES = (-1.0, 0.0, 1.0)  # elements of a matrix that exchanges or reverses axes
 _STABILISED_RAD = np.radians(0.5)  # turn of an image against the camera
 _LEAST_RATE_HZ = 90.0  # of a gyroscope; in time-lapse videos samples are averages, about one a frame
 _LEAST_SAMPLES = 50
@@ -178,7 +179,11 @@ def _vectors(stream: Records, name: bytes) -> Array | None:
     if values is None or scale is None or not len(scale) or not scale.all() or len(values) < 3:
         return None
     channels = values[: len(values) // 3 * 3].reshape(-1, 3) / (scale if len(scale) == 3 else scale[0])
-    order = stream.get(b"ORIN", (b"c", _DEFAULT_ORDER.encode()))[1][:3].decode("ascii", "replace")
+    axes, matrix = b"ORIN", _numbers(stream.get(b"MTRX", (b"", b"")))
+    if matrix is not None and len(matrix) == 9 and np.isfinite(matrix).all() and not np.isin(matrix, _EXCHANGES).all():
+        # As GoPro's parser: from the channels to the axes of ORIO. One that only exchanges axes is left to ORIN.
+        axes, channels = b"ORIO", channels @ matrix.reshape(3, 3).T
+    order = stream.get(axes, (b"c", _DEFAULT_ORDER.encode()))[1][:3].decode("ascii", "replace")
     if sorted(order.upper()) != ["X", "Y", "Z"]:
         return None
     # Letters name the camera's axes, small ones reversed: X right, Y forward, Z up.

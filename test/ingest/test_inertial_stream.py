@@ -9,6 +9,7 @@ from made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.geometry import exp_so3
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.recording.telemetry import inertial_samples, stabilisation
@@ -36,6 +37,17 @@ def test_samples_of_a_gopro_have_the_optical_frame_s_axes(tmp_path: Path) -> Non
     np.testing.assert_allclose(samples.media_s, TIMES_S, atol=3e-3)
     np.testing.assert_allclose(np.diff(samples.media_s), 1.0 / RATE_HZ, rtol=1e-3)
     np.testing.assert_allclose(samples.gyroscope, optical(GYROSCOPE), atol=1e-3)
+    np.testing.assert_allclose(samples.accelerometer, optical(ACCELEROMETER), atol=5e-3)
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.1])
+def test_the_axes_of_a_matrix_come_before_those_of_the_channels(tmp_path: Path, turned_rad: float) -> None:
+    """A sensor that lies in the camera turned by some degrees. A matrix that only exchanges axes is left to ORIN."""
+    turn = exp_so3(turned_rad * np.array([1.0, -2.0, 0.5]))
+    letters = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of XzY to ZXY
+    samples = inertial_samples(go_pro(tmp_path, matrix=turn @ letters))
+    assert samples is not None
+    np.testing.assert_allclose(samples.gyroscope, optical(GYROSCOPE), atol=2e-3)
     np.testing.assert_allclose(samples.accelerometer, optical(ACCELEROMETER), atol=5e-3)
 
 
