@@ -53,6 +53,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_start(parser, "with --place: where the body is at first")
     parser.add_argument(
+        "--height",
+        type=float,
+        metavar="METRES",
+        help="with --place, instead of --body: lengths of people of this height",
+    )
+    parser.add_argument(
         "--live",
         action="store_true",
         help="show what the running graph publishes (needs ROS 2); --map, --namespace and --port apply",
@@ -74,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.place is not None:
         _place(arguments)
         return 0
-    for flag in given_flags(arguments, "start"):
+    for flag in given_flags(arguments, "start", "height"):
         raise ViewError(f"{flag}: is for --place")
     if arguments.output is not None:
         _write_video(arguments)
@@ -124,9 +130,10 @@ def _place(arguments: argparse.Namespace) -> None:
         raise ViewError(
             f"--place: a start is made of a recording that is not solved yet; leave out {', '.join(unused)}"
         )
-    for name, needed in (("stations", "CAMERAS.YAML"), ("body", "BODY.yaml"), ("output", "START.yaml")):
-        if getattr(arguments, name) is None:
-            arguments.usage_error(f"--place needs {'-o' if name == 'output' else '--' + name} {needed}")
+    if arguments.stations is None or arguments.output is None:
+        arguments.usage_error("--place needs --stations CAMERAS.YAML and -o START.yaml")
+    if (arguments.body is None) == (arguments.height is None):
+        arguments.usage_error("--place needs either --body BODY.yaml or --height METRES")
     inputs = ("place", "map", "body", "stations", "surface", "start")
     check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
     check_file(arguments.output, arguments.force, b": [", "start")
@@ -135,13 +142,15 @@ def _place(arguments: argparse.Namespace) -> None:
     from bodycam_ros.viewer.placing_sources import PlacingSources
 
     files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
-    sources = PlacingSources.read(arguments.place, files, arguments.body, arguments.map)
+    sources = PlacingSources.read(arguments.place, files, arguments.body or arguments.height, arguments.map)
     place_body(sources, arguments.output, arguments.port)
 
 
 def _view_live(arguments: argparse.Namespace) -> None:
     unused = [] if arguments.solved is None else ["OUT"]
-    unused += given_flags(arguments, "body", "recording", "stations", "surface", "output", "over", "place", "start")
+    unused += given_flags(
+        arguments, "body", "recording", "stations", "surface", "output", "over", "place", "start", "height"
+    )
     if unused:
         raise ViewError(f"--live: the running graph publishes the body; leave out {', '.join(unused)}")
     try:

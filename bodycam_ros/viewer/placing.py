@@ -66,7 +66,7 @@ class PlacingSession:
 
     def __init__(self, server: LocalServer, sources: PlacingSources, output: Path) -> None:
         self._server, self._sources, self._output = server, sources, output
-        self._placement = self._written = sources.placement
+        self._placement, self._written = sources.placement, sources.placement.poses
         body = self._placement.body
         self._selected, self._is_dragging = body.root, False
         self._inbox = inbox = Inbox()
@@ -131,7 +131,7 @@ class PlacingSession:
     @property
     def is_changed(self) -> bool:
         """Whether the body is elsewhere than in the file."""
-        return self._placement is not self._written
+        return self._placement.poses is not self._written
 
     @property
     def _pose(self) -> Array:
@@ -170,6 +170,7 @@ class PlacingSession:
         if not np.allclose(pose, self._pose, rtol=0.0, atol=_STILL):
             self._placement = self._placement.moved_to(self._selected, pose, continues=self._is_dragging)
             self._is_dragging = True
+            self._remark.content = ""
             self._show()
 
     def _move_to(self, place_world: Array) -> None:
@@ -186,6 +187,7 @@ class PlacingSession:
     def _change(self, placement: Placement) -> None:
         """Take over a placement that was not made with the gizmo."""
         self._placement, self._is_dragging = placement, False
+        self._remark.content = ""
         self._gizmo.follow(self._pose)
         self._show()
 
@@ -197,7 +199,7 @@ class PlacingSession:
 
     def _write(self) -> None:
         self._sources.write(self._output, self._placement.poses)
-        self._written = self._placement
+        self._written = self._placement.poses
         self._server.notify("Written", f"{self._output}; replay with --start {self._output}", "green")
 
     def _cut(self, is_close_up: bool) -> None:

@@ -13,7 +13,7 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.person_model import with_hands
+from bodycam_ros.static_cameras.person_model import body_of_height, with_hands
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
@@ -52,24 +52,31 @@ class PlacingSources:
 
     @classmethod
     def read(
-        cls, recording_path: Path, files: StaticCameraFiles, body_path: Path, map_path: Path | None
+        cls, recording_path: Path, files: StaticCameraFiles, body: Path | float, map_path: Path | None
     ) -> "PlacingSources":
         """Read them all; without a start in ``files`` the body stands where the cameras look.
+
+        Args:
+            recording_path: bag with images of the static cameras.
+            files: of the static cameras.
+            body: its file, or the height [m] of an average person.
+            map_path: map folder, where the static cameras are in a map.
 
         Raises:
             BodycamError: one of them is missing or damaged, or they do not fit each other.
         """
-        body = with_hands(read_body(body_path))
+        body_path = body if isinstance(body, Path) else Path()
+        person = with_hands(read_body(body)) if isinstance(body, Path) else body_of_height(body, "person")
         reference_map = None if map_path is None else ReferenceMap.load(map_path)
         with open_recording(recording_path) as recording:
-            stations = read_recorded_stations(files, reference_map, recording, body)
+            stations = read_recorded_stations(files, reference_map, recording, person)
             images = _first_images(recording, stations)
-        surfaces = surfaces_of(body, body_path, files.surface)
-        tracker = RegionTracker(body, BodySurface.of(body, surfaces), stations, RegionSettings())
+        surfaces = surfaces_of(person, body_path, files.surface)
+        tracker = RegionTracker(person, BodySurface.of(person, surfaces), stations, RegionSettings())
         if files.start is None:
             poses = standing_in_view(tracker.body, [stations[name] for name in images])
         else:
-            poses = read_start(files.start, files.stations, stations, body).world_T_segment
+            poses = read_start(files.start, files.stations, stations, person).world_T_segment
         return cls(
             images,
             stations,

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from ended_with_us import ended_with_us
 
+from bodycam_ros.cli.main import main
+
 REPOSITORY = Path(__file__).parent.parent.parent
 
 
@@ -110,3 +112,43 @@ def test_the_body_of_out_is_that_of_its_file(sample: Path, sample_out: Path, tmp
 def test_without_a_body_or_a_result_nothing_can_be_shown(sample: Path, tmp_path: Path) -> None:
     result = bodycam_view("--map", sample / "map", "-o", tmp_path / "walk.mp4")
     assert result.returncode == 1 and "the body is unknown: give its file with --body" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--place", "BAG"], "--place needs --stations CAMERAS.YAML and -o START.yaml"),
+        (["--place", "BAG", "--stations", "C.yaml", "-o", "start.yaml"], "either --body BODY.yaml or --height METRES"),
+        (["--place", "BAG", "OUT"], "leave out OUT"),
+        (["--start", "start.yaml"], "--start: is for --place"),
+        (
+            ["--place", "BAG", "--stations", "C.yaml", "--height", "1.8", "-o", "start.yaml"],
+            "error: BAG: does not exist",
+        ),
+    ],
+)
+def test_what_a_start_by_hand_lacks_is_said(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    try:
+        assert main(["view", *arguments]) != 0
+    except SystemExit as left:
+        assert left.code == 2
+    assert said in " ".join(capfd.readouterr().err.split())
+
+
+def test_a_start_is_replaced_if_asked_for_and_nothing_else_is(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    given = ["view", "--place", str(tmp_path / "bag"), "--stations", str(tmp_path / "c.yaml"), "--height", "1.8", "-o"]
+    start, other = tmp_path / "start.yaml", tmp_path / "other.yaml"
+    start.write_text("pelvis: [0, 0, 1, 0, 0, 0, 1]\n")
+    other.write_text("name: me\n")
+    for path, flags, said in (
+        (start, [], "--force"),
+        (other, ["--force"], "is no start"),
+        (start, ["--force"], "bag: does"),
+    ):
+        assert main([*given, str(path), *flags]) == 1
+        assert said in " ".join(capfd.readouterr().err.split())
