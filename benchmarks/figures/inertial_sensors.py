@@ -61,7 +61,7 @@ def map_without_board(bench: Bench) -> Iterator[Figure]:
     group = "dev_walk, map from the range of motion by accelerometers"
     folder, body = bench.work / "map by accelerometers", bench.work / "body in map by accelerometers.yaml"
     given = ("--rig", rom / "rig.yaml", "--jobs", bench.jobs, "--imu", rom / "imu")
-    bodycam("map", "--from-bag", rom / "bag", *given, "-o", folder)
+    bodycam("map", "--from-bag", rom / "bag", *given, "--no-board", "-o", folder)
     bodycam("body", rom / "bag", *given, "--map", folder, "-o", body)
     bench.replay(group, walk / "bag", body, "--imu", walk / "imu", in_map=folder)
     scored = score(bench.out(group), walk)

@@ -12,6 +12,7 @@ from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
     inertial_alignment,
+    known_distances,
     opened_photographs,
 )
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
@@ -62,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
             settings,
             arguments.jobs,
             progress,
+            known_distances(arguments),
             inertial_alignment(arguments, photographs),
         )
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
@@ -91,8 +93,14 @@ def _board_lines(built: "BuiltMap") -> Iterator[str]:
 
 
 def _scale_line(built: "BuiltMap") -> str:
+    known = built.known_scale
     if not built.reference_map.metric:
-        return "NOT metric: without a board or inertial sensors the scale is arbitrary"
+        return "NOT metric: without a board, a known distance or inertial sensors the scale is arbitrary"
+    if known is not None and built.residual is not None:
+        share, sigma = 100 / known.scale, 100 * known.sigma
+        return f"metric, by the board; in it the known distance is {share:.1f} % of what was measured, +- {sigma:.1f} %"
+    if known is not None:
+        return f"metric, by a known distance: scale +- {100 * known.sigma:.1f} %; a board is more accurate"
     if built.inertial is None:
         return "metric, by the board"
     return (
@@ -104,4 +112,10 @@ def _scale_line(built: "BuiltMap") -> str:
 def _vertical_line(built: "BuiltMap") -> str:
     if built.inertial is not None:
         return f"z is up, by accelerometers, +- {math.degrees(built.inertial.tilt_sigma):.2f} deg"
-    return "z is up, from the board" if built.reference_map.gravity_aligned else "z is NOT up: there is no board"
+    if built.floor is not None:
+        return f"z is up, if the floor is level: {built.floor.landmarks} landmarks lie on it"
+    return (
+        "z is up, from the board"
+        if built.reference_map.gravity_aligned
+        else "z is NOT up: there is no board, and no floor beneath body cameras"
+    )

@@ -28,13 +28,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.evaluate.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.coverage import coverage_lines, measure_coverage
+    from bodycam_ros.mapping.coverage import coverage_lines, measure_coverage, upright_map
     from bodycam_ros.registration.reference_map import ReferenceMap
 
     if arguments.output is not None:
         check_output(arguments.output, (arguments.map,), makes_folders=False)
         check_file(arguments.output, arguments.force, _PNG, "picture (PNG)")
-    reference_map = ReferenceMap.load(arguments.map)
+    reference_map = upright_map(ReferenceMap.load(arguments.map))
     with shown_progress() as progress:
         coverage = measure_coverage(reference_map, progress)
     lines = coverage_lines(coverage)
@@ -51,12 +51,13 @@ def add_coverage(
 ) -> "tuple[ReferenceMap, Callable[[Path], None], list[str]]":
     """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
     from bodycam_ros.evaluate.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, upright_map, with_coverage
 
-    coverage = measure_coverage(reference_map, progress)
-    covered = with_coverage(reference_map, coverage)
+    upright = upright_map(reference_map)
+    coverage = measure_coverage(upright, progress)
 
     def draw(folder: Path) -> None:
-        draw_coverage(coverage, covered, folder / COVERAGE_FILE, name)
+        draw_coverage(coverage, upright, folder / COVERAGE_FILE, name)
 
-    return covered, draw, [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]
+    lines = [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]
+    return with_coverage(reference_map, coverage), draw, lines

@@ -16,6 +16,7 @@ from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
     from bodycam_ros.inertial.map_alignment import InertialAlignment
+    from bodycam_ros.mapping.known_distance import KnownDistance
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
@@ -45,6 +46,15 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         "--from-bag", type=Path, metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion"
     )
     body.add_argument("--rig", type=Path, help="with --from-bag: the body cameras (default: all in the bag)")
+    body.add_argument(
+        "--known-distance",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("CAMERA", "CAMERA", "METRES"),
+        help="with --from-bag: measured distance between the lenses of two cameras on one segment; it scales the map "
+        "where no board is in view. The farther apart the better; may be given several times",
+    )
     add_imu(body)
 
 
@@ -60,8 +70,9 @@ def check_source(arguments: argparse.Namespace) -> None:
             raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
         for flag in given_flags(arguments, "camera"):
             raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
+        known_distances(arguments)
         return
-    for flag in given_flags(arguments, "rig", "imu"):
+    for flag in given_flags(arguments, "rig", "known_distance", "imu"):
         raise MapError(f"{flag} is for the body cameras of a recording; give --from-bag")
     if source is None:
         raise MapError("give REFERENCE_DIR or VIDEO, or --from-bag BAG, to make a map of")
@@ -71,6 +82,36 @@ def check_source(arguments: argparse.Namespace) -> None:
         )
     if source.suffix.lower() in _BAG_SUFFIXES or (source / METADATA).is_file():
         raise MapError(f"{source}: is a bag; give it with --from-bag")
+
+
+def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
+    """Those of --known-distance.
+
+    Raises:
+        MapError: one of them is no number, or between cameras on different segments.
+    """
+    from bodycam_ros.calibration.rig import Rig
+    from bodycam_ros.mapping.known_distance import KnownDistance
+
+    rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
+    distances = []
+    for first, second, text in arguments.known_distance:
+        try:
+            metres = float(text)
+        except ValueError as error:
+            raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
+        if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
+            raise MapError(
+                f"--known-distance {first} {second}: {arguments.rig} has no camera {unknown[0]}; it has "
+                f"{', '.join(sorted(rig.cameras))}"
+            )
+        if rig and rig.cameras[first] != rig.cameras[second]:
+            raise MapError(
+                f"--known-distance {first} {second}: they are on different segments by {arguments.rig}, so their "
+                "distance changes; measure one between cameras on the same segment"
+            )
+        distances.append(KnownDistance(first, second, metres))
+    return tuple(distances)
 
 
 def inertial_alignment(
@@ -111,10 +152,12 @@ def opened_photographs(
         yield find_photographs(source, arguments.camera)
         return
     board = source.resolve().parent / BOARD_FILE
+    pairs: list[tuple[str, str]] = []
     cameras: Mapping[str, MovingCamera]
     if arguments.from_bag is not None:
         body_cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
-        cameras = open_body_cameras(source, body_cameras)
+        pairs = [(known.first, known.second) for known in known_distances(arguments)]
+        cameras = open_body_cameras(source, body_cameras, [camera for pair in pairs for camera in pair])
         name = source.resolve().name
     else:
         camera = VideoCamera(source, arguments.camera)
@@ -129,4 +172,5 @@ def opened_photographs(
             arguments.jobs,
             progress,
             board if board.is_file() else None,
+            pairs,
         )

@@ -92,13 +92,14 @@ def align_to_gravity(
         cameras += 1
     if not windows:
         raise MapError(
-            "no inertial sensor agrees with the images, so the map has no scale and no vertical; give a board"
+            "no inertial sensor agrees with the images, so the map has no scale and no vertical; give a board or a "
+            "known distance"
         )
     alignment = _solve(windows, cameras)
     if alignment.scale_sigma > _MAX_SCALE_SIGMA:
         raise MapError(
             f"the accelerometers determine the map's scale to {100 * alignment.scale_sigma:.0f} % only; move faster, "
-            "or give a board"
+            "or give a board or a known distance"
         )
     return alignment
 

@@ -11,12 +11,13 @@ import numpy as np
 
 from bodycam_ros import __version__
 from bodycam_ros.errors import MapError
-from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.map_alignment import InertialAlignment
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board, BoardAlignment, BoardResidual, align_to_board, read_board
 from bodycam_ros.mapping.features import ImageFeatures, extract_all
+from bodycam_ros.mapping.floor import Floor, body_extent, stand_on_floor
+from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.mapping.reconstruction import reconstruct
@@ -29,8 +30,6 @@ from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 _LOG = logging.getLogger(__name__)
 
 _BODY_EXTENT_M = 1.4  # between the farthest body cameras, roughly
-_LOWEST = 0.02  # quantile of the cameras' heights: a hand may touch the floor
-_FLOOR_BELOW_M, _FLOOR_M = 0.6, 0.03  # of the floor beneath the lowest camera, and its thickness
 _MODEL_FOLDER = "sparse"
 _PLY_FILE = "structure.ply"
 
@@ -63,6 +62,8 @@ class BuiltMap:
         structure: the same with all observations, in the map frame.
         registrations: one per readable photograph.
         residual: of the board; None without one.
+        known_scale: by known distances, or of known distances in a map that the board has scaled; None without any.
+        floor: that gives the origin, and the vertical where no sensor does; None with a board, or if there is none.
         inertial: scale and vertical by inertial sensors; None without any.
     """
 
@@ -70,6 +71,8 @@ class BuiltMap:
     structure: Structure
     registrations: tuple[Registration, ...]
     residual: BoardResidual | None
+    known_scale: KnownScale | None
+    floor: Floor | None
     inertial: InertialAlignment | None
 
     def save(self, path: Path, *, force: bool = False, also: Callable[[Path], None] = lambda folder: None) -> None:
@@ -98,6 +101,7 @@ def build_map(
     settings: MapSettings,
     workers: int,
     progress: Progress,
+    known_distances: Sequence[KnownDistance] = (),
     align: Callable[[ReferenceMap], InertialAlignment] | None = None,
 ) -> BuiltMap:
     """Build a reference map (A section 4.1), metric and upright if a board is described.
@@ -108,6 +112,7 @@ def build_map(
         settings: of all steps.
         workers: threads.
         progress: shows the steps.
+        known_distances: between body cameras, of which the photographs are; they scale a map where no board does.
         align: finds scale and vertical of a map by the inertial sensors of body cameras, where no board gives them.
 
     Raises:
@@ -125,15 +130,15 @@ def build_map(
             f"{', '.join(map(str, board.corners_board))}) large enough; photograph it from near by, or leave the board "
             "out (--no-board) for a map without scale"
         )
-        if align is None:
+        if not known_distances and align is None:
             raise MapError(problem)
-        _LOG.warning("%s. Inertial sensors scale the map", problem)
+        _LOG.warning("%s. The known distance or inertial sensors scale the map", problem)
         board = None
     # Poses and points, kept by the criteria of A 4.1.
     structure = reconstruct(features, camera_of_name, workers, progress)
 
     # Scale, origin and upward direction.
-    alignment, inertial = None, None
+    alignment, known_scale, floor, inertial = None, None, None, None
     if board is not None:
         tag_views, taken_by = zip(*((tags[name], camera_of_name[name]) for name in structure.names), strict=True)
         alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board)
@@ -144,13 +149,19 @@ def build_map(
                 "the map is metric, but its z is the board's, not up",
                 board_path,
             )
-    elif align is not None:
-        structure = structure.transformed(_rough_scale(structure), np.eye(3), np.zeros(3))
-        with progress.step("registering images for inertial sensors", 1) as advance:
-            inertial = align(_make_map(structure, features, None, metric=True, gravity_aligned=False, summary={}))
-            advance()
-        structure = structure.transformed(inertial.scale, _upright_axes(inertial.up), np.zeros(3))
-        structure = structure.transformed(1.0, np.eye(3), -_floor_place(structure))
+    if known_distances:
+        known_scale = measure_scale(structure, photographs.seconds_of_name, known_distances)
+    if alignment is None:
+        if known_scale is not None or align is not None:
+            scale = _BODY_EXTENT_M / body_extent(structure)[1] if known_scale is None else known_scale.scale
+            structure = structure.transformed(scale, np.eye(3), np.zeros(3))
+        if align is not None:
+            with progress.step("registering images for inertial sensors", 1) as advance:
+                inertial = align(_make_map(structure, features, None, metric=True, gravity_aligned=False, summary={}))
+                advance()
+            scale = inertial.scale if known_scale is None else 1.0
+            structure = structure.transformed(scale, np.eye(3), np.zeros(3))
+        structure, floor = stand_on_floor(structure, None if inertial is None else inertial.up)
 
     kept = small_photographs(photographs.folder, structure, workers, progress)
     with progress.step("describing landmarks", 1) as advance:
@@ -159,13 +170,15 @@ def build_map(
             structure,
             features,
             kept,
-            metric=alignment is not None or inertial is not None,
-            gravity_aligned=inertial is not None or (board is not None and board.map_R_board is not None),
-            summary=_summary(photographs, structure, settings, alignment, inertial),
+            metric=alignment is not None or known_scale is not None or inertial is not None,
+            gravity_aligned=inertial is not None
+            or floor is not None
+            or (board is not None and board.map_R_board is not None),
+            summary=_summary(photographs, structure, settings, alignment, known_scale, floor, inertial),
         )
         advance()
     residual = None if alignment is None else alignment.residual
-    return BuiltMap(reference_map, structure, registrations, residual, inertial)
+    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, inertial)
 
 
 def _make_map(
@@ -195,31 +208,6 @@ def _make_map(
         photographs=photographs,
         summary=summary,
     )
-
-
-def _rough_scale(structure: Structure) -> float:
-    """Metres per unit, by the extent of the body cameras."""
-    centres = structure.world_T_camera[:, :3, 3]
-    along = np.linalg.svd(centres - centres.mean(axis=0))[2][0]
-    return _BODY_EXTENT_M / float(np.ptp(centres @ along))
-
-
-def _upright_axes(up: Array) -> Array:
-    """Rotation (3, 3) that turns a unit direction to z."""
-    aside = np.eye(3)[int(np.abs(up).argmin())]
-    x = np.cross(aside, up) / np.linalg.norm(np.cross(aside, up))
-    return np.array([x, np.cross(up, x), up])
-
-
-def _floor_place(structure: Structure) -> Array:
-    """(3,) beneath the middle of the body cameras, on the floor [m]: the level of most landmarks below the lowest."""
-    centres, heights = structure.world_T_camera[:, :3, 3], structure.points_world[:, 2]
-    lowest = float(np.quantile(centres[:, 2], _LOWEST))
-    edges = np.arange(lowest - _FLOOR_BELOW_M, lowest, _FLOOR_M)
-    counts = np.histogram(heights, edges)[0]
-    level = edges[np.argmax(counts)] + 0.5 * _FLOOR_M if counts.any() else lowest
-    near = heights[np.abs(heights - level) < _FLOOR_M]
-    return np.array([*centres[:, :2].mean(axis=0), np.median(near) if len(near) else level])
 
 
 def _features(
@@ -269,6 +257,8 @@ def _summary(
     structure: Structure,
     settings: MapSettings,
     alignment: BoardAlignment | None,
+    known_scale: KnownScale | None,
+    floor: Floor | None,
     inertial: InertialAlignment | None,
 ) -> dict[str, Any]:
     """What ``map.yaml`` documents, as plain values."""
@@ -293,6 +283,9 @@ def _summary(
         },
         "board_residual": None if alignment is None else asdict(alignment.residual),
         MAP_R_BOARD: None if alignment is None else alignment.map_R_board.tolist(),
+        "known_distance": known_scale
+        and {"relative_sigma": round(known_scale.sigma, 5), "distances": list(known_scale.summary)},
+        "floor_landmarks": floor and floor.landmarks,
         "inertial": inertial
         and {
             "relative_scale_sigma": round(inertial.scale_sigma, 5),

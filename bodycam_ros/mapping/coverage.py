@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.mapping.floor import upright_axes
 from bodycam_ros.progress import Progress
 from bodycam_ros.registration.matching import MAX_VIEW_ANGLE_DEG, MIN_VISIBLE_SCALE_PX
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -85,8 +86,24 @@ class Coverage:
         return np.asarray(np.einsum("pea,ea->p", self.registers, self.weights), np.float64)
 
 
+def upright_map(reference_map: ReferenceMap) -> ReferenceMap:
+    """The map itself if its z is up; else its landmarks and photographs, turned until photographs are upright."""
+    if reference_map.gravity_aligned:
+        return reference_map
+    up = -reference_map.world_T_camera[:, :3, 1].mean(axis=0)
+    R = upright_axes(up / max(float(np.linalg.norm(up)), 1e-9))
+    poses = reference_map.world_T_camera.copy()
+    poses[:, :3] = R @ poses[:, :3]
+    return replace(
+        reference_map,
+        points_world=reference_map.points_world @ R.T,
+        world_T_camera=poses,
+        descriptor_view=(reference_map.descriptor_view @ R.T).astype(np.float32),
+    )
+
+
 def measure_coverage(reference_map: ReferenceMap, progress: Progress) -> Coverage:
-    """Count the landmarks in view from places in a map, in all directions."""
+    """Count the landmarks in view from places in a map whose z is up (``upright_map``), in all directions."""
     places = _places(reference_map)
     elevations = np.arange(-_MAX_ELEVATION_DEG, _MAX_ELEVATION_DEG + 1e-6, _STEP_DEG)
     azimuths = np.linspace(-180.0, 180.0, round(360.0 / _STEP_DEG), endpoint=False)

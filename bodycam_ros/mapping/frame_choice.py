@@ -1,6 +1,6 @@
 """Sharp frames of moving cameras, carried or on the body, as photographs of a map."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.geometry import Array, log_so3
+from bodycam_ros.mapping.known_distance import MAX_APART_S
 from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.progress import Progress, in_parallel
@@ -39,6 +40,7 @@ def keep_sharp_frames(
     workers: int,
     progress: Progress,
     board_path: Path | None = None,
+    pairs: Collection[tuple[str, str]] = (),
 ) -> Photographs:
     """Write the sharpest frame of each of some equal parts of every recording into a folder.
 
@@ -52,6 +54,7 @@ def keep_sharp_frames(
         workers: threads.
         progress: shows the step.
         board_path: description of the board, if there is one.
+        pairs: cameras whose frames are of the same times, the sharpest in sum.
 
     Raises:
         MapError: no frame of a recording shows anything, or there are fewer than two parts.
@@ -61,25 +64,44 @@ def keep_sharp_frames(
     each = max(most // len(sources), 2)
     with failure_named(folder), progress.step("choosing sharp frames", sum(s.count for s in sources.values())) as step:
 
-        def write(camera: str) -> list[str]:
-            source, names = sources[camera], []
-            prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
-            part_s = max(_BEYOND_LAST * source.duration_s / each, _LEAST_PART_S)
-            for found in _sharpest(source, part_s, step):
-                suffix, content = found.file(source)
-                names.append(f"{prefix}_{found.row:06d}{suffix}")
-                (folder / names[-1]).write_bytes(content)
-            if not names:
-                raise MapError(f"{source.name}: none of its {source.count} frames shows anything; give another one")
-            return names
+        def write(cameras: Sequence[str]) -> dict[str, tuple[str, float]]:
+            together, written = [sources[camera] for camera in cameras], {}
+            part_s = max(_BEYOND_LAST * together[0].duration_s / each, _LEAST_PART_S)
+            for found in _sharpest(together, part_s, step):
+                for camera, candidate in zip(cameras, found, strict=True):
+                    prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
+                    suffix, content = candidate.file(sources[camera])
+                    file = f"{prefix}_{candidate.row:06d}{suffix}"
+                    (folder / file).write_bytes(content)
+                    written[file] = camera, candidate.frame.seconds
+            if not written:
+                names, count = " and ".join(source.name for source in together), together[0].count
+                shared = " at common times" if len(together) > 1 else ""
+                raise MapError(f"{names}: none of {count} frames shows anything{shared}; give another recording")
+            return written
 
-        written = dict(zip(sources, in_parallel(write, sources, workers), strict=True))
-    camera_of_name = {file: sources[camera].camera for camera, names in written.items() for file in names}
-    if len(camera_of_name) < 2:
+        written = {
+            file: of for group in in_parallel(write, _groups(sources, pairs), workers) for file, of in group.items()
+        }
+    if len(written) < 2:
         raise MapError(f"{name}: lasts for one photograph; a map needs a walk through the place, or a range of motion")
     return Photographs(
-        folder, name, tuple(folder / file for file in sorted(camera_of_name)), camera_of_name, board_path
+        folder,
+        name,
+        tuple(folder / file for file in sorted(written)),
+        {file: sources[camera].camera for file, (camera, _) in written.items()},
+        board_path,
+        {file: seconds for file, (_, seconds) in written.items()},
     )
+
+
+def _groups(cameras: Collection[str], pairs: Collection[tuple[str, str]]) -> list[list[str]]:
+    """The cameras; those that pairs connect are together."""
+    groups = [[camera] for camera in cameras]
+    for pair in pairs:
+        joined = [group for group in groups if not set(group).isdisjoint(pair)]
+        groups = [group for group in groups if group not in joined] + [[one for group in joined for one in group]]
+    return groups
 
 
 @dataclass(frozen=True)
@@ -105,35 +127,57 @@ class _Candidate:
         return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
 
 
-def _sharpest(source: MovingCamera, part_s: float, on_frame: Callable[[], None]) -> Iterator[_Candidate]:
-    """The sharpest frame of each part of so many seconds; none of a part that shows nothing."""
-    best: _Candidate | None = None
-    before: tuple[Frame, NDArray[np.uint8]] | None = None
+def _sharpest(
+    sources: Sequence[MovingCamera], part_s: float, on_frame: Callable[[], None]
+) -> Iterator[Sequence[_Candidate]]:
+    """The sharpest frames at one time of each part of so many seconds; none of a part that shows nothing."""
+    best: Sequence[_Candidate] = ()
     start_s, part = 0.0, 0
+    for number, found in enumerate(_together([_candidates(source, on_frame) for source in sources])):
+        seconds = found[0].frame.seconds
+        start_s = start_s if number else seconds
+        if (later := int((seconds - start_s) / part_s)) > part:
+            if best:
+                yield best
+            best, part = (), later
+        if sum(each.sharpness for each in found) > sum(each.sharpness for each in best):
+            best = found
+    if best:
+        yield best
+
+
+def _together(streams: Sequence[Iterator[_Candidate]]) -> Iterator[Sequence[_Candidate]]:
+    """Frames of all streams at about the time of the first's."""
+    heads = [next(stream, None) for stream in streams]
+    while all(heads):
+        found = [head for head in heads if head is not None]
+        seconds = np.array([each.frame.seconds for each in found])
+        is_common = bool(np.all(np.abs(seconds - seconds[0]) <= MAX_APART_S))
+        if is_common:
+            yield found
+        for row in range(len(streams)) if is_common else [int(seconds.argmin())]:
+            heads[row] = next(streams[row], None)
+
+
+def _candidates(source: MovingCamera, on_frame: Callable[[], None]) -> Iterator[_Candidate]:
+    """The frames of a camera that can be decoded and show something."""
+    before: tuple[Frame, NDArray[np.uint8]] | None = None
+    camera = source.camera
     with source.frames() as frames:
         for row, frame in enumerate(frames):
             on_frame()
-            start_s = start_s if row else frame.seconds
-            if (number := int((frame.seconds - start_s) / part_s)) > part:
-                if best is not None:
-                    yield best
-                best, part = None, number
             try:
                 grey = frame.grey()
             except RecordingError:
                 continue
-            camera = source.camera
             if grey.shape != (camera.height, camera.width):
                 raise LensError(
                     f"{source.name}: its images have {grey.shape[1]} x {grey.shape[0]} pixels, but its intrinsics are "
                     f"for {camera.width} x {camera.height}; give the calibration of this mode with --camera"
                 )
-            sharpness = _sharpness(grey)
-            if sharpness > (0.0 if best is None else best.sharpness):
-                best = _Candidate(frame, row, sharpness, grey, before)
+            if (sharpness := _sharpness(grey)) > 0.0:
+                yield _Candidate(frame, row, sharpness, grey, before)
             before = frame, grey
-    if best is not None:
-        yield best
 
 
 def _sharpness(grey: NDArray[np.uint8]) -> float:

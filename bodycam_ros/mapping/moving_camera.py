@@ -178,7 +178,9 @@ def _lens(video: Path, path: Path) -> CameraModel:
     return camera_from_yaml(path)
 
 
-def open_body_cameras(bag: Path, cameras: Collection[str] | None) -> dict[str, MovingCamera]:
+def open_body_cameras(
+    bag: Path, cameras: Collection[str] | None, required: Collection[str] = ()
+) -> dict[str, MovingCamera]:
     """The frames of the body cameras of a bag, by name; of all cameras if None.
 
     Raises:
@@ -188,6 +190,6 @@ def open_body_cameras(bag: Path, cameras: Collection[str] | None) -> dict[str, M
     """
     with open_recording(bag) as recording:
         there = recording.cameras
-    if absent := sorted(set(cameras or ()) - set(there)):
+    if absent := sorted({*(cameras or ()), *required} - set(there)):
         raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(there)}")
     return {camera: BagCamera(bag, camera) for camera in there if cameras is None or camera in cameras}

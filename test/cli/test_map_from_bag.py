@@ -85,4 +85,10 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, capsys: pytest.Cap
     expect_error(out, capsys, "to make a map of", "--from-bag")
     expect_error([BAGS / "reference", *worn, *out], capsys, "give either")
     expect_error([BAGS / "reference", "--rig", BAGS / "rom/rig.yaml", *out], capsys, "--rig", "--from-bag")
+    distance = ["--known-distance", "thigh_left", "thigh_right"]
+    expect_error([BAGS / "reference", *distance, "0.3", *out], capsys, "--known-distance", "--from-bag")
+    expect_error([*worn, *distance, "0.3", *out], capsys, "different segments", "rig.yaml")
+    expect_error([*worn[:2], *distance, "wide", *out], capsys, "number of metres")
+    expect_error([*worn[:2], *distance, "0", *out], capsys, "from 0.01 to 10")
+    expect_error([*worn[:2], "--known-distance", "left_ear", "thigh_left", "0.2", *out], capsys, "no camera left_ear")
     assert not (tmp_path / "map").exists()
