@@ -185,8 +185,12 @@ class CameraInterpolator:
             return self._restamped(nearest, stamp_ns, world_T_camera=None)
         path = CameraPath(np.array([own_ns for own_ns, _ in known], np.int64), np.stack([pose for _, pose in known]))
         wanted = np.array([stamp_ns], np.int64)
-        pose = path.interpolate(wanted).poses[0] if path.covers(wanted, MAX_GAP_S)[0] else None
-        return self._restamped(nearest, stamp_ns, world_T_camera=pose)
+        if not path.covers(wanted, MAX_GAP_S)[0]:
+            return self._restamped(nearest, stamp_ns, world_T_camera=None)
+        covariance = nearest.pose_covariance + np.diag(path.variances(wanted)[0])
+        return self._restamped(
+            nearest, stamp_ns, world_T_camera=path.interpolate(wanted).poses[0], pose_covariance=covariance
+        )
 
     def _restamped(self, image: LandmarkMatches, stamp_ns: int, **changes: Any) -> LandmarkMatches:
         """An image without its landmarks at a common stamp, with the rotation since the one before, if known."""

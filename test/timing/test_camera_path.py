@@ -1,0 +1,34 @@
+"""A path through a camera's poses: exact at images, and its variances are those of its errors between them."""
+
+import numpy as np
+
+from bodycam_ros.geometry import exp_se3, inverse, log_se3
+from bodycam_ros.timing.camera_path import CameraPath
+
+_GAP_NS = 33_000_000
+
+
+def test_variances_are_zero_at_images_and_those_of_the_errors_between_them_where_a_camera_shakes() -> None:
+    """The middle of five images of a shaking camera, left out: a white motion, which no curve can follow."""
+    random = np.random.default_rng(3)
+    normalised = []
+    for _ in range(200):
+        poses = exp_se3(np.array([0.3, 0.1, -0.2, 0.5, 0.0, 0.2]) * np.arange(7)[:, None] / 30.0)
+        poses = poses @ exp_se3(random.normal(scale=np.repeat([0.005, 0.01], 3), size=(7, 6)))
+        stamps_ns = _GAP_NS * np.arange(7)
+        path = CameraPath(stamps_ns[::2], poses[::2])
+        assert np.allclose(path.variances(stamps_ns[::2]), 0.0)
+        errors = log_se3(inverse(poses[3]) @ path.interpolate(stamps_ns[3:4]).poses[0])
+        normalised.append(errors**2 / path.variances(stamps_ns[3:4])[0])
+    # White motion is the worst there is: real ones are measured in camera_path.py.
+    assert 1.5 < np.sqrt(np.median(normalised)) < 3.5
+
+
+def test_a_camera_that_turns_and_moves_evenly_has_no_variance() -> None:
+    """Three images or an even motion show no bend."""
+    twist = np.array([0.3, 0.1, -0.2, 0.5, 0.0, 0.2])
+    poses = exp_se3(twist * np.arange(4)[:, None] / 30.0)
+    stamps_ns = _GAP_NS * np.arange(4)
+    between_ns = np.array([stamps_ns[1] + _GAP_NS // 2])
+    assert np.allclose(CameraPath(stamps_ns, poses).variances(between_ns), 0.0, atol=1e-12)
+    assert not CameraPath(stamps_ns[:3], poses[:3]).variances(between_ns).any()
