@@ -13,7 +13,7 @@ from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, Motio
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
 from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
-from bodycam_ros.calibration.image_evidence import image_evidence, pose_evidence
+from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_search import FoundJoints, find_joints
 from bodycam_ros.calibration.refinement import MAX_ROWS, refine
@@ -168,7 +168,6 @@ class BodyCalibrator:
 
         refined = refine(
             first,
-            pose_evidence(motion, rows, self._evidence),
             image_evidence(motion, rows, self._models, self._pose_fit, self._evidence),
             found.trust[rows],
             straight_limbs(first, hinges),

@@ -9,38 +9,10 @@ from numpy.typing import NDArray
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.estimation.measurements import EvidenceSettings, evidence_floor
-from bodycam_ros.geometry import adjoint, hat, inverse, log_se3
+from bodycam_ros.geometry import adjoint, hat, inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class PoseEvidence:
-    """The registrations' own poses: exact far from the optimum too, where landmarks would be taken for outliers.
-
-    Attributes:
-        world_T_camera: (T, C, 4, 4).
-        information: (T, C, 6, 6), zero where a camera is not known.
-    """
-
-    world_T_camera: Array
-    information: Array
-
-    def linearised(self, world_T_camera: Array) -> tuple[Array, Array]:
-        """Hessians (T, C, 6, 6) and gradients (T, C, 6) of half the squared Mahalanobis distance, in camera axes."""
-        errors = log_se3(inverse(self.world_T_camera) @ world_T_camera)
-        return self.information, (self.information @ errors[..., None])[..., 0]
-
-
-def pose_evidence(motion: CameraMotion, rows: NDArray[np.intp], evidence: EvidenceSettings) -> PoseEvidence:
-    """The registrations of some instants, as far as an image is near them."""
-    information = np.zeros((len(rows), len(motion.cameras), 6, 6))
-    floor = evidence_floor(evidence)
-    for index, row in enumerate(rows):
-        for camera, matches in motion.matches[row].items():
-            information[index, motion.cameras.index(camera)] = np.linalg.inv(matches.pose_covariance + floor)
-    return PoseEvidence(motion.world_T_camera[rows], information)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, eliminate_instants
 from bodycam_ros.calibration.hinge import StraightLimb
-from bodycam_ros.calibration.image_evidence import ImageEvidence, PoseEvidence
+from bodycam_ros.calibration.image_evidence import ImageEvidence
 from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
 
@@ -25,8 +25,7 @@ MAX_ROWS = 300
 STRAIGHT_SIGMA_M = 0.005
 """How straight a limb stands in the N-pose: it alone fixes a hinge's joint along its axis."""
 
-_POSE_ITERATIONS = 4  # on the registrations' own poses, from the joint centres to within a pixel
-_IMAGE_ITERATIONS = 4  # on the landmarks in the images; further ones move joints by 0.1 mm
+_ITERATIONS = 5  # from the joint centres; further ones move joints by 0.1 mm
 _LANDMARK_SIGMA_M = 0.005  # of a landmark in the map, along each axis; a recording moves it by 4 mm in all (median)
 _SIGMA_BLOCKS = 12  # stretches that are left out one by one for the covariance; each must outlast the tracks
 _OUTLIER_SIGMAS = 4.0  # a camera this far from the body counts half (Cauchy), as in the solver
@@ -78,7 +77,6 @@ class Refined:
 
 def refine(
     motion: ArticulatedMotion,
-    poses: PoseEvidence,
     images: ImageEvidence,
     trust: Array,
     limbs: Sequence[StraightLimb],
@@ -89,22 +87,17 @@ def refine(
 
     Args:
         motion: where to start.
-        poses: the registrations' own poses.
-        images: their landmarks in the images.
+        images: the landmarks that they show.
         trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
         limbs: the straight limbs of the N-pose.
         clock: how far clocks may be off.
         on_progress: called with the share that is done.
     """
     start = motion
-    total = _POSE_ITERATIONS + _IMAGE_ITERATIONS
-    for iteration in range(total):
+    for iteration in range(_ITERATIONS):
         world_T_camera = motion.world_T_camera()
-        if iteration < _POSE_ITERATIONS:
-            hessians, gradients = poses.linearised(world_T_camera)
-        else:
-            images = images.with_landmarks_refined(world_T_camera, _LANDMARK_SIGMA_M)
-            hessians, gradients = images.linearised(world_T_camera)
+        images = images.with_landmarks_refined(world_T_camera, _LANDMARK_SIGMA_M)
+        hessians, gradients = images.linearised(world_T_camera)
         weights = trust * _cauchy(hessians, gradients)
         eliminated = eliminate_instants(
             *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
@@ -113,7 +106,7 @@ def refine(
         equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
         lasting = equations.step()
         motion = motion.moved(eliminated.moving(lasting), lasting)
-        on_progress((iteration + 1) / total)
+        on_progress((iteration + 1) / _ITERATIONS)
     return Refined(motion, jackknife_covariance(equations, _SIGMA_BLOCKS), weights)
 
 
