@@ -51,6 +51,14 @@ def test_it_names_what_it_waits_for_and_gives_up(graph: Any, tmp_path: Path) -> 
         assert text in error and text in report["readers lacking"]
 
 
+def test_a_bag_of_sensors_without_any_of_the_cameras_is_refused(graph: Any, tmp_path: Path) -> None:
+    bag = write_tiny_bag(tmp_path / "bag")
+    (player,) = graph.run(_player(bag, imu=str(bag), cameras=["left"]))
+    graph.until(lambda: player.is_over, _START_S, "it refuses")
+    assert isinstance(player.error, RecordingError)
+    assert "has no inertial sensor of the cameras; expected topics /left/imu" in str(player.error)
+
+
 def test_it_publishes_the_time_of_the_recording(graph: Any, tmp_path: Path) -> None:
     frames = 24
     bag = write_tiny_bag(tmp_path / "bag", frames)
