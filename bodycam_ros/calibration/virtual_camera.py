@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation, rigid, robust_average_pose
-
-_MAJORITY = 3  # cameras of which one can be outvoted
-_FAR = 4.0  # times the usual distance of cameras of a segment: of three or more, one that far from all is left out
-_ROUNDING = 1e-9  # [m], [rad]
+from bodycam_ros.geometry import Array, inverse, nearest_rotation, rigid, robust_average_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,25 +68,8 @@ def fuse_cameras(names: Sequence[str], world_T_camera: Array, weights: Array) ->
 
 def _weighted_average(poses: Array, weights: Array) -> Array:
     """Average (T, 4, 4) over the K of poses (T, K, 4, 4) with weights (T, K); the identity where all are zero."""
-    if poses.shape[1] >= _MAJORITY:
-        weights = weights * _near_another(poses, weights > 0)
     total = weights.sum(axis=1)
     share = weights / np.where(total > 0, total, 1.0)[:, None]
     R = np.einsum("tk,tkij->tij", share, poses[:, :, :3, :3])
     R[total == 0] = np.eye(3)
     return rigid(nearest_rotation(R), np.einsum("tk,tki->ti", share, poses[:, :, :3, 3]))
-
-
-def _near_another(poses: Array, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(T, K) whether a pose is about as near to another of its row as poses usually are."""
-    pairs = known[:, :, None] & known[:, None, :] & ~np.eye(poses.shape[1], dtype=bool)
-    between = inverse(poses)[:, :, None] @ poses[:, None]
-    near = np.ones(known.shape, dtype=bool)
-    for vectors in (between[..., :3, 3], log_so3(between[..., :3, :3])):
-        to_nearest = np.where(pairs, np.linalg.norm(vectors, axis=-1), np.inf).min(axis=2)
-        has_other = np.isfinite(to_nearest)
-        if has_other.any():
-            near &= ~has_other | (to_nearest <= _FAR * np.median(to_nearest[has_other]) + _ROUNDING)
-    # Where none is near another it is not known which is wrong.
-    near[~(near & known).any(axis=1)] = True
-    return near
