@@ -37,11 +37,19 @@ class ImuSamples:
         """
         kept = [*rows]
         stamps_ns = np.array([stamp_ns for stamp_ns, _ in kept], np.int64)
-        values = np.fromiter(chain.from_iterable(row for _, row in kept), np.float64, 6 * len(kept)).reshape(-1, 6)
-        is_finite = np.isfinite(values).all(axis=1)
-        stamps_ns, values = stamps_ns[is_finite], values[is_finite]
+        values = np.fromiter(chain.from_iterable(row for _, row in kept), np.float64, 6 * len(kept))
+        return ImuSamples.from_readings(stamps_ns, values.reshape(-1, 6))
+
+    @staticmethod
+    def from_readings(stamps_ns: NDArray[np.int64], readings: Array) -> "ImuSamples":
+        """The same of stamps (N,) [ns] and readings (N, 6)."""
+        is_finite = np.isfinite(readings).all(axis=1)
+        if not is_finite.all():
+            stamps_ns, readings = stamps_ns[is_finite], readings[is_finite]
         later = np.diff(np.maximum.accumulate(stamps_ns), prepend=-1) > 0
-        return ImuSamples(stamps_ns[later], values[later, :3], values[later, 3:])
+        if not later.all():
+            stamps_ns, readings = stamps_ns[later], readings[later]
+        return ImuSamples(stamps_ns, readings[:, :3], readings[:, 3:])
 
     @staticmethod
     def joined(parts: Sequence["ImuSamples"]) -> "ImuSamples":

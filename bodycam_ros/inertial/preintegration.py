@@ -77,7 +77,7 @@ class MotionSums:
     def __init__(self, calibration: ImuCalibration | None = None) -> None:
         self._calibration = calibration or ImuCalibration()
         self._pending: list[ImuSamples] = []
-        self._samples: list[tuple[int, tuple[float, ...]]] = []
+        self._stamps, self._readings = list[int](), list[float]()  # of samples that came one by one
         self._latest: tuple[int, int, Preintegrated | None] = (-1, -1, None)
         # With room for more: live, some samples come with every frame.
         self._rows: tuple[NDArray[Any], ...] = (
@@ -96,7 +96,8 @@ class MotionSums:
 
     def add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
         """Add one sample as it comes: its stamp [ns], angular velocity and acceleration in one tuple."""
-        self._samples.append((stamp_ns, reading))
+        self._stamps.append(stamp_ns)
+        self._readings.extend(reading)
 
     def __len__(self) -> int:
         self._integrate_pending()
@@ -105,8 +106,8 @@ class MotionSums:
     @property
     def latest_ns(self) -> int:
         """Stamp of the latest sample [ns]; -1 if there is none."""
-        if self._samples or self._pending:
-            latest_ns = self._samples[-1][0] if self._samples else int(self._pending[-1].stamps_ns[-1])
+        if self._stamps or self._pending:
+            latest_ns = self._stamps[-1] if self._stamps else int(self._pending[-1].stamps_ns[-1])
             return latest_ns - round(1e9 * self._calibration.time_offset)
         return int(self._stamps_ns[-1]) if len(self._stamps_ns) else -1
 
@@ -123,7 +124,7 @@ class MotionSums:
 
     def between(self, start_ns: int, end_ns: int) -> Preintegrated | None:
         """Motion between two stamps [ns]; None unless samples cover all of it."""
-        if self._latest[:2] != (start_ns, end_ns) or self._pending or self._samples:
+        if self._latest[:2] != (start_ns, end_ns) or self._pending or self._stamps:
             # Several filters of one sensor need the same motion.
             self._latest = start_ns, end_ns, self._between(start_ns, end_ns)
         return self._latest[2]
@@ -172,9 +173,10 @@ class MotionSums:
         return np.maximum(np.searchsorted(self._stamps_ns, stamps_ns, side="right") - 1, 0)
 
     def _integrate_pending(self) -> None:
-        if self._samples:
-            self.add(ImuSamples.from_rows(self._samples))
-            self._samples = []
+        if self._stamps:
+            readings = np.array(self._readings).reshape(-1, 6)
+            self.add(ImuSamples.from_readings(np.array(self._stamps, np.int64), readings))
+            self._stamps, self._readings = [], []
         if not self._pending:
             return
         pending, self._pending = self._calibration.correct(ImuSamples.joined(self._pending)), []

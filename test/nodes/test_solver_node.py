@@ -303,6 +303,7 @@ def test_inertial_sensors_carry_the_body_while_all_cameras_are_silent(graph: Any
             cameras.feel(frame, {odd: 0.5})
             graph.until(lambda: time.monotonic() > due_s, _SOON_S, "the next frame is due")  # noqa: B023
         graph.until(lambda: cameras.solved()[-1:] == [89], _SOON_S, "all frames")
+        graph.until(lambda: len(graph.heard["/odometry"]) >= 90, _SOON_S, "odometry of all frames")
         assert cameras.solved() == list(range(90))
         along_x = [odometry.pose.pose.position.x for odometry in graph.messages("/odometry")]
         assert np.allclose(along_x, SPEED * 1e-9 * FRAME_NS * np.arange(90), atol=0.01)
