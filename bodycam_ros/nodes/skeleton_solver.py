@@ -72,7 +72,7 @@ class SolverStage(Stage[SolverParameters]):
             add_landmarks = partial(self._add_landmarks, camera)
             self.subscription(LANDMARKS_TYPE, f"{camera}/landmarks", add_landmarks, reliable(STAGE_DEPTH))
             add_imu = partial(self._add_imu, camera)
-            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", add_imu, best_effort(IMU_DEPTH), raw=True)
+            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", add_imu, best_effort(IMU_DEPTH), adapts=True, raw=True)
         self.trigger("~/flush", lambda: (True, f"{self._flush()} frames published"))
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:

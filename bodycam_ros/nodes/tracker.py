@@ -50,7 +50,9 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._turn: CameraTurn | None = None
         self._sensor = self._read_sensor()
         if self._sensor is not None:
-            self.subscription(IMU_TYPE, f"{self.camera}{IMU_TOPIC}", self._add_imu, best_effort(IMU_DEPTH), raw=True)
+            self.subscription(
+                IMU_TYPE, f"{self.camera}{IMU_TOPIC}", self._add_imu, best_effort(IMU_DEPTH), adapts=True, raw=True
+            )
         self.subscribe_images()
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
