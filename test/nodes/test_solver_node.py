@@ -90,7 +90,7 @@ class Cameras:
         graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
         self._registrations = {camera: graph.publisher(f"{own}/{camera}/landmarks", topic) for camera in mounts}
         self._infos = {camera: graph.publisher(f"{own}/{camera}/camera_info", kind) for camera in mounts}
-        self._sensors = {camera: graph.publisher(f"{own}/{camera}{IMU_TOPIC}", IMU_TYPE) for camera in mounts}
+        self._sensors: dict[str, Any] = {}
         solver = GraphNode("skeleton_solver", "skeleton_solver", {"body": str(path), **given}, namespace)
         (self.solver,) = graph.run(solver)
         everything = [*self._registrations.values(), *self._infos.values()]
@@ -124,6 +124,8 @@ class Cameras:
                 assert matches.world_T_camera is not None
                 stamp, up = matches.stamp_ns + sample * FRAME_NS // _SAMPLES, matches.world_T_camera[2, :3]
                 turning = np.full(3, spin.get(camera, 0.0))
+                if camera not in self._sensors:
+                    self._sensors[camera] = self._graph.publisher(f"/{camera}{IMU_TOPIC}", IMU_TYPE)
                 self._sensors[camera].publish(imu_message(self._make, camera, stamp, turning, GRAVITY * up))
 
     def inform(self, *cameras: str) -> None:
