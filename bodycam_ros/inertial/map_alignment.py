@@ -20,7 +20,7 @@ from bodycam_ros.inertial.preintegration import MotionSums
 
 logger = logging.getLogger(__name__)
 
-_WINDOW_NS = 2_000_000_000  # longer windows carry more of the scale, and more of the noise of the sensor
+_WINDOW_NS = 4_000_000_000  # longer ones carry more scale and more noise: sigma 0.32 % at 2 s, 0.17 at 4, 0.18 at 6
 _MIN_IMAGES = 12  # of a window
 _MAX_ROTATION_RMS = 5e-3  # [rad] between images and gyroscope; with more a sensor is left out
 _POSITION_SIGMA_M = 3e-3  # of a registration

@@ -33,7 +33,7 @@ def test_a_wrong_start_ends_with_one_line_and_code_2(graph: Any, tmp_path: Path)
 def test_unknown_parameters_are_warned_about(graph: Any) -> None:
     """A file may be meant for another version, or for other nodes too."""
     odd = {"camra": 1, "tracker.keyframes": 3, "traker.keyframe_interval": 3}
-    others = {"body": "body.yaml", "smoother.output_delay": 3, "shape.length_sigma": 0.1}
+    others = {"rig": "rig.yaml", "smoother.output_delay": 3, "shape.length_sigma": 0.1}
     (started,) = graph.start(GraphNode("tracker", "tracker", {"camera": "left", **odd, **others}))
     info = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
     graph.until(info.get_subscription_count, _START_S, "the tracker is up")
