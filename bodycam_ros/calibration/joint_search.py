@@ -20,7 +20,7 @@ from bodycam_ros.calibration.virtual_camera import VirtualCamera, fuse_cameras
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, inverse, transform_points
 
-_MIN_ROWS = 30  # at which both segments of a joint are known: some seconds of images
+_MIN_TOGETHER_S = 2.5  # that both segments of a joint are known
 _WRONG_GAP_M = 0.1  # a joint gaping more shows a wrong registration, and no more of a slip by gaping wider
 
 
@@ -162,11 +162,13 @@ def _joint_centres(
                 both = trust[:, motion.columns((a, b))].prod(axis=1)
                 parent_T_child.append((inverse(world_T_parent) @ world_T_child)[both > 0])
                 weights.append(both[both > 0])
-        if (together := max(map(len, parent_T_child))) < _MIN_ROWS:
+        duration_s = float(motion.seconds[-1])
+        together_s = duration_s * max(map(len, parent_T_child)) / len(motion.seconds)
+        if together_s < _MIN_TOGETHER_S:
             raise RangeOfMotionError(
-                f"joint {SegmentName(child).joint}: cameras on {parent} and on {child} were registered together "
-                f"at {together} stamps only, of {len(motion.stamps_ns)}; {_MIN_ROWS} are needed. Repeat it where both "
-                "see the mapped place"
+                f"joint {SegmentName(child).joint}: cameras on {parent} and on {child} were registered together for "
+                f"{together_s:.1f} s only, of {duration_s:.1f} s; {_MIN_TOGETHER_S:g} s are needed. Repeat it where "
+                "both see the mapped place"
             )
         centres[child] = find_joint_centre(np.concatenate(parent_T_child), np.concatenate(weights))
     return centres
