@@ -187,10 +187,9 @@ class CameraInterpolator:
         wanted = np.array([stamp_ns], np.int64)
         if not path.covers(wanted, MAX_GAP_S)[0]:
             return self._restamped(nearest, stamp_ns, world_T_camera=None)
-        covariance = nearest.pose_covariance + np.diag(path.variances(wanted)[0])
-        return self._restamped(
-            nearest, stamp_ns, world_T_camera=path.interpolate(wanted).poses[0], pose_covariance=covariance
-        )
+        point = path.interpolate(wanted)
+        covariance = nearest.pose_covariance + np.diag(point.variances[0])
+        return self._restamped(nearest, stamp_ns, world_T_camera=point.poses[0], pose_covariance=covariance)
 
     def _restamped(self, image: LandmarkMatches, stamp_ns: int, **changes: Any) -> LandmarkMatches:
         """An image without its landmarks at a common stamp, with the rotation since the one before, if known."""
