@@ -8,7 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.ingest.angular_speed import AngularSpeed
+from bodycam_ros.tracking.angular_speed import AngularSpeed
 
 _FINE = 480  # [1/s]
 

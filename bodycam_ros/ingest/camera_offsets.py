@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.angular_speed import AngularSpeed, angular_speed
 from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes, TimeSource, relative_to
 from bodycam_ros.ingest.frame_stream import for_each_camera
 from bodycam_ros.ingest.ingest_camera import IngestCamera
@@ -24,6 +23,7 @@ from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.sound import SoundBlock, SoundSource
 from bodycam_ros.recording.video_file import grey_pixels
+from bodycam_ros.tracking.angular_speed import AngularSpeed, angular_speed
 
 _SIGMAS = 4.0  # from which on two sources contradict each other
 _ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is off by no more

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.offset_search import OffsetCurve
+from bodycam_ros.tracking.angular_speed import AngularSpeed
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from itertools import combinations
 import numpy as np
 
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
 from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, chance_curve, even_motion, offset_curve
 from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
+from bodycam_ros.tracking.angular_speed import AngularSpeed
 
 _MAX_OFFSET_S = 600.0  # cameras started by hand run within minutes of each other; more is more chance of a wrong match
 _SEARCHED_S = 300.0  # the liveliest stretch of this length decides which second; drift is 30 ms within it at most

@@ -10,23 +10,19 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, MapError, RecordingError
-from bodycam_ros.geometry import Array, log_so3
+from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.known_distance import MAX_APART_S
 from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.registration.pose_fit import turned_pixels
-from bodycam_ros.tracking.optical_flow import follow
-from bodycam_ros.tracking.rotation import estimate_rotation
+from bodycam_ros.tracking.angular_speed import angular_speed
 from bodycam_ros.whole_file import failure_named
 
 _LEAST_PART_S = 0.3  # closer frames show the same from the same place
 _BEYOND_LAST = 1.001  # the last frame belongs to the last part
-_LEAST_STEP_S = 1e-3  # between two frames
 _SHARP_WIDTH = 1280  # [px] blur over two pixels of a photograph must show
 _JPEG_QUALITY = 95
-_FLOW_WIDTH = 480  # [px] to which images are reduced for their rotation
-_POINTS, _SPACING = 200, 0.02  # that are followed, and their distance as a share of the width
 _ROWS_AT_ONCE = 200  # bounds the memory that a large picture takes
 _ITERATIONS = 2
 _AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
@@ -120,8 +116,8 @@ class _Candidate:
         if not any(source.readout_s) or self.before is None:
             return suffix, content
         before, grey_before = self.before
-        turn = camera_turn(source.camera, grey_before, self.grey)
-        velocity = turn / max(self.frame.seconds - before.seconds, _LEAST_STEP_S)
+        pictures = (before.seconds, grey_before), (self.frame.seconds, self.grey)
+        velocity = np.nansum(angular_speed(source.camera, pictures).omega, axis=0)
         pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), _AS_STORED), np.uint8)
         straight = steady_picture(pixels, source.camera, velocity, source.readout_s)
         return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
@@ -187,21 +183,6 @@ def _sharpness(grey: NDArray[np.uint8]) -> float:
     across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1), cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
     xx, yy, xy = (float(np.mean(product)) for product in (across * across, down * down, across * down))
     return float(np.sqrt(max(0.0, 0.5 * (xx + yy - np.hypot(xx - yy, 2.0 * xy)))))
-
-
-def camera_turn(camera: CameraModel, before: NDArray[np.uint8], after: NDArray[np.uint8]) -> Array:
-    """Rotation vector (3,) [rad] of a camera from one image (H, W) to the next, in its axes (A eq. 2); 0 if unknown."""
-    scale = min(1.0, _FLOW_WIDTH / camera.width)
-    small = [
-        np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
-        for grey in (before, after)
-    ]
-    corners = cv2.goodFeaturesToTrack(small[0], _POINTS, 0.01, _SPACING * small[0].shape[1])
-    pixels = np.zeros((0, 2), np.float32) if corners is None else np.asarray(corners, np.float32).reshape(-1, 2)
-    moved, alive = follow(small[0], small[1], pixels, pixels)
-    (first, known), (second, known_too) = (camera.unproject((p + 0.5) / scale - 0.5) for p in (pixels, moved))
-    used = alive & known & known_too
-    return log_so3(estimate_rotation(first[used], second[used], seed=0)[0].T)
 
 
 def steady_picture(

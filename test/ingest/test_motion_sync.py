@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from turning_body import RIG, Clock, camera_speed, turning_body
 
-from bodycam_ros.ingest.angular_speed import AngularSpeed
 from bodycam_ros.ingest.motion_sync import motion_times
+from bodycam_ros.tracking.angular_speed import AngularSpeed
 
 CLOCKS = {
     "waist": Clock(1.0),

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from turned_view import CAMERA, rolled_view, turned_view
 
-from bodycam_ros.mapping.frame_choice import camera_turn, steady_picture
+from bodycam_ros.mapping.frame_choice import steady_picture
+from bodycam_ros.tracking.angular_speed import angular_speed
 
 READOUT_S = 0.02
 
@@ -23,5 +24,5 @@ def test_a_picture_is_straightened(rate_deg: tuple[float, float], readout_s: tup
 @pytest.mark.parametrize("turned_deg", [(1.5, 0.0), (0.0, -2.0), (-3.0, 1.0)])
 def test_the_turn_from_one_picture_to_the_next(turned_deg: tuple[float, float]) -> None:
     """To the right is about y, which points down; upwards is about x."""
-    found = camera_turn(CAMERA, turned_view(0.0), turned_view(*turned_deg))
+    (found,) = angular_speed(CAMERA, [(2.0, turned_view(0.0)), (3.0, turned_view(*turned_deg))]).omega
     assert np.degrees(found) == pytest.approx([turned_deg[1], turned_deg[0], 0.0], abs=0.05)

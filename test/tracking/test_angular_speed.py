@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.ingest.angular_speed import angular_speed
+from bodycam_ros.tracking.angular_speed import angular_speed
 
 OMEGA = np.array([0.6, -1.1, 0.8])  # [rad/s]
 RATE = 30.0
