@@ -23,6 +23,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
+from bodycam_ros.tracking.optical_flow import follow
 from bodycam_ros.tracking.rotation import estimate_rotation
 
 if TYPE_CHECKING:
@@ -43,7 +44,6 @@ _WIDTH = 640  # [px] images are reduced to it for tracking
 _POINTS, _MIN_POINTS = 300, 60  # detected at first; tracked to the end of a pair
 _MIN_SHIFT = 0.12  # median motion of the points from image to image of a pair, of the width
 _MAX_IMAGES = 30  # from the first image of a pair to the second
-_RETURN_PX = 0.5  # largest forward-backward error of a track
 _PAIRS = 8  # compared per camera; 70 ms each
 
 _MIN_PAIRS = 4
@@ -226,7 +226,7 @@ class _PairTracker:
         small = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
         pair: PointPair | None = None
         if self._previous is not None and len(self._points):
-            points, kept = _track(self._previous, small, self._points)
+            points, kept = follow(self._previous, small, self._points, self._points)
             self._first, self._points = self._first[kept], points[kept]
             self._age += 1
             shifts = np.linalg.norm(self._points - self._first, axis=1)
@@ -239,14 +239,6 @@ class _PairTracker:
             self._first, self._age = self._points, 0
         self._previous = small
         return pair
-
-
-def _track(previous: Grey, image: Grey, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    window = {"winSize": (15, 15), "maxLevel": 4}
-    ahead, found, _ = cv2.calcOpticalFlowPyrLK(previous, image, points[:, None], None, **window)
-    back, found_back, _ = cv2.calcOpticalFlowPyrLK(image, previous, ahead, None, **window)
-    returned = np.linalg.norm(back[:, 0] - points, axis=1) < _RETURN_PX
-    return ahead[:, 0], returned & (found.ravel() > 0) & (found_back.ravel() > 0)
 
 
 def _full_size(pixels: NDArray[np.float32], scale: float) -> Array:
