@@ -120,6 +120,14 @@ def nearest_rotation(M: NDArray[np.floating]) -> Array:
     return R
 
 
+def rotation_to_z(direction: Array) -> Array:
+    """Rotation (3, 3) that turns a unit direction to z, and the x axis no farther than it must."""
+    aside = np.eye(3)[0 if abs(direction[0]) < 0.9 else 1]
+    x = aside - (aside @ direction) * direction
+    x /= np.linalg.norm(x)
+    return np.array([x, np.cross(direction, x), direction])
+
+
 def quaternion_xyzw(R: Array) -> Array:
     """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
     q: Array = geometry_kernels.quaternion_rows(as_rows(R.reshape(-1, 3, 3)))

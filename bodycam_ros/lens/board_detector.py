@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array, rigid, rotation_to_z
 from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
 from bodycam_ros.mapping.apriltag import find_tags, refined_tags
@@ -145,7 +145,7 @@ def board_pose(camera: CameraModel, view: BoardView) -> tuple[Array, float] | No
     if valid.sum() < _LEAST_POINTS:
         return None
     middle = rays[valid].mean(axis=0)
-    view_R_camera = view_rotation(middle / np.linalg.norm(middle))
+    view_R_camera = rotation_to_z(middle / np.linalg.norm(middle))
     rays_view = rays @ view_R_camera.T
     with np.errstate(invalid="ignore"):
         used = valid & (rays_view[:, 2] > _NARROW)
@@ -174,13 +174,6 @@ def _perspective_poses(points: Array, image: Array) -> list[Array]:
         return []
     poses = [rigid(cv2.Rodrigues(r)[0], t.ravel()) for r, t in zip(turns, shifts, strict=True)]
     return [pose for pose in poses if np.isfinite(pose).all()]
-
-
-def view_rotation(direction: Array) -> Array:
-    """view_R_camera (3, 3) of a view along a unit direction."""
-    across = np.cross([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0], direction)
-    across /= np.linalg.norm(across)
-    return np.array([across, np.cross(direction, across), direction])
 
 
 def _mirrored(camera: CameraModel) -> CameraModel:
@@ -260,7 +253,7 @@ def _beside(corners: Array, tag_board: Array, points_board: Array, camera: Camer
     if camera is not None:
         bearings, valid = camera.unproject(corners)
         middle = bearings.mean(axis=0)
-        view_R_camera = view_rotation(middle / np.linalg.norm(middle)) if valid.all() else view_R_camera
+        view_R_camera = rotation_to_z(middle / np.linalg.norm(middle)) if valid.all() else view_R_camera
         in_view = bearings @ view_R_camera.T
         if not valid.all() or in_view[:, 2].min() <= _NARROW:
             return np.full((len(points_board), 2), np.nan)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.mapping.floor import upright_axes
+from bodycam_ros.geometry import rotation_to_z
 from bodycam_ros.progress import Progress
 from bodycam_ros.registration.matching import MAX_VIEW_ANGLE_DEG, MIN_VISIBLE_SCALE_PX
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -91,7 +91,7 @@ def upright_map(reference_map: ReferenceMap) -> ReferenceMap:
     if reference_map.gravity_aligned:
         return reference_map
     up = -reference_map.world_T_camera[:, :3, 1].mean(axis=0)
-    R = upright_axes(up / max(float(np.linalg.norm(up)), 1e-9))
+    R = rotation_to_z(up / max(float(np.linalg.norm(up)), 1e-9))
     poses = reference_map.world_T_camera.copy()
     poses[:, :3] = R @ poses[:, :3]
     return replace(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, rotation_to_z
 from bodycam_ros.kernels import as_bytes, as_rows, kernel
 from bodycam_ros.mapping.features import MAX_RATIO, ImageFeatures
 from bodycam_ros.progress import Advance, in_parallel
@@ -89,10 +89,7 @@ def match_posed(
     between = images[1].world_T_camera[:3, 3] - images[0].world_T_camera[:3, 3]
     if not between.any():
         return np.zeros((0, 2), np.int64)
-    z = between / np.linalg.norm(between)
-    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-    x /= np.linalg.norm(x)
-    axes_world = np.stack([x, np.cross(z, x), z])
+    axes_world = rotation_to_z(between / np.linalg.norm(between))
     first, second = (
         (as_rows(image.rays_world[at] @ axes_world.T), as_rows(image.sizes[at]), as_bytes(image.descriptors[at]))
         for image, at in zip(images, rows, strict=True)

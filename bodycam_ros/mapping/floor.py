@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, rotation_to_z
 from bodycam_ros.mapping.structure import Structure
 
 _THICKNESS = 0.015  # of the floor, over the extent of the body cameras
@@ -46,24 +46,19 @@ def stand_on_floor(structure: Structure, up: Array | None) -> tuple[Structure, F
         The structure and the floor that was found in it. Without one the origin is as low as the lowest cameras if
         ``up`` is known, and the structure is unchanged if not.
     """
-    floor = find_floor(structure, up)
+    floor = _find_floor(structure, up)
     if floor is None and up is None:
         return structure, None
     centres = structure.world_T_camera[:, :3, 3]
     up = floor.up if up is None and floor is not None else up
     assert up is not None
     height = float(np.quantile(centres @ up, 1.0 - _ABOVE)) if floor is None else floor.height
-    R, middle = upright_axes(up), centres.mean(axis=0)
+    R, middle = rotation_to_z(up), centres.mean(axis=0)
     return structure.transformed(1.0, R, -R @ (middle - (middle @ up - height) * up)), floor
 
 
-def find_floor(structure: Structure, up: Array | None = None) -> Floor | None:
-    """The floor beneath the body cameras; None if the map shows none.
-
-    Args:
-        structure: at any scale.
-        up: (3,) unit normal, if it is known.
-    """
+def _find_floor(structure: Structure, up: Array | None) -> Floor | None:
+    """The floor with a normal (3,), if that is known; None if the map shows none."""
     along, extent = body_extent(structure)
     if up is None and len(structure.cameras) < 2:
         return None
@@ -92,14 +87,6 @@ def body_extent(structure: Structure) -> tuple[Array, float]:
         places = np.array([np.median(places[structure.camera_of_view == row], axis=0) for row in rows])
     along = np.linalg.svd(places - places.mean(axis=0))[2][0]
     return along, float(np.ptp(places @ along))
-
-
-def upright_axes(up: Array) -> Array:
-    """Rotation (3, 3) that turns a unit direction to z, and the x axis into the level plane."""
-    aside = np.eye(3)[0 if abs(up[0]) < 0.9 else 1]
-    x = aside - (aside @ up) * up
-    x /= np.linalg.norm(x)
-    return np.array([x, np.cross(up, x), up])
 
 
 def _planes(points: Array, upwards: Array) -> Iterator[tuple[Array, float]]:

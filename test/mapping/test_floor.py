@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from small_structure import small_structure
 
-from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.floor import stand_on_floor, upright_axes
+from bodycam_ros.geometry import exp_so3, rotation_to_z
+from bodycam_ros.mapping.floor import stand_on_floor
 from bodycam_ros.mapping.structure import Structure
 
 HEIGHTS = {"foot": 0.1, "shin": 0.35, "waist": 1.0, "head": 1.7, "hand": 0.8}
@@ -75,9 +75,9 @@ def test_without_landmarks_on_the_floor_there_is_none_but_a_ceiling_is_not_taken
 
 
 @pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-0.6, 0.0, 0.8)])
-def test_upright_axes(up: tuple[float, float, float]) -> None:
+def test_rotation_to_z(up: tuple[float, float, float]) -> None:
     """The x axis is turned as far as it must be."""
-    R = upright_axes(np.array(up))
+    R = rotation_to_z(np.array(up))
     assert R @ up == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
     assert np.linalg.det(R) == pytest.approx(1.0)
     assert R[0] == pytest.approx([0.0, 1.0, 0.0] if up[0] == 1.0 else [up[2], 0.0, -up[0]], abs=1e-12)
