@@ -12,7 +12,6 @@ from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
     inertial_alignment,
-    known_distances,
     opened_photographs,
 )
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
@@ -54,8 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
     check_output(output, (*sources, arguments.board, arguments.config))
     check_replaceable(output, arguments.force)
-    check_source(arguments)
-    with shown_progress() as progress, opened_photographs(arguments, settings, progress) as photographs:
+    known = check_source(arguments)
+    with shown_progress() as progress, opened_photographs(arguments, known, settings, progress) as photographs:
         board_path = None if arguments.no_board else arguments.board or photographs.board_path
         built = build_map(
             photographs,
@@ -63,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
             settings,
             arguments.jobs,
             progress,
-            known_distances(arguments),
+            known,
             inertial_alignment(arguments, photographs),
         )
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)

@@ -2,7 +2,7 @@
 
 import argparse
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -58,8 +58,8 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
     add_imu(body)
 
 
-def check_source(arguments: argparse.Namespace) -> None:
-    """Refuse flags that do not go together, before the work.
+def check_source(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
+    """Refuse flags that do not go together, before the work; what --known-distance measures.
 
     Raises:
         MapError: there is no source, or a flag that does not apply to it.
@@ -70,8 +70,7 @@ def check_source(arguments: argparse.Namespace) -> None:
             raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
         for flag in given_flags(arguments, "camera"):
             raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
-        known_distances(arguments)
-        return
+        return _known_distances(arguments)
     for flag in given_flags(arguments, "rig", "known_distance", "imu"):
         raise MapError(f"{flag} is for the body cameras of a recording; give --from-bag")
     if source is None:
@@ -82,9 +81,10 @@ def check_source(arguments: argparse.Namespace) -> None:
         )
     if source.suffix.lower() in _BAG_SUFFIXES or (source / METADATA).is_file():
         raise MapError(f"{source}: is a bag; give it with --from-bag")
+    return ()
 
 
-def known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
+def _known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
     """Those of --known-distance.
 
     Raises:
@@ -134,9 +134,9 @@ def inertial_alignment(
 
 @contextmanager
 def opened_photographs(
-    arguments: argparse.Namespace, settings: "MapSettings", progress: Progress
+    arguments: argparse.Namespace, known: "Sequence[KnownDistance]", settings: "MapSettings", progress: Progress
 ) -> "Iterator[Photographs]":
-    """The photographs; frames of a recording are removed when the block ends.
+    """The photographs; frames of a recording are removed when the block ends, in pairs where a distance is known.
 
     Raises:
         BodycamError: the source cannot be read, or has no usable images.
@@ -152,11 +152,10 @@ def opened_photographs(
         yield find_photographs(source, arguments.camera)
         return
     board = source.resolve().parent / BOARD_FILE
-    pairs: list[tuple[str, str]] = []
+    pairs = [(each.first, each.second) for each in known]
     cameras: Mapping[str, MovingCamera]
     if arguments.from_bag is not None:
         body_cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
-        pairs = [(known.first, known.second) for known in known_distances(arguments)]
         cameras = open_body_cameras(source, body_cameras, [camera for pair in pairs for camera in pair])
         name = source.resolve().name
     else:
