@@ -44,7 +44,7 @@ class SkeletonPipeline:
         on_together: told the share that is done while all instants are solved together.
         static_cameras: static cameras around the body.
         stations: their names.
-        imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_inertial``.
+        imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.
         placed: whether somebody has placed the body for them; else, live, nobody waits for them before it is solved.
 
     Attributes:
@@ -139,10 +139,6 @@ class SkeletonPipeline:
             self.synchronizer.join(camera)
             self.assembler.join(camera)
             self._smoother.join(camera)
-
-    def add_inertial(self, camera: str, samples: ImuSamples) -> None:
-        """Add samples of a camera's inertial sensor, in order of time; before the images that follow them."""
-        self.inertial.add(camera, samples)
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
         """Add one sample of a camera's inertial sensor as it comes; live, outputs while all cameras are silent.

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import hat
-from bodycam_ros.tracking.rotation import HYPOTHESES, INLIER_ANGLE_DEG, MIN_INLIERS, align_bearings
+from bodycam_ros.geometry import hat, nearest_rotation
+from bodycam_ros.tracking.rotation import HYPOTHESES, INLIER_ANGLE_DEG, MIN_INLIERS
 
 
 def estimate_rotation_in_numpy(
@@ -26,7 +26,7 @@ def estimate_rotation_in_numpy(
     for _ in range(2):
         if inliers.sum() < MIN_INLIERS:
             return np.eye(3), nobody
-        current_R_previous = align_bearings(bearings_previous[inliers], bearings_current[inliers])
+        current_R_previous = nearest_rotation(bearings_current[inliers].T @ bearings_previous[inliers])
         inliers = np.linalg.norm(bearings_previous @ current_R_previous.T - bearings_current, axis=1) < max_chord
     if inliers.sum() < MIN_INLIERS:
         return np.eye(3), nobody

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, inverse, rigid
-from bodycam_ros.lens.board_layout import BoardLayout, tag_cells
+from bodycam_ros.lens.board_layout import APRILTAG, BoardLayout, tag_cells
 
 Array = NDArray[np.float64]
 
@@ -36,8 +36,8 @@ class RenderedBoard:
         rays, valid = camera.unproject(pixels)
         self._rays = np.where(valid[:, None], rays, 0.0).astype(np.float32)
         self._is_lit = valid.reshape(height, width)
-        margin = _MARGIN * max(layout.size_m)
-        self._half = 0.5 * np.array(layout.size_m) + margin
+        margin = _MARGIN * max(board_size(layout))
+        self._half = 0.5 * np.array(board_size(layout)) + margin
         self._texels_per_m = _TEXELS / (2.0 * float(self._half.max()))
         self._texture = _texture(layout, self._half, self._texels_per_m)
 
@@ -90,7 +90,7 @@ def held_poses(camera: CameraModel, layout: BoardLayout, count: int, seed: int =
         tilted = exp_so3(tilt * np.array([np.cos(way), np.sin(way), 0.0])) @ exp_so3(
             np.array([0.0, 0.0, random.uniform(-0.6, 0.6)])
         )
-        distance = max(layout.size_m) * camera.fx / (size * min(camera.width, camera.height))
+        distance = max(board_size(layout)) * camera.fx / (size * min(camera.width, camera.height))
         poses.append(rigid(facing @ tilted, towards * distance * random.uniform(0.8, 1.3)))
     return poses
 
@@ -101,6 +101,14 @@ def rendered(
     """Pictures of the board, one a pose."""
     board = RenderedBoard(camera, layout)
     return [board.picture(pose, blur_px, seed) for seed, pose in enumerate(poses)]
+
+
+def board_size(layout: BoardLayout) -> tuple[float, float]:
+    """Width and height of what is printed [m]."""
+    width, height = layout.columns * layout.pitch_m[0], layout.rows * layout.pitch_m[1]
+    if layout.kind == APRILTAG:
+        return width - layout.pitch_m[0] + layout.tag_m[0], height - layout.pitch_m[1] + layout.tag_m[1]
+    return width, height
 
 
 def _texture(layout: BoardLayout, half: Array, texels_per_m: float) -> NDArray[np.float32]:
@@ -115,7 +123,8 @@ def _texture(layout: BoardLayout, half: Array, texels_per_m: float) -> NDArray[n
         np.add(black, down @ cells @ across.T, out=black)
 
     if len(layout.inner_corners):
-        paint(-0.5 * layout.size_m[0], 0.5 * layout.size_m[1], layout.size_m, layout.black_squares)
+        width_m, height_m = board_size(layout)
+        paint(-0.5 * width_m, 0.5 * height_m, (width_m, height_m), layout.black_squares)
     for tag, corners in layout.tags.items():
         white = tag_cells(cv2.aruco.getPredefinedDictionary(layout.dictionary), tag)
         paint(corners[0, 0], corners[0, 1], layout.tag_m, ~white)

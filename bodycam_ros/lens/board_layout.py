@@ -44,14 +44,6 @@ class BoardLayout:
     first_tag: int = 0
     upper_left_is_black: bool = True
 
-    @property
-    def size_m(self) -> tuple[float, float]:
-        """Width and height of what is printed [m]."""
-        width, height = self.columns * self.pitch_m[0], self.rows * self.pitch_m[1]
-        if self.kind == APRILTAG:
-            return width - self.pitch_m[0] + self.tag_m[0], height - self.pitch_m[1] + self.tag_m[1]
-        return width, height
-
     @cached_property
     def tags(self) -> Mapping[int, Array]:
         """Tag -> its four corners (4, 3) [m], in the order of cv2.aruco."""

@@ -42,9 +42,3 @@ def estimate_rotation(
     samples = np.random.default_rng(seed).integers(0, count, (2, hypotheses))
     max_chord = float(2 * np.sin(np.radians(inlier_angle_deg) / 2))
     return agreed_rotation(as_rows(bearings_previous), as_rows(bearings_current), samples, max_chord, MIN_INLIERS)
-
-
-def align_bearings(source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least-squares rotation target_R_source (3, 3) between (N, 3) unit vectors (Kabsch 1976)."""
-    u, _, vt = np.linalg.svd(target.T @ source)
-    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)

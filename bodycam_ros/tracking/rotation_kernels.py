@@ -105,7 +105,7 @@ def _agreeing(R: Array, previous: Array, current: Array, max_chord: float) -> Ma
 
 @kernel()
 def _aligned(previous: Array, current: Array, chosen: Mask) -> Array:
-    """Least-squares rotation (3, 3) of the chosen bearings, as ``align_bearings``."""
+    """Least-squares rotation (3, 3) of the chosen bearings (Kabsch 1976)."""
     product = np.zeros((3, 3))
     for n in range(len(previous)):
         if chosen[n]:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy_lens import project_in_numpy, project_with_jacobian_in_numpy, unproject_in_numpy
+from numpy_lens import project_with_jacobian_in_numpy, unproject_in_numpy
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import (
@@ -44,8 +44,6 @@ def compare(camera: CameraModel, cone: Cone) -> None:
     edge = camera.max_angle + np.array([-1e-6, -1e-9, -1e-12, 0.0, 0.5e-9, 1e-8, 1e-6, 1e-3])
     points = np.concatenate([cone(np.linspace(0.0, 3.1, 400)), cone(edge), [[0, 0, 2], [1e-12, 0, 1]], NOWHERE])
     pixels, jacobian, valid = project_with_jacobian_in_numpy(camera, points)
-    np.testing.assert_allclose(project_in_numpy(camera, points)[0], pixels, rtol=1e-12)
-    np.testing.assert_array_equal(project_in_numpy(camera, points)[1], valid)
     assert 30 < valid.sum() < len(points) - len(NOWHERE)
     ours, ours_valid = project_points(lens, points)
     np.testing.assert_array_equal(ours_valid, valid)

@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from rendered_board import held_poses, rendered
+from rendered_board import board_size, held_poses, rendered
 
 from bodycam_ros.camera import camera_from_info, camera_from_yaml
 from bodycam_ros.cli.main import main
@@ -132,7 +132,7 @@ _CHECKERBOARD = BoardLayout("checkerboard", 10, 7, (0.025, 0.025))
 
 def _whole(truth, layout, count, seed=3):
     """Pictures that show all of a board, and their sizes differ little."""
-    half = 0.5 * np.array(layout.size_m)
+    half = 0.5 * np.array(board_size(layout))
     rim = np.column_stack([np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half, np.zeros(4)])
     poses = []
     for pose in held_poses(truth, layout, 30 * count, seed=seed, size=0.72):
