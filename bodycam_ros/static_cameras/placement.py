@@ -5,8 +5,7 @@ knee, a wrist shoulder and elbow, the head leans the torso. A head or foot keeps
 joint allows, a hand its wrist's angle; an elbow or knee swings around while the hand or foot stays.
 """
 
-from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,8 +14,9 @@ from scipy.optimize import least_squares
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import SegmentName
-from bodycam_ros.geometry import Array, inverse, rigid
+from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
+from bodycam_ros.static_cameras.limb_search import chains_of
 from bodycam_ros.static_cameras.station import Station
 
 _REACH_M, _END_M, _BEND_RAD = 0.01, 0.1, 2.0
@@ -70,21 +70,20 @@ class Placement:
             continues: whether this continues the last step, a drag, and takes its place.
         """
         kept = self.steps[:-1] if continues and len(self.steps) > 1 else self.steps
-        before, body = kept[-1], self.body
-        row = body.segment_index[segment]
-        ends = [child for parent, child in body.joint_ends.tolist() if parent == row]
+        before, row = kept[-1], self.body.segment_index[segment]
+        if segment == self.body.root:
+            return replace(self, steps=(*kept, world_T_segment @ inverse(before[row]) @ before))
         place = world_T_segment[:3, 3]
-        is_moved = segment != body.root and not np.allclose(before[row, :3, 3], place, rtol=0.0, atol=_STILL_M)
-        limb = self._limb(segment) if is_moved else []
-        if segment == body.root:
-            poses = world_T_segment @ inverse(before[row]) @ before
-        elif limb and len(ends) == 1:
-            places = {row: (place, _REACH_M), ends[0]: (before[ends[0], :3, 3], _END_M)}
-            poses = self._reached(before, [*limb, self._own_joint(row)], places)
-        else:
-            poses = self._reached(before, limb, {row: (place, _REACH_M)})
-            if not limb or SegmentName(segment).kind != "hand":
-                poses = self._turned(poses, row, world_T_segment[:3, :3])
+        is_moved = not np.allclose(before[row, :3, 3], place, rtol=0.0, atol=_STILL_M)
+        limb, places = self._limb(segment) if is_moved else [], {row: (place, _REACH_M)}
+        ends = [child for parent, child in self.body.joint_ends.tolist() if parent == row]
+        bends = bool(limb) and len(ends) == 1
+        if bends:
+            places[ends[0]] = before[ends[0], :3, 3], _END_M
+            limb = [*limb, self._own_joint(row)]
+        poses = self._reached(before, limb, places)
+        if not bends and not (limb and SegmentName(segment).kind == "hand"):
+            poses = self._turned(poses, row, world_T_segment[:3, :3])
         return replace(self, steps=(*kept, poses))
 
     def _reached(self, before: Array, limb: Sequence[int], places: Mapping[int, tuple[Array, float]]) -> Array:
@@ -92,51 +91,44 @@ class Placement:
         limits, rows = self._limits, [*places]
         root = before[self.body.segment_index[self.body.root]]
         angles = limits.nearest_angles(self.body.joint_poses(before))
-        free = np.flatnonzero(np.isin(limits.angles.joint_rows, limb))
-        if not len(free):
+        free = np.isin(limits.angles.joint_rows, limb)
+        if not free.any():
             return before
         low, high = limits.low[free], limits.high[free]
         first = np.clip(angles[free], low, high)
         bounded = np.isfinite(high - low)
         begin = first.copy()
         begin[bounded] += _UNBEND * (0.5 * (low[bounded] + high[bounded]) - first[bounded])
-        wanted, sigmas = np.array([place for place, _ in places.values()]), np.array([[s] for _, s in places.values()])
+        wanted, sigmas = (np.array(column) for column in zip(*places.values(), strict=True))
 
         def poses(bent: Array) -> Array:
-            all_angles = angles.copy()
-            all_angles[free] = bent
-            return limits.angles.forward_kinematics(root, all_angles)
+            angles[free] = bent
+            return limits.angles.forward_kinematics(root, angles)
 
         def errors(bent: Array) -> Array:
-            off = (poses(bent)[rows, :3, 3] - wanted) / sigmas
+            off = (poses(bent)[rows, :3, 3] - wanted) / sigmas[:, None]
             return np.concatenate([off.ravel(), (bent - first) / _BEND_RAD])
 
         return poses(least_squares(errors, begin, bounds=(low, high), max_nfev=30).x)
-
-    def _own_joint(self, row: int) -> int:
-        """Row of the joint that a segment hangs on."""
-        return next(joint for joint, (_, child) in enumerate(self.body.joint_ends.tolist()) if child == row)
 
     def _turned(self, poses: Array, row: int, world_R_segment: Array) -> Array:
         """Poses with the segment of a row turned to a rotation (3, 3), or as near as its joint allows."""
         wanted = poses.copy()
         wanted[row, :3, :3] = world_R_segment
-        motion = self.body.joint_poses(poses)
-        own = self._own_joint(row)
+        motion, own = self.body.joint_poses(poses), self._own_joint(row)
         motion[own, :3, :3] = self._limits.clamp(self.body.joint_rotations(wanted))[own]
         return self.body.forward_kinematics(poses[self.body.segment_index[self.body.root]], motion)
 
+    def _own_joint(self, row: int) -> int:
+        """Row of the joint that a segment hangs on."""
+        return int(np.flatnonzero(self.body.joint_ends[:, 1] == row)[0])
+
     def _limb(self, segment: str) -> list[int]:
         """Rows of the joints that move a segment's origin: of its parent, and further in while nothing branches off."""
-        joints = self.body.tree_joints
-        above = {joint.child: row for row, joint in enumerate(joints)}
-        children = Counter(joint.parent for joint in joints if joint.type != "free")
-        limb: list[int] = []
-        at = joints[above[segment]].parent if segment in above else self.body.root
-        while at != self.body.root and (not limb or children[at] == 1):
-            limb.append(above[at])
-            at = joints[above[at]].parent
-        return limb
+        above = {joint.child: row for row, joint in enumerate(self.body.tree_joints)}
+        inner = above.get(self.body.tree_joints[above[segment]].parent) if segment in above else None
+        chains = chains_of(self.body, np.ones(len(self.body.segments), bool))
+        return next((chain[: chain.index(inner) + 1] for chain in chains if inner in chain), [])
 
     @cached_property
     def _limits(self) -> JointLimits:
@@ -144,27 +136,20 @@ class Placement:
 
 
 def standing_in_view(body: BodyModel, stations: Collection[Station]) -> Array:
-    """Poses (S, 4, 4) of a body in its N-pose where the cameras' axes come nearest to each other, facing the first."""
-    centre = _nearest_to_axes(stations)
-    to_camera = next(iter(stations)).world_T_camera[:2, 3] - centre[:2]
-    azimuth = np.arctan2(to_camera[1], to_camera[0])
-    cosine, sine = np.cos(azimuth), np.sin(azimuth)
-    upright = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return body.n_pose(rigid(upright, centre))
+    """Poses (S, 4, 4) of a body in its N-pose where the cameras' axes come nearest to each other, facing the first.
+
+    A place some metres before each camera counts a little, too.
+    """
+    poses = np.array([station.world_T_camera for station in stations])
+    cameras, ahead = poses[:, :3, 3:], poses[:, :3, 2:3]
+    across = np.eye(3) - ahead @ ahead.swapaxes(1, 2)
+    b = across @ cameras + _IN_FRONT_WEIGHT * (cameras + _IN_FRONT_M * ahead)
+    centre = np.linalg.solve((across + _IN_FRONT_WEIGHT * np.eye(3)).sum(axis=0), b.sum(axis=0))[:, 0]
+    x, y, _ = cameras[0, :, 0] - centre
+    return body.n_pose(rigid(exp_so3(np.array([0.0, 0.0, np.arctan2(y, x)])), centre))
 
 
 def nearest_on_ray(origin: Array, direction: Array, point: Array) -> Array:
     """The point (3,) of a ray from ``origin`` (3,) along ``direction`` (3,) that is nearest to ``point`` (3,)."""
     along = direction / np.linalg.norm(direction)
     return np.asarray(origin + max(float(along @ (point - origin)), 0.0) * along)
-
-
-def _nearest_to_axes(stations: Iterable[Station]) -> Array:
-    """The point (3,) nearest to the optical axes of some cameras, and a little to what is some metres before each."""
-    A, b = np.zeros((3, 3)), np.zeros(3)
-    for station in stations:
-        at, ahead = station.world_T_camera[:3, 3], station.world_T_camera[:3, 2]
-        across = np.eye(3) - np.outer(ahead, ahead)
-        A += across + _IN_FRONT_WEIGHT * np.eye(3)
-        b += across @ at + _IN_FRONT_WEIGHT * (at + _IN_FRONT_M * ahead)
-    return np.asarray(np.linalg.solve(A, b), np.float64)

@@ -101,7 +101,7 @@ def test_an_elbow_or_knee_swings_around_while_the_end_of_the_limb_stays(
     standing: Placement, hand: str, elbow: str, shift: tuple[float, float, float]
 ) -> None:
     bent = standing.moved_to(hand, shifted(standing, hand, shift))
-    upper = bent.body.tree_joints[bent._limb(hand)[-1]].child
+    upper = bent.body.tree_joints[bent._limb(hand)[0]].child
     shoulder, wrist = bent.pose_of(upper)[:3, 3], bent.pose_of(hand)[:3, 3]
     axis = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     target = bent.pose_of(elbow).copy()
