@@ -24,6 +24,7 @@ from bodycam_ros.static_cameras.contour_painting import (
     OUTWARD,
     SILENT,
     Window,
+    cut_out,
     paint_contour,
     square_window,
 )
@@ -201,7 +202,8 @@ def draw_static_views(views: Sequence[StaticView], colours: Sequence[str], path:
 
 
 def _draw_view(axes: Axes, view: StaticView, colours: Sequence[str]) -> None:
-    picture = paint_contour(view.image, view.contour, view.shifts, colours, view.window)
+    window = view.window
+    picture = paint_contour(cut_out(view.image, window), view.contour, view.shifts, colours, window)
     axes.imshow(picture[..., ::-1], interpolation="lanczos")
     lines, shifts = len(view.shifts), view.shifts[np.isfinite(view.shifts)]
     note = f"{len(shifts)} of {lines} lines measured" if lines else "the body is not in the image"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import FAINT
@@ -69,22 +69,21 @@ def square_window(image: Image, covered: Array | None) -> Window:
     return Window(left, top, side, side)
 
 
-def paint_contour(image: Image, contour: Contour, shifts: Array, colours: Sequence[str], window: Window) -> Image:
+def paint_contour(part: Image, contour: Contour, shifts: Array, colours: Sequence[str], window: Window) -> Image:
     """A part of a station's image with the body painted into it: (height, width, 3) times magnified.
 
     Args:
-        image: (H, W, 3) blue, green, red.
-        contour: of the body in it.
+        part: of the image, as ``cut_out`` has it.
+        contour: of the body in the image.
         shifts: (N,) how far outward of its points the image has it [px]; NaN where no line measures it.
         colours: of the segments' surfaces, as ``#rrggbb``.
-        window: the part that is shown.
+        window: that the part was cut out by.
     """
-    return paint_over(cut_out(image, window), contour, shifts, colours, window)
-
-
-def paint_over(picture: Image, contour: Contour, shifts: Array, colours: Sequence[str], window: Window) -> Image:
-    """``paint_contour`` on the part of the image that was cut out already."""
-    picture = _tinted(picture, contour, colours, window)
+    table = np.array([bgr(colour) for colour in colours], np.float64)
+    labels = contour.labels.repeat(SHRINK, axis=0).repeat(SHRINK, axis=1)
+    labels = _cut(labels, window, NOBODY, cv2.INTER_NEAREST_EXACT)
+    picture, shown = part.copy(), labels != NOBODY
+    picture[shown] = ((1.0 - _TINT) * picture[shown] + _TINT * table[labels[shown]]).astype(np.uint8)
     places = window.place(contour.pixels)
     ends = places + window.times * ENLARGED * np.nan_to_num(shifts)[:, None] * contour.normals
     for place, end, shift in zip(places, ends, shifts.tolist(), strict=True):
@@ -104,37 +103,19 @@ def bgr(colour: str) -> tuple[int, int, int]:
     return blue, green, red
 
 
-def _tinted(picture: Image, contour: Contour, colours: Sequence[str], window: Window) -> Image:
-    """The picture of a window with the surface over it, half transparent."""
-    table = np.array([bgr(colour) for colour in colours], np.float64)
-    labels = _labels_in(contour, window, picture.shape[1::-1])
-    picture, shown = picture.copy(), labels != NOBODY
-    picture[shown] = ((1.0 - _TINT) * picture[shown] + _TINT * table[labels[shown]]).astype(np.uint8)
-    return picture
-
-
-def _labels_in(contour: Contour, window: Window, size: Sequence[int]) -> Image:
-    """Labels of the pixels of a window's picture."""
-    scale = 1.0 / (SHRINK * window.times)
-    left, top = (
-        (0.5 / window.times - 0.5 + first - 0.5 * (SHRINK - 1)) / SHRINK for first in (window.left, window.top)
-    )
-    picture_to_labels = np.array([[scale, 0.0, left], [0.0, scale, top]])
-    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-    labels = cv2.warpAffine(contour.labels, picture_to_labels, tuple(size), flags=flags, borderValue=NOBODY)
-    return np.asarray(labels, np.uint8)
-
-
 def cut_out(image: Image, window: Window) -> Image:
     """The part of an image (H, W, 3) in a window, magnified; what lies beyond its borders is grey."""
+    return _cut(image, window, bgr(FAINT), cv2.INTER_LINEAR if window.times >= 1.0 else cv2.INTER_AREA)
+
+
+def _cut(image: Image, window: Window, beyond: ArrayLike, interpolation: int) -> Image:
     top, left = max(window.top, 0), max(window.left, 0)
     inside = image[top : max(top, window.top + window.height), left : max(left, window.left + window.width)]
-    part = np.full((window.height, window.width, 3), bgr(FAINT), np.uint8)
+    part = np.full((window.height, window.width, *image.shape[2:]), beyond, np.uint8)
     row, column = top - window.top, left - window.left
     part[row : row + inside.shape[0], column : column + inside.shape[1]] = inside
     size = (round(window.width * window.times), round(window.height * window.times))
-    smooth = cv2.INTER_LINEAR if window.times >= 1.0 else cv2.INTER_AREA
-    return np.asarray(cv2.resize(part, size, interpolation=smooth), np.uint8)
+    return np.asarray(cv2.resize(part, size, interpolation=interpolation), np.uint8)
 
 
 def _fixed(place: Array) -> tuple[int, int]:

@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import ceil
 
 import cv2
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, side_colour
 from bodycam_ros.results.overlay import project_overlay
-from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_over, square_window
-from bodycam_ros.static_cameras.station import Contour, Image, RegionModel, Station
+from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
+from bodycam_ros.static_cameras.station import Image, RegionModel, Station
 from bodycam_ros.viewer.camera_picture import draw_polyline
 from bodycam_ros.viewer.scene_nodes import SELECTED
 from bodycam_ros.viewer.skeleton_scene import limbs_of
@@ -34,39 +36,41 @@ class PlacingPicture:
     """
 
     def __init__(self, body: BodyModel, views: Mapping[str, RegionModel], images: Mapping[str, Image]) -> None:
-        self._body, self._images = body, images
-        self._views = {name: views[name] for name in images}
+        self._body, self._views, self._images = body, views, images
         self._colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
-        self._parts: dict[str, tuple[Window, Image]] = {}
-        self.is_close_up = False
+        self.cut(False)
 
     def cut(self, is_close_up: bool) -> None:
         """Show the images cut to the body that is drawn next, or whole."""
         self.is_close_up = is_close_up
-        self._parts = {}
+        self._parts: dict[str, tuple[Window, Image]] = {}
 
     def draw(self, world_T_segment: Array, selected: str) -> Image:
         """One picture (H, W, 3), red, green, blue, of all images with the body at poses (S, 4, 4) over them.
 
         The origin of the segment ``selected`` is marked.
         """
+        limbs = limbs_of(self._body, world_T_segment)
         origin = world_T_segment[self._body.segment_index[selected], :3, 3]
-        tiles = [self._tile(name, world_T_segment, origin) for name in self._images]
-        columns = 1 if len(tiles) == 1 else 2 if len(tiles) <= 4 else 3
+        tiles = [self._tile(name, world_T_segment, limbs, origin) for name in self._images]
+        columns = min(3, ceil(len(tiles) ** 0.5))
         tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % columns)
         rows = [np.concatenate(tiles[row : row + columns], axis=1) for row in range(0, len(tiles), columns)]
         return np.ascontiguousarray(np.concatenate(rows)[..., ::-1])
 
-    def _tile(self, name: str, world_T_segment: Array, origin: Array) -> Image:
-        station = self._views[name].station
-        contour = self._views[name].find_contour(world_T_segment)
-        window, part = self._part(name, contour)
-        tile = paint_over(part, contour, np.zeros(len(contour.pixels)), self._colours, window)
-        for segment, line in project_overlay(
-            station.camera, station.world_T_camera, limbs_of(self._body, world_T_segment), None
-        ).limbs:
+    def _tile(self, name: str, world_T_segment: Array, limbs: list[Bone], origin: Array) -> Image:
+        view, image = self._views[name], self._images[name]
+        camera, world_T_camera = view.station.camera, view.station.world_T_camera
+        contour = view.find_contour(world_T_segment)
+        if name not in self._parts:
+            window = square_window(image, contour.covered if self.is_close_up else None)
+            window = replace(window, times=(_TILE_PX - _GAP_PX) / window.width)
+            self._parts[name] = window, cut_out(image, window)
+        window, part = self._parts[name]
+        tile = paint_contour(part, contour, np.zeros(len(contour.pixels)), self._colours, window)
+        for segment, line in project_overlay(camera, world_T_camera, limbs, None).limbs:
             draw_polyline(tile, window.place(line), side_colour(segment), 1, is_bgr=True)
-        pixels, valid = station.camera.project(transform_points(inverse(station.world_T_camera), origin[None]))
+        pixels, valid = camera.project(transform_points(inverse(world_T_camera), origin[None]))
         if valid[0]:
             at = np.clip(window.place(pixels[0]), -_TILE_PX, 2 * _TILE_PX).round().astype(int).tolist()
             cv2.drawMarker(tile, at, bgr(SELECTED), cv2.MARKER_CROSS, _MARK_PX, _MARK_WIDTH_PX, cv2.LINE_AA)
@@ -74,14 +78,6 @@ class PlacingPicture:
             font = cv2.FONT_HERSHEY_SIMPLEX
             cv2.putText(tile, name, _TEXT_AT, font, _TEXT_SCALE, bgr(colour), width, cv2.LINE_AA)
         return np.asarray(cv2.copyMakeBorder(tile, 0, _GAP_PX, 0, _GAP_PX, cv2.BORDER_CONSTANT, value=(255,) * 3))
-
-    def _part(self, name: str, contour: Contour) -> tuple[Window, Image]:
-        """The part of an image that is shown."""
-        if name not in self._parts:
-            window = square_window(self._images[name], contour.covered if self.is_close_up else None)
-            window = replace(window, times=(_TILE_PX - _GAP_PX) / window.width)
-            self._parts[name] = window, cut_out(self._images[name], window)
-        return self._parts[name]
 
 
 def pinhole_picture(station: Station, image: Image) -> Image:
