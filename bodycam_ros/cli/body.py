@@ -15,6 +15,7 @@ from rich.text import Text
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
+    add_height,
     add_imu,
     add_jobs,
     add_map,
@@ -69,12 +70,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     initial.add_argument(
         "--initial-body", type=Path, metavar="BODY.YAML", help="with --stations: a body with approximate lengths"
     )
-    initial.add_argument(
-        "--height",
-        type=float,
-        metavar="METRES",
-        help="with --stations: start from lengths of people of this height",
-    )
+    add_height(initial, "with --stations: start from")
     add_jobs(parser, "processes for the cameras")
     add_config(
         parser,

@@ -76,6 +76,11 @@ def add_start(parser: argparse._ActionsContainer, help_text: str) -> None:
     parser.add_argument("--start", type=Path, metavar="START.YAML", help=f"with --stations: {help_text}")
 
 
+def add_height(parser: argparse._ActionsContainer, help_text: str) -> None:
+    """Add --height."""
+    parser.add_argument("--height", type=float, metavar="METRES", help=f"{help_text} lengths of people of this height")
+
+
 def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:
     """Those of some flags that were given, as a user writes them."""
     return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) not in (None, [])]

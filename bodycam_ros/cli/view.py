@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_map, add_start, add_stations, add_surface, given_flags
+from bodycam_ros.cli.options import add_height, add_map, add_start, add_stations, add_surface, given_flags
 from bodycam_ros.errors import ViewError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import shown
@@ -52,12 +52,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="place the body by hand in the first images of --stations, and write the START.yaml that -o names",
     )
     add_start(parser, "with --place: where the body is at first")
-    parser.add_argument(
-        "--height",
-        type=float,
-        metavar="METRES",
-        help="with --place, instead of --body: lengths of people of this height",
-    )
+    add_height(parser, "with --place, instead of --body:")
     parser.add_argument(
         "--live",
         action="store_true",

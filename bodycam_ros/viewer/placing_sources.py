@@ -34,7 +34,7 @@ class PlacingSources:
 
     Attributes:
         images: camera -> its first image (H, W, 3) blue, green, red.
-        stations: by name; those with an image first.
+        stations: by name; some may have no image.
         tracker: of the body in these images; its body has hands, and limits at all joints of a person.
         surfaces: segment -> surface.
         placement: the body where it is at first.
@@ -105,7 +105,7 @@ def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict
     Raises:
         RecordingError: there is no image, or one cannot be decoded or has another size than the camera's lens is for.
     """
-    first = {name: image for name in stations if (image := next(iter(recording.images([name])), None)) is not None}
+    first = {name: image for name in stations if (image := recording.first_image(name, 0)) is not None}
     if not first:
         raise RecordingError(f"{recording.path}: has no image of {', '.join(stations)}")
     start_ns = min(image.stamp_ns for image in first.values())
@@ -114,7 +114,7 @@ def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict
         late_ns = image.stamp_ns - start_ns
         if late_ns > _AT_ONCE_NS:
             logger.warning("camera %s: its first image is %.1f s late; it is not shown", name, 1e-9 * late_ns)
-            continue
-        images[name] = decode_colour(image)
-        stations[name].check_size(images[name])
+        else:
+            images[name] = decode_colour(image)
+            stations[name].check_size(images[name])
     return images
