@@ -57,14 +57,6 @@ class Motion:
         world_T_root[2, 3] = -min((min(bone.start[0, 2], bone.end[0, 2]) for bone in standing), default=0.0)
         return cls(np.zeros(1, np.int64), world_T_root[None], names, np.zeros((1, len(names))), {})
 
-    @classmethod
-    def at(cls, body: BodyModel, world_T_segment: Array) -> "Motion":
-        """A single state: the body at poses (S, 4, 4) of its segments, joints closed."""
-        angles = JointAngles(body)
-        bent = angles.angles(body.joint_poses(world_T_segment), np.zeros(len(angles.names)))
-        world_T_root = world_T_segment[body.segment_index[body.root]]
-        return cls(np.zeros(1, np.int64), world_T_root[None], angles.names, bent[None], {})
-
     @cached_property
     def seconds(self) -> Array:
         """(T,) times since the first state [s]."""

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import ImageHandle, SceneClickEvent
 
-from bodycam_ros.errors import BodycamError
+from bodycam_ros.body.body_edit import joint_named
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.placement import Placement, nearest_on_ray
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.terminal import Terminal
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.gizmo import Gizmo
 from bodycam_ros.viewer.inbox import Inbox, set_value
@@ -48,34 +47,23 @@ def place_body(sources: PlacingSources, output: Path, port: int) -> None:
     Raises:
         BodycamError: the port cannot be used.
     """
-    server = LocalServer(port, f"bodycam view: {output.name}")
-    try:
-        session = PlacingSession(server, sources, output)
-        server.print_address()
-        try:
-            session.run()
-        finally:
-            if session.is_changed:
-                Terminal(stderr=True).print(f"bodycam: not written to {output}: the last steps", soft_wrap=True)
-    finally:
-        server.stop()
+    LocalServer(port, f"bodycam view: {output.name}").serve(lambda server: PlacingSession(server, sources, output))
 
 
 class PlacingSession:
-    """One view. All of it is done in the thread that calls ``run``."""
+    """One view, as of ``View``."""
 
     def __init__(self, server: LocalServer, sources: PlacingSources, output: Path) -> None:
         self._server, self._sources, self._output = server, sources, output
         self._placement, self._written = sources.placement, sources.placement.poses
         body = self._placement.body
-        self._selected, self._is_dragging = body.root, False
         self._inbox = inbox = Inbox()
         self._scene = Scene(
             server,
             body,
             sources.reference_map,
-            Motion.at(body, self._placement.poses),
-            lambda part: inbox.put(lambda: self._click_joint(part)),
+            Motion.standing(body),
+            lambda part: inbox.put(lambda: self._click(part)),
             sources.stations,
             lambda _: sources.surfaces,
         )
@@ -88,19 +76,18 @@ class PlacingSession:
         self._scene.frame_body()
 
     def _add_panels(self) -> None:
-        gui, inbox, images = self._server.gui, self._inbox, self._sources.images
+        gui, inbox, body = self._server.gui, self._inbox, self._placement.body
         panel = gui.add_panel()
         with panel.add_tab("First images"):
-            picture = self._pictures.draw(self._placement.poses, self._selected)
-            self._image = gui.add_image(picture, format="jpeg")
+            self._image = gui.add_image(self._pictures.draw(self._placement.poses, body.root), format="jpeg")
         panel.dock_left()
         panel.set_width(_PICTURE_PANEL_PX)
         with gui.add_folder("Look"):
-            through = gui.add_dropdown("from", (_OUTSIDE, *images))
+            through = gui.add_dropdown("from", (_OUTSIDE, *self._sources.images))
             close_up = gui.add_checkbox("close up", False)
         with gui.add_folder("Place"):
             gui.add_markdown(_HELP)
-            self._segment = gui.add_dropdown("segment", self._placement.body.segments)
+            self._segment = gui.add_dropdown("segment", body.segments)
             self._position = gui.add_vector3("place [m]", (0.0, 0.0, 0.0), step=_STEP_M)
             undo, fit = gui.add_button("Undo"), gui.add_button("Fit")
             write = gui.add_button(f"Write {self._output.name}")
@@ -118,44 +105,36 @@ class PlacingSession:
             origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
             inbox.put(lambda: self._move_to(nearest_on_ray(origin, direction, self._pose[:3, 3])))
 
-    def run(self) -> None:
-        """Do what people ask for, without end."""
-        while True:
-            action = self._inbox.take(None)
-            try:
-                if action is not None:
-                    action()
-            except BodycamError as error:
-                self._server.notify("This did not work", str(error), "red")
+    def step(self) -> None:
+        """Do what a person asks for next, or wait for it."""
+        if action := self._inbox.take(None):
+            action()
 
     @property
-    def is_changed(self) -> bool:
-        """Whether the body is elsewhere than in the file."""
-        return self._placement.poses is not self._written
+    def unwritten(self) -> str:
+        """The start, if the body is elsewhere than in it."""
+        return "" if self._placement.poses is self._written else f"{self._output}: the last steps"
 
     @property
     def _pose(self) -> Array:
         return self._placement.pose_of(self._selected)
 
-    def _click_joint(self, part: Part) -> None:
-        for joint in self._placement.body.tree_joints:
-            if part == Part("joint", joint.name):
-                self._select(joint.child)
+    def _click(self, part: Part) -> None:
+        if part.kind == "joint":
+            self._select(joint_named(self._placement.body, part.name).child)
 
     def _select(self, segment: str) -> None:
         self._selected, self._is_dragging = segment, False
-        joints = {joint.child: joint.name for joint in self._placement.body.tree_joints}
-        self._scene.select(Part("joint", joints[segment]) if segment in joints else None)
+        joint, can_move = self._placement.body.joint_to_parent(segment), self._placement.can_move(segment)
+        self._scene.select(None if joint is None else Part("joint", joint.name))
         set_value(self._segment, segment)
-        can_move = self._placement.can_move(segment)
         self._position.disabled = not can_move
         self._gizmo.attach(WORLD, self._pose, can_move=can_move)
         self._show()
 
     def _show(self) -> None:
         """Show the body where it is now."""
-        self._scene.motion = Motion.at(self._placement.body, self._placement.poses)
-        self._scene.show(0, follow=False)
+        self._scene.pose(self._placement.poses)
         self._image.image = self._pictures.draw(self._placement.poses, self._selected)
         x, y, z = np.round(self._pose[:3, 3], _DECIMALS).tolist()
         set_value(self._position, (x, y, z))
@@ -168,27 +147,23 @@ class PlacingSession:
     def _drag(self) -> None:
         pose = self._gizmo.parent_T_part
         if not np.allclose(pose, self._pose, rtol=0.0, atol=_STILL):
-            self._placement = self._placement.moved_to(self._selected, pose, continues=self._is_dragging)
-            self._is_dragging = True
-            self._remark.content = ""
-            self._show()
+            moved = self._placement.moved_to(self._selected, pose, continues=self._is_dragging)
+            self._change(moved, is_dragging=True)
 
     def _move_to(self, place_world: Array) -> None:
         """Move the selected segment's origin."""
-        # A field that loses the focus sends its number again.
-        if np.array_equal(np.round(place_world, _DECIMALS), np.round(self._pose[:3, 3], _DECIMALS)):
-            return
-        if not self._placement.can_move(self._selected):
-            return
         pose = self._pose.copy()
         pose[:3, 3] = place_world
-        self._change(self._placement.moved_to(self._selected, pose))
+        # A field that loses the focus sends its number again.
+        is_elsewhere = not np.array_equal(*np.round([pose[:3, 3], self._pose[:3, 3]], _DECIMALS))
+        if is_elsewhere and self._placement.can_move(self._selected):
+            self._change(self._placement.moved_to(self._selected, pose))
 
-    def _change(self, placement: Placement) -> None:
-        """Take over a placement that was not made with the gizmo."""
-        self._placement, self._is_dragging = placement, False
-        self._remark.content = ""
-        self._gizmo.follow(self._pose)
+    def _change(self, placement: Placement, *, is_dragging: bool = False) -> None:
+        """Take over a placement; the handles stay where they are dragged to."""
+        self._placement, self._is_dragging, self._remark.content = placement, is_dragging, ""
+        if not is_dragging:
+            self._gizmo.follow(self._pose)
         self._show()
 
     def _fit(self) -> None:
@@ -215,8 +190,6 @@ class PlacingSession:
             self._behind.remove()
             self._behind = None
         if camera == _OUTSIDE:
-            for client in self._server.get_clients().values():
-                client.camera.up_direction = (0.0, 0.0, 1.0)
             self._scene.frame_body()
             return
         station, root = self._sources.stations[camera], self._placement.pose_of(self._placement.body.root)
@@ -228,10 +201,7 @@ class PlacingSession:
             half, look_at = np.arctan2(_CLOSE_UP_M, distance_m), root[:3, 3]
         else:
             half, look_at = np.arctan2(lens.height / 2.0, lens.fy), position + station.world_T_camera[:3, 2]
-        for client in self._server.get_clients().values():
-            with client.atomic():
-                client.camera.up_direction = -station.world_T_camera[:3, 1]
-                client.camera.fov, client.camera.position, client.camera.look_at = 2.0 * float(half), position, look_at
+        self._scene.look_from(position, look_at, -station.world_T_camera[:3, 1], 2.0 * float(half))
 
 
 def _add_picture(server: LocalServer, station: Station, pixels: NDArray[np.uint8], depth_m: float) -> ImageHandle:
@@ -256,12 +226,9 @@ def _add_picture(server: LocalServer, station: Station, pixels: NDArray[np.uint8
 
 def support_table(support: Mapping[str, float]) -> str:
     """Markdown of how well the images support each segment where it is, the least first; NaN: they do not show it."""
-    words = []
+    lines = ["| segment | is in the images |", "|---|---|"]
     for segment, share in sorted(support.items(), key=lambda item: (np.isnan(item[1]), item[1])):
-        if np.isnan(share):
-            word = "hidden"
-        else:
-            word = "yes" if share >= CONFIRMED else "perhaps" if share >= _POSSIBLE else "**no: move it**"
-            word += f" ({share:.2f})"
-        words.append(f"| {segment.replace('_', ' ')} | {word} |")
-    return "\n".join(["| segment | is in the images |", "|---|---|", *words])
+        word = "yes" if share >= CONFIRMED else "perhaps" if share >= _POSSIBLE else "**no: move it**"
+        word = "hidden" if np.isnan(share) else f"{word} ({share:.2f})"
+        lines.append(f"| {segment.replace('_', ' ')} | {word} |")
+    return "\n".join(lines)

@@ -81,15 +81,20 @@ class Scene:
     def show(self, index: int, *, follow: bool) -> None:
         """Show the body at a state, and if it is followed, at the middle of the scene."""
         body, motion = self._body, self.motion
-        self._index, self._world_T_segment = index, motion.segments_at(body, index)
+        self._index = index
         with self._server.atomic():
+            self.pose(motion.segments_at(body, index))
             if follow:
                 x, y, _ = self._world_T_segment[body.segment_index[body.root], :3, 3]
                 self._world.position = (-x, -y, 0.0)
-            self._skeleton.pose(body, self._world_T_segment)
             self._equipment.show(motion.equipment_at(index))
             for camera in motion.registered:
                 self._cameras.show_registered(camera, motion.registered_at(camera, index) is not None)
+
+    def pose(self, world_T_segment: Array) -> None:
+        """Show the body at poses (S, 4, 4) [m]."""
+        self._world_T_segment = world_T_segment
+        self._skeleton.pose(self._body, world_T_segment)
 
     def reshape(self, body: BodyModel) -> None:
         """Show the lengths, joints, mounts and surface of a body with the same parts.
@@ -125,12 +130,22 @@ class Scene:
         points_world = points_to_see(self._body, surfaces, self._world_T_segment)
         root = self._world_T_segment[self._body.segment_index[self._body.root]]
         opening = OpeningView.of_body(root, points_world + np.array(self._world.position))
-        for client in self._server.get_clients().values():
-            with client.atomic():
-                client.camera.fov = FIELD_OF_VIEW
-                client.camera.position, client.camera.look_at = opening.position, opening.look_at
+        self.look_from(opening.position, opening.look_at)
         camera = self._server.initial_camera
         camera.fov, camera.look_at, camera.position = FIELD_OF_VIEW, opening.look_at, opening.position
+
+    def look_from(
+        self,
+        position: Array,
+        look_at: Array,
+        up: Array | tuple[float, float, float] = (0.0, 0.0, 1.0),
+        field_of_view: float = FIELD_OF_VIEW,
+    ) -> None:
+        """Set the viewpoint of browsers that have the view open: points (3,) of the scene [m], bottom to top [rad]."""
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.up_direction, client.camera.fov = up, field_of_view
+                client.camera.position, client.camera.look_at = position, look_at
 
     def world_T_camera(self, camera: str) -> Array:
         """(4, 4) pose of a camera on the body as it is shown, or of a static one [m]."""

@@ -2,16 +2,16 @@
 
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from io import StringIO
-from typing import Literal
+from typing import Literal, Protocol
 
 import viser
 from websockets.asyncio import server as websockets_server
 
-from bodycam_ros.errors import ViewError
+from bodycam_ros.errors import BodycamError, ViewError
 from bodycam_ros.terminal import Terminal
 
 HOST = "127.0.0.1"
@@ -21,6 +21,17 @@ _OUR_PAGES = re.compile(r"http://(127\.0\.0\.1|localhost)(:\d+)?")
 
 _HIGHEST_PORT = 65535
 _NOTICE_S = 6.0
+
+
+class View(Protocol):
+    """What happens when a person uses a page. All of it is done in the thread that calls ``step``."""
+
+    @property
+    def unwritten(self) -> str:
+        """File that something is to be written to, and what; empty if nothing."""
+
+    def step(self) -> None:
+        """Do what a person asks for next, or wait for it."""
 
 
 class LocalServer(viser.ViserServer):
@@ -53,6 +64,27 @@ class LocalServer(viser.ViserServer):
     def address(self) -> str:
         """What to open in a browser."""
         return f"http://{HOST}:{self.get_port()}"
+
+    def serve(self, open_view: Callable[["LocalServer"], View]) -> None:
+        """Serve a view until the program is interrupted, and print what it leaves unwritten.
+
+        Raises:
+            BodycamError: the view cannot be opened.
+        """
+        try:
+            view = open_view(self)
+            self.print_address()
+            try:
+                while True:
+                    try:
+                        view.step()
+                    except BodycamError as error:
+                        self.notify("This did not work", str(error), "red")
+            finally:
+                if unwritten := view.unwritten:
+                    Terminal(stderr=True).print(f"bodycam: not written to {unwritten}", soft_wrap=True)
+        finally:
+            self.stop()
 
     def print_address(self) -> None:
         """Print what to open in a browser."""

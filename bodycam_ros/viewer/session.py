@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_so3
-from bodycam_ros.terminal import Terminal
 from bodycam_ros.viewer.camera_picture import CameraPicture
 from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.viewer.footage import FootageLoader
@@ -34,37 +32,22 @@ def view(sources: Sources, port: int) -> None:
     Raises:
         BodycamError: the surface or the port cannot be used.
     """
-    server = LocalServer(port, f"bodycam view: {sources.body.name}")
-    try:
-        session = Session(server, sources)
-        server.print_address()
-        try:
-            session.run()
-        finally:
-            if session.unwritten:
-                lost = f"bodycam: not written to {session.body_file.path}: {', '.join(session.unwritten)}"
-                Terminal(stderr=True).print(lost, soft_wrap=True)
-    finally:
-        server.stop()
+    LocalServer(port, f"bodycam view: {sources.body.name}").serve(lambda server: Session(server, sources))
 
 
 class Session:
-    """One view. All of it is done in the thread that calls ``run``.
-
-    Attributes:
-        body_file: that corrections are written to.
-    """
+    """One view, as of ``View``."""
 
     def __init__(self, server: LocalServer, sources: Sources) -> None:
         assert sources.body_file is not None
-        self.body_file = sources.body_file
+        self._body_file = sources.body_file
         self._server, self._sources = server, sources
         self._correction = Correction(sources.body)
         self._selected: Part | None = None
         self._is_dragging = False
         self._camera: str | None = None
         self._inbox = inbox = Inbox()
-        gui, motion, body_path = server.gui, sources.motion, self.body_file.path
+        gui, motion, body_path = server.gui, sources.motion, self._body_file.path
         self._scene = Scene(
             server,
             sources.body,
@@ -97,22 +80,19 @@ class Session:
         self._show_correction()
         self._scene.frame_body()
 
-    def run(self) -> None:
-        """Do what people ask for, without end."""
-        while True:
-            action = self._inbox.take(_FRAME_S if self._time.is_playing else None)
-            try:
-                if action is not None:
-                    action()
-                if self._time.is_playing:
-                    self._time.advance()
-            except BodycamError as error:
-                self._server.notify("This did not work", str(error), "red")
+    def step(self) -> None:
+        """Do what a person asks for next, or show the next picture of a recording that is being played."""
+        action = self._inbox.take(_FRAME_S if self._time.is_playing else None)
+        if action is not None:
+            action()
+        if self._time.is_playing:
+            self._time.advance()
 
     @property
-    def unwritten(self) -> list[str]:
-        """Parts that are corrected but not in the file yet."""
-        return [str(part) for part, _ in self._correction.moves()]
+    def unwritten(self) -> str:
+        """The body's file, and parts that are corrected but not in it yet."""
+        parts = ", ".join(str(part) for part, _ in self._correction.moves())
+        return parts and f"{self._body_file.path}: {parts}"
 
     @property
     def _index(self) -> int:
@@ -209,7 +189,7 @@ class Session:
         self._show_correction()
 
     def _write(self) -> None:
-        self._change(Correction(self.body_file.write(self._correction)))
+        self._change(Correction(self._body_file.write(self._correction)))
         self._server.notify(
-            "Written", f"{self.body_file.path}; as it was first: {self.body_file.original_path.name}", "green"
+            "Written", f"{self._body_file.path}; as it was first: {self._body_file.original_path.name}", "green"
         )
