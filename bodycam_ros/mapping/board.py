@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.geometry import Array, exp_so3, inverse, transform_points, umeyama
+from bodycam_ros.geometry import Array, exp_so3, inverse, rotation_to_z, transform_points, umeyama
 from bodycam_ros.mapping.apriltag import FAMILIES, TagView
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.structure import distinct
@@ -100,12 +100,8 @@ def _upright(placement: str) -> Array | None:
     match = _UP.search(placement)
     if match is None:
         return None
-    axes = np.eye(3)
-    number = "xyz".index(match[2])
-    up = -axes[number] if match[1] else axes[number]
-    # The board's x stays x where it can; a board on its short side takes y instead.
-    x = axes[1] if number == 0 else axes[0]
-    return np.array([x, np.cross(up, x), up])
+    up = np.eye(3)["xyz".index(match[2])]
+    return rotation_to_z(-up if match[1] else up)
 
 
 @dataclass(frozen=True)
