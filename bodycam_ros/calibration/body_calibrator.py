@@ -12,7 +12,7 @@ from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, ass
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, MotionLogSettings, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
-from bodycam_ros.calibration.hinge import place_hinges, straight_limbs
+from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_search import FoundJoints, find_joints
@@ -170,7 +170,7 @@ class BodyCalibrator:
             first,
             image_evidence(motion, rows, self._models, self._pose_fit, self._evidence),
             found.trust[rows],
-            straight_limbs(first, hinges),
+            hinges,
             self._clock,
             lambda share: on_progress("refinement", share),
         )

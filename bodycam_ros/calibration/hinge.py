@@ -2,17 +2,14 @@
 
 A hinge leaves two null vectors in A eq. 14, so its joint may be anywhere on the axis, ``K(c) = K0 + c a`` (A eq. 16).
 A leg that stands straight has hip, knee and ankle on one line (A eq. 17). An arm without a camera on the hand has no
-third joint: hanging, its upper half is vertical. The first body is placed so; in the refinement the straight limbs are
-a prior.
+third joint: hanging, its upper half is vertical. The first body is placed so, and the refined one again.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.body.body_edit import joint_named, move_joint
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RangeOfMotionError
@@ -77,49 +74,3 @@ def shift_to_line(on_axis: Array, axis: Array, line_point: Array, line_direction
     if squared < 1e-6:
         raise ValueError("the hinge's axis runs along the straight limb, which does not fix its place")
     return float(-across @ (cross @ (on_axis - line_point)) / squared)
-
-
-@dataclass(frozen=True, eq=False)
-class StraightLimb:
-    """The N-pose's constraint on a hinge: ``row @ offsets.ravel() == 0`` puts its joint on the straight limb.
-
-    Attributes:
-        row: (3 S) derivative of the joint's distance from the line, along the hinge's axis, by all offsets.
-        value: that distance at the first body [m].
-    """
-
-    row: Array
-    value: float
-
-
-def straight_limbs(motion: ArticulatedMotion, hinges: Mapping[str, Array]) -> list[StraightLimb]:
-    """Constraints on each hinge's place along its axis (A eq. 17), linearised."""
-    limbs = []
-    for name in [joint.name for joint in motion.body.tree_joints if joint.child in hinges]:
-
-        def off_line(offsets: Array, name: str = name) -> float:
-            body = replace(motion, offsets=offsets).body_with_geometry()
-            joint = joint_named(body, name)
-            return -shift_to_line(joint.parent_T_joint[:3, 3], hinges[joint.child], *straight_line(body, joint))
-
-        limbs.append(_linearised(motion, off_line))
-    return limbs
-
-
-def _linearised(motion: ArticulatedMotion, residual: Callable[[Array], float]) -> StraightLimb:
-    """A straight limb's residual, linearised numerically at the first body.
-
-    Args:
-        residual: offsets (S, 3) -> distance of the hinge's joint from the straight limb's line, along its axis [m].
-    """
-    step = 1e-6
-    flat = motion.offsets.ravel()
-    unit = np.eye(len(flat))
-    shape = motion.offsets.shape
-    row = np.array(
-        [
-            (residual((flat + step * e).reshape(shape)) - residual((flat - step * e).reshape(shape))) / (2 * step)
-            for e in unit
-        ]
-    )
-    return StraightLimb(row, residual(motion.offsets))

@@ -7,14 +7,13 @@ tight joints are exact here, and its smoothness is left out: the instants then d
 alone, and each is eliminated on its own (Schur complement).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, eliminate_instants
-from bodycam_ros.calibration.hinge import StraightLimb
 from bodycam_ros.calibration.image_evidence import ImageEvidence
 from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
@@ -79,7 +78,7 @@ def refine(
     motion: ArticulatedMotion,
     images: ImageEvidence,
     trust: Array,
-    limbs: Sequence[StraightLimb],
+    hinges: Mapping[str, Array],
     clock: ClockSettings,
     on_progress: Callable[[float], None] = lambda share: None,
 ) -> Refined:
@@ -89,7 +88,7 @@ def refine(
         motion: where to start.
         images: the landmarks that they show.
         trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
-        limbs: the straight limbs of the N-pose.
+        hinges: child segment -> (3,) axis of the hinge that it hangs on, in N-pose axes.
         clock: how far clocks may be off.
         on_progress: called with the share that is done.
     """
@@ -102,7 +101,7 @@ def refine(
         eliminated = eliminate_instants(
             *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
         )
-        prior = _priors(motion, start, limbs, clock)
+        prior = _priors(motion, start, hinges, clock)
         equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
         lasting = equations.step()
         motion = motion.moved(eliminated.moving(lasting), lasting)
@@ -127,7 +126,7 @@ def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:
 def _priors(
     motion: ArticulatedMotion,
     start: ArticulatedMotion,
-    limbs: Sequence[StraightLimb],
+    hinges: Mapping[str, Array],
     clock: ClockSettings,
 ) -> tuple[Array, Array]:
     """What no image determines: the choice of the segments' frames, and where a hinge's joint sits along its axis."""
@@ -147,13 +146,11 @@ def _priors(
     delays = range(motion.delay_columns.start, motion.delay_columns.stop)
     hessian[delays, delays] += sigmas**-2.0
     gradient[delays] += motion.delays / sigmas**2
-    shift = (motion.offsets - start.offsets).ravel()
-    for limb in limbs:
-        row = np.zeros(count)
-        row[: len(limb.row)] = limb.row / STRAIGHT_SIGMA_M
-        value = (limb.value + limb.row @ shift) / STRAIGHT_SIGMA_M
-        hessian += np.outer(row, row)
-        gradient += row * value
+    for child, axis in hinges.items():
+        row = motion.body.segment_index[child]
+        columns, information = motion.offset_columns(row), np.outer(axis, axis) / STRAIGHT_SIGMA_M**2
+        hessian[columns, columns] += information
+        gradient[columns] += information @ (motion.offsets - start.offsets)[row]
     return hessian, gradient
 
 
