@@ -19,7 +19,6 @@ _GENERATORS = np.array(
 )  # a vector's components into its matrix (3, 9)
 _SMALL_ANGLE = 1e-4  # [rad] below it, two terms of a series are exact to rounding
 _NEARLY = 1e-7  # a matrix that is a rotation to this is one to rounding after a step of Newton's iteration
-_TINY = 1e-150  # added to a length: makes 0/0 the exact limit and vanishes elsewhere
 _DEGENERATE = 1e-9  # spread of points across their longest axis, relative to that axis, that counts as none
 _MEDIAN_ITERATIONS = 100
 _MEDIAN_STEP = 1e-9  # [rad] and [m] a median that moves less has converged
@@ -54,9 +53,9 @@ def hat(v: Array) -> Array:
 
 def exp_so3(w: Array) -> Array:
     """Rotation (..., 3, 3) of a rotation vector (..., 3) [rad]: Rodrigues' formula."""
-    W, W2, first, sine_ratio = _rotation_terms(w)
-    R: Array = _IDENTITY + sine_ratio * W + first * W2
-    return R
+    xi = np.zeros((*w.shape[:-1], 6))
+    xi[..., :3] = w
+    return exp_se3(xi)[..., :3, :3]
 
 
 def log_so3(R: Array) -> Array:
@@ -203,13 +202,3 @@ def _median_step(offsets: Array) -> Array:
     weights = 1.0 / np.maximum(np.linalg.norm(offsets, axis=1), _MEDIAN_STEP)
     step: Array = weights @ offsets / weights.sum()
     return step
-
-
-def _rotation_terms(w: Array) -> tuple[Array, Array, Array, Array]:
-    """Of rotation vectors (..., 3): hat, its square, and (..., 1, 1) (1 - cos) / angle^2, sin / angle."""
-    angle2 = (w * w).sum(axis=-1)[..., None, None] + _TINY**2
-    half = 0.5 * np.sqrt(angle2)
-    half_ratio = np.sin(half) / half
-    W = hat(w)
-    # By the half angle the difference of one and the cosine loses no digits.
-    return W, W @ W, 0.5 * half_ratio**2, half_ratio * np.cos(half)

@@ -1,6 +1,6 @@
 """Samples of an inertial sensor: angular velocity and acceleration in its own frame (REP-145)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
 
@@ -38,29 +38,11 @@ class ImuSamples:
         kept = [*rows]
         stamps_ns = np.array([stamp_ns for stamp_ns, _ in kept], np.int64)
         values = np.fromiter(chain.from_iterable(row for _, row in kept), np.float64, 6 * len(kept))
-        return ImuSamples.from_readings(stamps_ns, values.reshape(-1, 6))
-
-    @staticmethod
-    def from_readings(stamps_ns: NDArray[np.int64], readings: Array) -> "ImuSamples":
-        """The same of stamps (N,) [ns] and readings (N, 6)."""
+        readings = values.reshape(-1, 6)
         is_finite = np.isfinite(readings).all(axis=1)
-        if not is_finite.all():
-            stamps_ns, readings = stamps_ns[is_finite], readings[is_finite]
+        stamps_ns, readings = stamps_ns[is_finite], readings[is_finite]
         later = np.diff(np.maximum.accumulate(stamps_ns), prepend=-1) > 0
-        if not later.all():
-            stamps_ns, readings = stamps_ns[later], readings[later]
-        return ImuSamples(stamps_ns, readings[:, :3], readings[:, 3:])
-
-    @staticmethod
-    def joined(parts: Sequence["ImuSamples"]) -> "ImuSamples":
-        """The samples of one or more parts, one part after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        return ImuSamples(
-            np.concatenate([each.stamps_ns for each in parts]),
-            np.concatenate([each.angular_velocity for each in parts]),
-            np.concatenate([each.acceleration for each in parts]),
-        )
+        return ImuSamples(stamps_ns[later], readings[later, :3], readings[later, 3:])
 
     def between(self, start_ns: int, end_ns: int) -> "ImuSamples":
         """Samples from start to end [ns], the end included."""

@@ -115,10 +115,11 @@ def _windows(camera: int, stamps_ns: NDArray[np.int64], world_T_camera: Array, s
         rows = np.flatnonzero(stamps_ns // _WINDOW_NS == number)
         if len(rows) < _MIN_IMAGES or motion.between(int(stamps_ns[rows[0]]), int(stamps_ns[rows[-1]])) is None:
             continue
-        sums, R = motion.at(stamps_ns[rows]), world_T_camera[rows, :3, :3]
+        sums_R_camera, once, twice = motion.at(stamps_ns[rows])
+        R = world_T_camera[rows, :3, :3]
         t = 1e-9 * (stamps_ns[rows] - stamps_ns[rows[0]])
-        world_R_sums = nearest_rotation((R @ np.swapaxes(sums.R, 1, 2)).mean(axis=0))
-        moved = sums.twice - sums.twice[0] - t[:, None] * sums.once[0]
+        world_R_sums = nearest_rotation((R @ np.swapaxes(sums_R_camera, 1, 2)).mean(axis=0))
+        moved = twice - twice[0] - t[:, None] * once[0]
         by_bias = world_R_sums @ moved[:, :9].reshape(-1, 3, 3)
         by_force = (world_R_sums @ moved[:, 9:, None])[..., 0]
         # p = start + velocity t + unit (by_force + g t^2 / 2 - R lever - by_bias b - by_force e), unit: map per metre

@@ -1,68 +1,71 @@
-"""Sums over the samples of an inertial sensor as a kernel: live, some samples of each sensor come with every frame."""
+"""Sums over the samples of an inertial sensor as kernels: live, some samples of each sensor come with every frame.
+
+A row of sums (39) at a stamp is the orientation (9), integrals of R and R a, once (12) and twice (12), and the reading.
+"""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.geometry_kernels import exp_se3
 from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
-_TINY = 1e-150
+COLUMNS = 39
+"""Of a row of sums."""
+
+_ONCE, _TWICE, _READING = 9, 21, 33  # first columns
+_GAP_NS = 30_000_000  # between neighbouring samples; a longer gap is not integrated across
+_BACK_NS = 1_000_000_000  # by which stamps go back where time restarts, and not because messages were exchanged
 
 
-@kernel("(f8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1])")
-def add_samples(dt: Array, readings: Array, R: Array, once: Array, twice: Array) -> None:
-    """Sums after N samples, each from the one before; rows 0 are known, the others are filled in.
+@kernel("(i8[::1], f8[:, ::1], i8[::1], i8[::1], f8[:, ::1], i8)")
+def add_samples(added_ns: Stamps, readings: Array, stamps_ns: Stamps, gaps: Stamps, sums: Array, count: int) -> int:
+    """Sums after more samples, each from the one before; how many rows are in use then.
+
+    Samples that are not finite, or whose stamp does not increase, are left out.
 
     Args:
-        dt: (N,) time since the sample before [s].
-        readings: (N + 1, 6) angular velocity and acceleration.
-        R: (N + 1, 3, 3) orientations.
-        once, twice: (N + 1, 12) integrals of R and R a.
+        added_ns, readings: (M), (M, 6) stamps [ns], and angular velocity and acceleration.
+        stamps_ns, gaps, sums: (N), (N), (N, 39) stamps [ns], count of gaps before, and sums; with room for M more.
+        count: rows in use.
     """
-    before, after = np.empty(12), np.empty(12)
-    for row in range(len(dt)):
-        h = dt[row]
-        _turn(R[row], 0.5 * h, readings[row], readings[row + 1], R[row + 1])
-        _rates(R[row], readings[row], before)
-        _rates(R[row + 1], readings[row + 1], after)
-        for column in range(12):
-            known = once[row, column]
-            once[row + 1, column] = known + 0.5 * h * (before[column] + after[column])
-            twice[row + 1, column] = (
-                twice[row, column] + h * known + h * h * (2.0 * before[column] + after[column]) / 6.0
-            )
+    for row in range(len(added_ns)):
+        stamp_ns = added_ns[row]
+        is_finite = True
+        for column in range(6):
+            is_finite = is_finite and math.isfinite(readings[row, column])
+        if count > 0 and stamp_ns < stamps_ns[count - 1] - _BACK_NS:
+            count = 0
+        if not is_finite or (count > 0 and stamp_ns <= stamps_ns[count - 1]):
+            continue
+        stamps_ns[count], sums[count, _READING:] = stamp_ns, readings[row]
+        if count == 0:
+            gaps[0], sums[0, :_READING] = 0, 0.0
+            sums[0, 0] = sums[0, 4] = sums[0, 8] = 1.0
+        else:
+            pause_ns = stamp_ns - stamps_ns[count - 1]
+            gaps[count] = gaps[count - 1] + (1 if pause_ns > _GAP_NS else 0)
+            _advance(1e-9 * pause_ns, sums[count - 1], sums[count])
+        count += 1
+    return count
 
 
 @kernel()
-def _rates(R: Array, reading: Array, rates: Array) -> None:
-    """R and R a of an orientation and a reading, into rates (12,)."""
+def _advance(h: float, before: Array, after: Array) -> None:
+    """Sums a time [s] after others, which are known but for the reading; readings are linear between the two."""
+    xi = np.zeros(6)
     for i in range(3):
-        rates[9 + i] = 0.0
-        for j in range(3):
-            rates[3 * i + j] = R[i, j]
-            rates[9 + i] += R[i, j] * reading[3 + j]
-
-
-@kernel()
-def _turn(R: Array, half: float, first: Array, second: Array, turned: Array) -> None:
-    """R turned by the mean of two readings over twice the time ``half`` [s]; made a rotation again by a Newton step."""
-    x, y, z = half * (first[0] + second[0]), half * (first[1] + second[1]), half * (first[2] + second[2])
-    squared = x * x + y * y + z * z
-    angle = math.sqrt(squared) + _TINY
-    sine_ratio = math.sin(angle) / angle
-    versine_ratio = 0.5 * (math.sin(angle / 2.0) / (angle / 2.0)) ** 2
-    w = (x, y, z)
-    W = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
-    M, excess = np.zeros((3, 3)), np.zeros((3, 3))
+        xi[i] = 0.5 * h * (before[_READING + i] + after[_READING + i])
+    turn, M, excess = exp_se3(xi), np.zeros((3, 3)), np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
             for k in range(3):
-                unit = 1.0 if k == j else 0.0
-                turn = unit + sine_ratio * W[k][j] + versine_ratio * (w[k] * w[j] - unit * squared)
-                M[i, j] += R[i, k] * turn
+                M[i, j] += before[3 * i + k] * turn[k, j]
+    # Made a rotation again, by a step of Newton's iteration.
     for i in range(3):
         for j in range(3):
             excess[i, j] = -1.0 if i == j else 0.0
@@ -70,63 +73,68 @@ def _turn(R: Array, half: float, first: Array, second: Array, turned: Array) -> 
                 excess[i, j] += M[k, i] * M[k, j]
     for i in range(3):
         for j in range(3):
-            turned[i, j] = M[i, j]
+            after[3 * i + j] = M[i, j]
             for k in range(3):
-                turned[i, j] -= 0.5 * M[i, k] * excess[k, j]
+                after[3 * i + j] -= 0.5 * M[i, k] * excess[k, j]
+    for column in range(12):
+        first, second = _rate(before, column), _rate(after, column)
+        known = before[_ONCE + column]
+        after[_ONCE + column] = known + 0.5 * h * (first + second)
+        after[_TWICE + column] = before[_TWICE + column] + h * known + h * h * (2.0 * first + second) / 6.0
 
 
-@kernel("(i8[::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, i8, i8, i8)")
-def motion_between(
-    stamps_ns: NDArray[np.int64],
-    readings: Array,
-    R: Array,
-    once: Array,
-    twice: Array,
-    first: int,
-    second: int,
-    start_ns: int,
-    end_ns: int,
-) -> Array:
-    """(54,) the fields of ``Preintegrated`` behind ``seconds``, in their order, between two stamps [ns].
+@kernel()
+def _rate(row: Array, column: int) -> float:
+    """What is summed up: R by rows, then R a."""
+    if column < 9:
+        return float(row[column])
+    i, force = 3 * (column - 9), _READING + 3
+    return float(row[i] * row[force] + row[i + 1] * row[force + 1] + row[i + 2] * row[force + 2])
+
+
+@kernel("(i8[::1], f8[:, ::1], i8[::1], i8[::1])")
+def sums_at(stamps_ns: Stamps, sums: Array, nodes: Stamps, at_ns: Stamps) -> Array:
+    """(T, 39) sums at T stamps.
 
     Args:
-        stamps_ns, readings, R, once, twice: sums at N samples.
-        first, second: the last samples at or before the stamps.
-        start_ns, end_ns: the stamps.
+        stamps_ns, sums: (N), (N, 39) at the samples.
+        nodes, at_ns: (T) the last samples at or before the stamps, and the stamps.
     """
-    dt = np.empty(1)
-    at_readings, at_R = np.empty((2, 2, 6)), np.empty((2, 2, 3, 3))
-    at_once, at_twice = np.empty((2, 2, 12)), np.empty((2, 2, 12))
-    for end in range(2):
-        node, stamp_ns = (first, start_ns) if end == 0 else (second, end_ns)
-        share = 0.0
-        following = node
-        if node + 1 < len(stamps_ns):
-            following = node + 1
-            share = (stamp_ns - stamps_ns[node]) / (stamps_ns[following] - stamps_ns[node])
-        dt[0] = 1e-9 * (stamp_ns - stamps_ns[node])
-        at_R[end, 0] = R[node]
-        at_once[end, 0], at_twice[end, 0], at_readings[end, 0] = once[node], twice[node], readings[node]
-        for column in range(6):
-            at_readings[end, 1, column] = readings[node, column] * (1.0 - share) + readings[following, column] * share
-        add_samples(dt, at_readings[end], at_R[end], at_once[end], at_twice[end])
-    seconds = 1e-9 * (end_ns - start_ns)
-    R1, R2 = at_R[0, 1], at_R[1, 1]
+    found = np.empty((len(at_ns), COLUMNS))
+    for row in range(len(at_ns)):
+        node = nodes[row]
+        following = min(node + 1, len(stamps_ns) - 1)
+        ahead_ns = at_ns[row] - stamps_ns[node]
+        share = ahead_ns / max(stamps_ns[following] - stamps_ns[node], 1)
+        for column in range(_READING, COLUMNS):
+            found[row, column] = sums[node, column] + share * (sums[following, column] - sums[node, column])
+        _advance(1e-9 * ahead_ns, sums[node], found[row])
+    return found
+
+
+@kernel("(i8[::1], f8[:, ::1], i8[::1], i8[::1])")
+def motion_between(stamps_ns: Stamps, sums: Array, nodes: Stamps, ends_ns: Stamps) -> Array:
+    """(54,) the fields of ``Preintegrated`` behind ``seconds``, in their order, between two stamps; as ``sums_at``."""
+    ends = sums_at(stamps_ns, sums, nodes, ends_ns)
+    start, end = ends[0], ends[1]
+    seconds = 1e-9 * (ends_ns[1] - ends_ns[0])
+    once, twice = np.empty(12), np.empty(12)
+    for column in range(12):
+        known = start[_ONCE + column]
+        once[column] = end[_ONCE + column] - known
+        twice[column] = end[_TWICE + column] - start[_TWICE + column] - seconds * known
     moved = np.zeros(54)
     for i in range(3):
         for k in range(3):
-            velocity = at_once[1, 1, 9 + k] - at_once[0, 1, 9 + k]
-            position = at_twice[1, 1, 9 + k] - at_twice[0, 1, 9 + k] - seconds * at_once[0, 1, 9 + k]
-            moved[9 + i] += R1[k, i] * velocity
-            moved[12 + i] += R1[k, i] * position
+            by_start, by_end = start[3 * k + i], end[3 * k + i]
+            moved[9 + i] += by_start * once[9 + k]
+            moved[12 + i] += by_start * twice[9 + k]
             for j in range(3):
-                turned = at_once[1, 1, 3 * k + j] - at_once[0, 1, 3 * k + j]
-                shifted = at_twice[1, 1, 3 * k + j] - at_twice[0, 1, 3 * k + j] - seconds * at_once[0, 1, 3 * k + j]
-                moved[3 * i + j] += R1[k, i] * R2[k, j]
-                moved[27 + 3 * i + j] += R2[k, i] * turned
-                moved[36 + 3 * i + j] += R1[k, i] * turned
-                moved[45 + 3 * i + j] += R1[k, i] * shifted
-        moved[15 + i], moved[18 + i] = at_readings[0, 1, i], at_readings[1, 1, i]
+                moved[3 * i + j] += by_start * end[3 * k + j]
+                moved[27 + 3 * i + j] += by_end * once[3 * k + j]
+                moved[36 + 3 * i + j] += by_start * once[3 * k + j]
+                moved[45 + 3 * i + j] += by_start * twice[3 * k + j]
+        moved[15 + i], moved[18 + i] = start[_READING + i], end[_READING + i]
     for column in range(6):
-        moved[21 + column] = at_readings[1, 1, column] - at_readings[0, 1, column]
+        moved[21 + column] = end[_READING + column] - start[_READING + column]
     return moved

@@ -113,13 +113,14 @@ def test_sums_that_grow_by_a_few_samples_keep_the_latest_minutes_and_restart_whe
 
 def test_the_kernel_advances_the_sums_as_numpy_does() -> None:
     samples, random = swinging(50), np.random.default_rng(3)
-    dt = random.uniform(0.001, 0.02, 49)
+    stamps_ns = np.append(0, np.cumsum(random.integers(1_000_000, 20_000_000, 49)))
     readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
-    R, once, twice = np.empty((50, 3, 3)), random.normal(size=(50, 12)), random.normal(size=(50, 12))
-    R[0] = exp_so3(random.normal(size=3))
-    orientation, first, second = R[0].copy(), once[0].copy(), twice[0].copy()
-    add_samples(dt, readings, R, once, twice)
-    for row, h in enumerate(dt):
+    orientation, first, second = exp_so3(random.normal(size=3)), random.normal(size=12), random.normal(size=12)
+    known_ns, gaps, rows = np.zeros(50, np.int64), np.zeros(50, np.int64), np.empty((50, 39))
+    rows[0] = np.concatenate([orientation.ravel(), first, second, readings[0]])
+    assert add_samples(stamps_ns[1:], readings[1:], known_ns, gaps, rows, 1) == 50
+    assert (known_ns == stamps_ns).all() and not gaps.any()
+    for row, h in enumerate(1e-9 * np.diff(stamps_ns)):
         turned = orientation @ exp_so3(0.5 * h * (readings[row, :3] + readings[row + 1, :3]))
         before, after = (
             np.append(each.ravel(), each @ reading[3:])
@@ -127,6 +128,6 @@ def test_the_kernel_advances_the_sums_as_numpy_does() -> None:
         )
         second = second + h * first + h**2 * (2.0 * before + after) / 6.0
         first, orientation = first + 0.5 * h * (before + after), turned
-        np.testing.assert_allclose(R[row + 1], orientation, atol=1e-13)
-        np.testing.assert_allclose(once[row + 1], first, atol=1e-12)
-        np.testing.assert_allclose(twice[row + 1], second, atol=1e-12)
+        np.testing.assert_allclose(rows[row + 1, :9], orientation.ravel(), atol=1e-13)
+        np.testing.assert_allclose(rows[row + 1, 9:21], first, atol=1e-12)
+        np.testing.assert_allclose(rows[row + 1, 21:33], second, atol=1e-12)
