@@ -193,37 +193,41 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
         gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
         steps = np.stack([of_before @ scaled, of_after @ scaled])
         both = start.moved(tangent, steps)
-        if np.abs(steps[1, :K]).max() < _NEAR:
+        # Nothing measured depends on the other coordinates.
+        if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max() < _NEAR:
             break
     return Transition(
-        Estimate(both[0], link.before.covariance - gain_before @ of_before.T),
-        Estimate(both[1], link.after.covariance - gain_after @ of_after.T),
-        link.cross - gain_after @ of_before.T,
+        Estimate(both[0], _lessened(link.before.covariance, gain_before, of_before)),
+        Estimate(both[1], _lessened(link.after.covariance, gain_after, of_after)),
+        _lessened(link.cross, gain_after, of_before),
     )
+
+
+def _lessened(covariance: Array, gain: Array, of_measured: Array) -> Array:
+    change = gain @ of_measured.T
+    # In place: a new matrix of this size takes ten times as long as its numbers.
+    return np.subtract(covariance, change, out=change)
 
 
 def _linearise(both: Coordinates, measured: Sequence[Between], tangent: TreeTangent) -> tuple[Array, Array, Array]:
     """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
-    rows = sorted({one.row for one in measured})
-    place = {row: number for number, row in enumerate(rows)}
-    poses = both.poses(tangent)
-    J_before, J = tangent.segment_jacobians(poses, rows)
-    twists_before, twists = J_before @ both.velocity[0], J @ both.velocity[1]
-    places = [place[one.row] for one in measured]
+    rows, poses = [one.row for one in measured], both.poses(tangent)
+    J = tangent.segment_jacobians(poses, rows)
+    twists = (J @ both.velocity[:, None, :, None])[..., 0]
     each = [
-        one.residual(poses[0, one.row], poses[1, one.row], twists_before[at], twists[at])
-        for one, at in zip(measured, places, strict=True)
+        one.residual(*ends, *spins)
+        for one, ends, spins in zip(measured, np.swapaxes(poses[:, rows], 0, 1), np.swapaxes(twists, 0, 1), strict=True)
     ]
     with_velocities = any(by.shape[1] > 6 for _, by, _ in each)
 
     def stacked(rows: Iterable[Array], jacobians: Array) -> Array:
         blocks = []
-        for at, by in zip(places, rows, strict=True):
-            parts = [by[:, :6] @ jacobians[at]]
+        for by, of_pose in zip(rows, jacobians, strict=True):
+            parts = [by[:, :6] @ of_pose]
             if with_velocities:
-                parts.append(by[:, 6:] @ jacobians[at] if by.shape[1] > 6 else np.zeros_like(parts[0]))
+                parts.append(by[:, 6:] @ of_pose if by.shape[1] > 6 else np.zeros_like(parts[0]))
             blocks.append(np.concatenate(parts, axis=1))
         return np.concatenate(blocks)
 
-    H_before, H = stacked((by for _, _, by in each), J_before), stacked((by for _, by, _ in each), J)
+    H_before, H = stacked((by for _, _, by in each), J[0]), stacked((by for _, by, _ in each), J[1])
     return np.concatenate([left for left, _, _ in each]), H_before, H
