@@ -153,9 +153,8 @@ class SkeletonPipeline:
         if latest_ns is None:
             return []
         self._silence.add_sample(latest_ns)
-        period_ns = self._smoother.period_ns
-        due_ns = self._silence.due_ns(period_ns) if period_ns else None
-        return [] if due_ns is None or not period_ns else self._carry(due_ns, round(period_ns))
+        due_ns = self._silence.due_ns(self._smoother.period_ns)
+        return [] if due_ns is None else self._carry(due_ns)
 
     def add(self, message: Message) -> list[BodyOutput]:
         """Add a registration, or an image or measurements of a static camera; outputs that are ready, in order of time.
@@ -226,8 +225,9 @@ class SkeletonPipeline:
                 self.assembler.join(self._untold.pop(), FIRST_WAIT_S)
         return outputs
 
-    def _carry(self, due_ns: float, period_ns: int) -> list[BodyOutput]:
+    def _carry(self, due_ns: float) -> list[BodyOutput]:
         """States without images up to a time [ns], as far as inertial sensors carry the body."""
+        period_ns = round(self._smoother.period_ns)
         outputs = [] if self._is_carried else self._flush_frames()
         self._is_carried = True
         due_ns = min(due_ns, self._silence.heard_ns + 1e9 * CARRIED_S)

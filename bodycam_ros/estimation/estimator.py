@@ -122,8 +122,8 @@ class BodyEstimator:
             self._coupling.reset()
 
     @property
-    def period_ns(self) -> float | None:
-        """Of the frames [ns]; None before the second."""
+    def period_ns(self) -> float:
+        """Of the frames [ns]; infinite before the second."""
         return self._gaps.period_ns
 
     def join(self, camera: str) -> None:

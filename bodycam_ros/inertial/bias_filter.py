@@ -74,13 +74,14 @@ class BiasFilter:
         predicted = self._R @ turned(moved, self.bias)
         r = log_so3(predicted.T @ R)
         S = P[:3, :3] + (_IMAGE_RAD**2 + (0.005 * np.linalg.norm(log_so3(moved.rotation))) ** 2) * np.eye(3)
-        if r @ np.linalg.solve(S, r) > _GATE:
+        information = np.linalg.inv(S)
+        if r @ information @ r > _GATE:
             self.contradicting += 1
             self._R, self._P[:3, 3:], self._P[3:, :3] = R, 0.0, 0.0
             self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
             return
         self.agreeing += 1
-        gain = np.linalg.solve(S, P[:3]).T
+        gain = P[:, :3] @ information
         step = gain @ r
         self._R, self.bias, self._P = predicted @ exp_so3(step[:3]), self.bias + step[3:], P - gain @ P[:3]
 

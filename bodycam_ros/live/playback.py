@@ -1,7 +1,7 @@
 """A bag that is played: what of it, when each message is due, and who has to read it."""
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from heapq import merge
 from pathlib import Path
@@ -15,6 +15,7 @@ from bodycam_ros.messages.factory import Message, header_message, optical_frame
 from bodycam_ros.messages.images import compressed_video, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_reader import sensor_topics
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
 from bodycam_ros.recording.video_decoder import VideoDecoder
 
@@ -153,7 +154,8 @@ class Playback:
         self._sources = {bag: chosen}
         if parameters.imu:
             sensors = self._files.enter_context(BagFile(Path(parameters.imu)))
-            self._sources[sensors] = _choose_sensors(sensors, {*map(camera_of, chosen)} - {""}, chosen)
+            own = {camera_of(topic) for topic in chosen if topic.endswith(IMU_TOPIC)}
+            self._sources[sensors] = dict.fromkeys(sensor_topics(sensors, {*map(camera_of, chosen)} - own), IMU_TYPE)
         chosen = {topic: kind for topics in self._sources.values() for topic, kind in topics.items()}
         self._video = PlayedVideo(
             chosen, lambda reason: dropped.add("frames dropped", reason), frame_prefix, plays_video
@@ -224,23 +226,6 @@ class Playback:
             **self._dropped.values,
         }
         return Status(name, StatusLevel.WARN if lacking else StatusLevel.OK, text, values)
-
-
-def _choose_sensors(bag: BagFile, cameras: Collection[str], chosen: Mapping[str, str]) -> dict[str, str]:
-    """Topic -> type of the cameras' inertial sensors in a bag of their own.
-
-    Raises:
-        RecordingError: it has none.
-    """
-    sensors = {
-        topic: kind
-        for topic, kind in bag.topics.items()
-        if kind == IMU_TYPE and topic.endswith(IMU_TOPIC) and camera_of(topic) in cameras and topic not in chosen
-    }
-    if not sensors:
-        expected = ", ".join(f"/{camera}{IMU_TOPIC}" for camera in sorted(cameras))
-        raise RecordingError(f"{bag.path}: has no inertial sensor of the cameras; expected topics {expected}")
-    return sensors
 
 
 def _choose_topics(

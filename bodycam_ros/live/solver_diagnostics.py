@@ -139,12 +139,10 @@ def _sensor_status(pipeline: "SkeletonPipeline | None") -> list[Status]:
         return []
     faults, in_use = pipeline.inertial.faults(), pipeline.inertial.in_use
     values: dict[str, object] = {"in use": ", ".join(in_use) or "none", **faults}
+    text = f"{len(in_use)} of {len(pipeline.inertial.biases)} in use"
     if faults:
         text = f"sensors with faults, see the values: {few([*faults])}"
-        return [Status("inertial sensors", StatusLevel.WARN, text, values)]
-    return [
-        Status("inertial sensors", StatusLevel.OK, f"{len(in_use)} of {len(pipeline.inertial.biases)} in use", values)
-    ]
+    return [Status("inertial sensors", StatusLevel.WARN if faults else StatusLevel.OK, text, values)]
 
 
 def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:

@@ -1,4 +1,4 @@
-"""Images and camera_info of a camera's driver, with the quality of service that it offers; timing of a camera."""
+"""Images, camera_info and inertial samples of a driver, with the quality of service that it offers; cameras' timing."""
 
 import time
 from collections import defaultdict
@@ -16,6 +16,7 @@ from bodycam_ros.camera.readout import VideoMode
 from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import camera_model
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
 from bodycam_ros.nodes.parameters import best_effort, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
@@ -33,6 +34,7 @@ TRANSPORTS = {
 """Transports of images: topic of a camera, and type."""
 
 _INFO_DEPTH = 10
+_SENSOR_DEPTH = 1000  # 1 s of a fast one
 _POLL_S = 0.5
 _QUIET_S = 1.5
 _PATIENCE_S = 2.0
@@ -220,6 +222,21 @@ class CameraModels:
                 self.changes += 1
                 self._log.warning(f"camera {camera}: its camera_info has changed; restart")
         self._on_change(camera)
+
+
+def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tuple[float, ...]], object]) -> None:
+    """Call a function with each sample of a camera's inertial sensor: its stamp [ns] and reading."""
+    topic = f"{camera}{IMU_TOPIC}"
+
+    def add(cdr: bytes) -> None:
+        try:
+            sample = imu_row_of_cdr(cdr)
+        except ValueError as error:
+            stage.dropped.add("inertial samples dropped", f"{topic}: malformed message ({error})")
+        else:
+            receive(*sample)
+
+    stage.subscription(IMU_TYPE, topic, add, best_effort(_SENSOR_DEPTH), adapts=True, raw=True)
 
 
 _STAMPS_OF_RATE = 31

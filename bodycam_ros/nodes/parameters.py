@@ -187,9 +187,6 @@ def _descriptor(description: SettingDescription) -> ParameterDescriptor:
 STAGE_DEPTH = 1000
 """Between stages: 33 s of one camera at 30 Hz, 10 MB. The registration of 16 cameras bears long bursts with it."""
 
-IMU_DEPTH = 1000
-"""Samples of an inertial sensor: 1 s of a fast one."""
-
 OUTPUT_DEPTH = 200
 """Of what the solver publishes: a flush sends a whole window at once."""
 

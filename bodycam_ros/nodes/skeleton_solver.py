@@ -18,12 +18,11 @@ from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
-from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings
-from bodycam_ros.nodes.parameters import IMU_DEPTH, STAGE_DEPTH, best_effort, reliable
+from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -71,8 +70,7 @@ class SolverStage(Stage[SolverParameters]):
         for camera in carried:
             add_landmarks = partial(self._add_landmarks, camera)
             self.subscription(LANDMARKS_TYPE, f"{camera}/landmarks", add_landmarks, reliable(STAGE_DEPTH))
-            add_imu = partial(self._add_imu, camera)
-            self.subscription(IMU_TYPE, f"{camera}{IMU_TOPIC}", add_imu, best_effort(IMU_DEPTH), adapts=True, raw=True)
+            subscribe_sensor(self, camera, partial(self._add_sample, camera))
         self.trigger("~/flush", lambda: (True, f"{self._flush()} frames published"))
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:
@@ -177,12 +175,7 @@ class SolverStage(Stage[SolverParameters]):
             self.dropped.add("registrations lost", reason)
         self._receive(matches)
 
-    def _add_imu(self, camera: str, cdr: bytes) -> None:
-        try:
-            stamp_ns, reading = imu_row_of_cdr(cdr)
-        except ValueError as error:
-            self.dropped.add("inertial samples dropped", f"{camera}{IMU_TOPIC}: malformed message ({error})")
-            return
+    def _add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
         if outputs := self._live.add_sample(camera, stamp_ns, reading):
             self._publish(outputs)
 

@@ -15,12 +15,11 @@ from bodycam_ros.lens.lens_check import LensMonitor
 from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, TRACKS_TYPE, landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.camera_topics import CameraModels, subscribe_sensor
 from bodycam_ros.nodes.image_stage import ImageStage
-from bodycam_ros.nodes.parameters import IMU_DEPTH, STAGE_DEPTH, best_effort, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
@@ -50,9 +49,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._turn: CameraTurn | None = None
         self._sensor = self._read_sensor()
         if self._sensor is not None:
-            self.subscription(
-                IMU_TYPE, f"{self.camera}{IMU_TOPIC}", self._add_imu, best_effort(IMU_DEPTH), adapts=True, raw=True
-            )
+            subscribe_sensor(self, self.camera, self._add_sample)
         self.subscribe_images()
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
@@ -151,12 +148,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         mount = read_body(self.parameters.body).mounts.get(self.camera)
         return None if mount is None else mount.imu
 
-    def _add_imu(self, cdr: bytes) -> None:
-        try:
-            stamp_ns, reading = imu_row_of_cdr(cdr)
-        except ValueError as error:
-            self.dropped.add("inertial samples dropped", f"{self.camera}{IMU_TOPIC}: malformed message ({error})")
-            return
+    def _add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
         if self._turn is not None:
             self._turn.add_sample(stamp_ns, reading)
 

@@ -245,6 +245,21 @@ def _image_topics(topics: dict[str, str]) -> dict[str, str]:
     return found
 
 
+def sensor_topics(bag: BagFile, cameras: Collection[str], required: bool = True) -> dict[str, str]:
+    """Topic -> camera, of cameras whose inertial sensor is in a bag.
+
+    Raises:
+        RecordingError: none is, though one is required.
+    """
+    expected = {f"/{camera}{IMU_TOPIC}": camera for camera in sorted(cameras)}
+    topics = {topic: camera for topic, camera in expected.items() if bag.topics.get(topic) == IMU_TYPE}
+    if required and not topics:
+        raise RecordingError(
+            f"{bag.path}: has no inertial sensor of the cameras; expected topics {', '.join(expected)} ({IMU_TYPE})"
+        )
+    return topics
+
+
 def read_imus(paths: Iterable[Path], cameras: Collection[str]) -> dict[str, ImuSamples]:
     """Camera -> samples of its sensor, of cameras that have one in any of the bags; the first bag counts.
 
@@ -254,17 +269,7 @@ def read_imus(paths: Iterable[Path], cameras: Collection[str]) -> dict[str, ImuS
     found: dict[str, ImuSamples] = {}
     for number, path in enumerate(paths):
         with BagFile(path) as bag:
-            topics = {
-                topic: camera
-                for topic, kind in bag.topics.items()
-                if kind == IMU_TYPE and topic.endswith(IMU_TOPIC)
-                if (camera := topic.removeprefix("/").removesuffix(IMU_TOPIC)) in cameras and camera not in found
-            }
-            if number and not topics:
-                raise RecordingError(
-                    f"{path}: has no inertial sensor of cameras {', '.join(cameras)}; expected topics "
-                    f"/<camera>{IMU_TOPIC} ({IMU_TYPE})"
-                )
+            topics = sensor_topics(bag, {*cameras} - {*found}, required=number > 0)
             rows: dict[str, list[tuple[int, tuple[float, ...]]]] = {camera: [] for camera in topics.values()}
             for topic, _, message in bag.messages(topics):
                 rows[topics[topic]].append(imu_row(message))

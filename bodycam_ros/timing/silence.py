@@ -59,7 +59,7 @@ class Silence:
         """Time up to which states are due without images [ns]; None while there are images.
 
         Args:
-            period_ns: of the states [ns].
+            period_ns: of the states [ns]; infinite before it is known.
         """
         delay_ns = self._delays[0][1] if self._delays else 0
         wait_ns = _WAIT_NS + _WAIT_FRAMES * period_ns + _WAIT_DELAYS * delay_ns
