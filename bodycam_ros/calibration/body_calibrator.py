@@ -1,6 +1,6 @@
 """From registered cameras of a range of motion to a body (A 4.2 and appendix), refined and diagnosed."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,19 +9,16 @@ from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
 from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, assess
-from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, MotionLogSettings, camera_motion
+from bodycam_ros.calibration.camera_motion import CameraLog, MotionLogSettings, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.first_body import first_body, first_motion, joints_in_world
+from bodycam_ros.calibration.first_body import first_body, first_motion
 from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
-from bodycam_ros.calibration.joint_search import FoundJoints, find_joints
+from bodycam_ros.calibration.joint_search import find_joints
 from bodycam_ros.calibration.refinement import MAX_ROWS, refine
 from bodycam_ros.calibration.rest_pose import (
-    RestPose,
-    facing_direction,
     find_rest_pose,
-    heading_rotation,
     zero_at_rest,
 )
 from bodycam_ros.calibration.rig import Rig
@@ -155,10 +152,14 @@ class BodyCalibrator:
         axes_on_child = check_exercised(self._rig, found.centres)
         # Before what is measured in metres is asked whether it moved.
         refuse_impossible(found.bone_lengths(self._rig))
-        rest = self._rest_pose(motion, found)
-        heading_rad = self._heading(found, rest, axes_on_child)
+        rest = find_rest_pose(
+            motion.seconds,
+            {segment: one.world_T_virtual for segment, one in found.virtual.items()},
+            {segment: one.known for segment, one in found.virtual.items()},
+        )
 
-        rest_T_virtual = rest.in_axes_of(heading_rotation(heading_rad))
+        # Of any heading: which way the person faces, the refined joints tell.
+        rest_T_virtual = rest.world_T_segment
         hinges = {child: rest_T_virtual[child][:3, :3] @ axis for child, axis in axes_on_child.items()}
         body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15
         body = place_hinges(body, hinges)  # A eq. 16-17
@@ -175,7 +176,7 @@ class BodyCalibrator:
             lambda share: on_progress("refinement", share),
         )
         resting = np.isin(rows, rest.instants)
-        zeroed = zero_at_rest(refined.motion, resting, heading_rad, self._facing_rad is not None, set(hinges))
+        zeroed = zero_at_rest(refined.motion, resting, self._facing_rad, set(hinges))
         return Findings(
             rig=self._rig,
             delays_before_s=delays_s,
@@ -189,20 +190,6 @@ class BodyCalibrator:
             readouts=self._readouts.readouts(),
             doubts=self._readouts.doubts(),
         )
-
-    def _rest_pose(self, motion: CameraMotion, found: FoundJoints) -> RestPose:
-        return find_rest_pose(
-            motion.seconds,
-            {segment: one.world_T_virtual for segment, one in found.virtual.items()},
-            {segment: one.known for segment, one in found.virtual.items()},
-        )
-
-    def _heading(self, found: FoundJoints, rest: RestPose, hinges: Collection[str]) -> float:
-        if self._facing_rad is not None:
-            return self._facing_rad
-        # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
-        balls = {child: centre for child, centre in found.centres.items() if child not in hinges}
-        return facing_direction(joints_in_world(self._rig, balls, rest.world_T_segment))
 
     def _with_readouts(self, body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
         """The body with what is known of its cameras' rows, and in which video mode."""

@@ -17,28 +17,10 @@ from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.calibration.virtual_camera import VirtualCamera
-from bodycam_ros.geometry import inverse, rigid, transform_points
+from bodycam_ros.geometry import inverse, rigid
 from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
-
-
-def joints_in_world(
-    rig: Rig, centres: Mapping[str, JointCentre], world_T_segment: Mapping[str, Array]
-) -> dict[str, Array]:
-    """Joint -> (3,) where it is when the segments' virtual cameras are at the given poses [m].
-
-    Args:
-        centres: child segment -> its joint, in the frames of the virtual cameras.
-        world_T_segment: segment -> (4, 4).
-    """
-    placed = {}
-    for child, centre in centres.items():
-        parent = str(rig.parents[child])
-        on_parent = transform_points(world_T_segment[parent], centre.in_parent[None])[0]
-        on_child = transform_points(world_T_segment[child], centre.in_child[None])[0]
-        placed[SegmentName(child).joint] = 0.5 * (on_parent + on_child)
-    return placed
 
 
 def first_body(

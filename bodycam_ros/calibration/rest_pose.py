@@ -11,7 +11,7 @@ from bodycam_ros.calibration.anthropometry import LEFT, mirrored
 from bodycam_ros.calibration.first_body import root_at_hips
 from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array, inverse, log_so3, rigid, robust_average_pose
+from bodycam_ros.geometry import Array, inverse, log_so3, robust_average_pose
 
 MAX_TURN_RAD = 0.06
 """People sway by a degree or two; a limb that sets out turns more."""
@@ -41,12 +41,6 @@ class RestPose:
     def some_instants(self) -> NDArray[np.intp]:
         """A few of the rows, evenly over the N-pose."""
         return self.instants[np.linspace(0, len(self.instants) - 1, min(_SOME, len(self.instants))).astype(np.intp)]
-
-    def in_axes_of(self, world_R_rest: Array) -> dict[str, Array]:
-        """Segment -> (4, 4) its pose with the rotation in the N-pose's axes, whose rotation (3, 3) is given."""
-        return {
-            segment: rigid(world_R_rest.T @ pose[:3, :3], pose[:3, 3]) for segment, pose in self.world_T_segment.items()
-        }
 
 
 def find_rest_pose(
@@ -140,8 +134,7 @@ class ZeroedMotion:
 def zero_at_rest(
     motion: ArticulatedMotion,
     resting: NDArray[np.bool_],
-    heading_rad: float,
-    heading_is_given: bool,
+    facing_rad: float | None,
     hinges: Collection[str],
 ) -> ZeroedMotion:
     """Give a motion the frames of DESIGN 3: the N-pose is zero, the root is midway of the hips, hinges are in place.
@@ -149,16 +142,15 @@ def zero_at_rest(
     Args:
         motion: refined.
         resting: (T) rows in which the N-pose was held.
-        heading_rad: that the person faced, as far as known before.
-        heading_is_given: by the user; else it follows from the refined joints.
+        facing_rad: heading of the person; None: the refined joints tell.
         hinges: child segments of the joints that turned as hinges.
     """
-    motion = motion.with_zero_at(resting, heading_rotation(heading_rad))
-    if not heading_is_given:
+    heading_rad = facing_rad
+    if heading_rad is None:
+        # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
         balls = [joint for joint in motion.body.tree_joints if joint.child not in hinges]
-        correction_rad = facing_direction(motion.joints_at_zero(balls))
-        heading_rad = float(np.angle(np.exp(1j * (heading_rad + correction_rad))))  # within half a turn
-        motion = motion.with_segment_axes(np.stack([heading_rotation(correction_rad)] * len(motion.body.segments)))
+        heading_rad = facing_direction(motion.with_zero_at(resting, np.eye(3)).joints_at_zero(balls))
+    motion = motion.with_zero_at(resting, heading_rotation(heading_rad))
     axes = {child: motion.hinge_axis(child) for child in hinges}
     body = root_at_hips(place_hinges(motion.body_with_geometry(), axes))  # A eq. 16-17
     return ZeroedMotion(motion.with_body(body), heading_rad, axes)
