@@ -74,7 +74,7 @@ def pose2sim(bench: Bench) -> Iterator[Figure]:
 def place_by_hand(demo: Path, bag: Path, start: Path) -> Path:
     """A start as a person makes it with 'bodycam view --place': segments moved one after the other, then fitted."""
     files = StaticCameraFiles(demo / "cameras.yaml")
-    sources = PlacingSources.read(bag, files, demo / "body.yaml", None)
+    sources = PlacingSources(bag, files, demo / "body.yaml", None)
     placement = sources.placement.moved_to("pelvis", np.eye(4))
     for segment, place in _BY_HAND.items():
         pose = placement.pose_of(segment).copy()

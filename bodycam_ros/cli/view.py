@@ -109,45 +109,44 @@ def _write_video(arguments: argparse.Namespace) -> None:
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.viewer.film import write_film
 
-    inputs = ("solved", "map", "body", "recording", "stations", "surface")
-    check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
-    check_file(arguments.output, arguments.force, b"ftyp", "video")
+    _check_output(arguments, b"ftyp", "video")
     sources = _read_sources(arguments)
     with shown_progress() as progress:
         write_film(sources, arguments.over, arguments.output, progress)
     Terminal().print(f"video written to {arguments.output}", soft_wrap=True)
 
 
+def _check_output(arguments: argparse.Namespace, mark: bytes, what: str) -> None:
+    inputs = ("solved", "place", "map", "body", "recording", "stations", "surface", "start")
+    check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
+    check_file(arguments.output, arguments.force, mark, what)
+
+
 def _place(arguments: argparse.Namespace) -> None:
-    unused = [] if arguments.solved is None else ["OUT"]
-    unused += given_flags(arguments, "recording", "over")
-    if unused:
-        raise ViewError(
-            f"--place: a start is made of a recording that is not solved yet; leave out {', '.join(unused)}"
-        )
+    _refuse(arguments, "--place: a start is made of a recording that is not solved yet", "recording", "over")
     if arguments.stations is None or arguments.output is None:
         arguments.usage_error("--place needs --stations CAMERAS.YAML and -o START.yaml")
     if (arguments.body is None) == (arguments.height is None):
         arguments.usage_error("--place needs either --body BODY.yaml or --height METRES")
-    inputs = ("place", "map", "body", "stations", "surface", "start")
-    check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
-    check_file(arguments.output, arguments.force, b": [", "start")
+    _check_output(arguments, b": [", "start")
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
     from bodycam_ros.viewer.placing import place_body
     from bodycam_ros.viewer.placing_sources import PlacingSources
 
     files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
-    sources = PlacingSources.read(arguments.place, files, arguments.body or arguments.height, arguments.map)
+    sources = PlacingSources(arguments.place, files, arguments.body or arguments.height, arguments.map)
     place_body(sources, arguments.output, arguments.port)
 
 
+def _refuse(arguments: argparse.Namespace, reason: str, *flags: str) -> None:
+    """Refuse OUT, and flags that were given."""
+    if unused := [*(["OUT"] if arguments.solved is not None else []), *given_flags(arguments, *flags)]:
+        raise ViewError(f"{reason}; leave out {', '.join(unused)}")
+
+
 def _view_live(arguments: argparse.Namespace) -> None:
-    unused = [] if arguments.solved is None else ["OUT"]
-    unused += given_flags(
-        arguments, "body", "recording", "stations", "surface", "output", "over", "place", "start", "height"
-    )
-    if unused:
-        raise ViewError(f"--live: the running graph publishes the body; leave out {', '.join(unused)}")
+    unused = ("body", "recording", "stations", "surface", "output", "over", "place", "start", "height")
+    _refuse(arguments, "--live: the running graph publishes the body", *unused)
     try:
         listener = import_module("bodycam_ros.nodes.body_listener").BodyListener
     except ImportError as error:

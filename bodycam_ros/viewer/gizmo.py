@@ -6,10 +6,13 @@ import numpy as np
 from viser import SceneApi, TransformControlsEvent, TransformControlsHandle
 
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
+from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.scene_nodes import place
 
 SIZE_M = 0.22
 """Length of the arrows."""
+
+_STILL = 1e-9  # [m], and of a rotation matrix: handles that were not moved
 
 
 class Gizmo:
@@ -17,15 +20,16 @@ class Gizmo:
 
     Args:
         scene: that they are added to.
-        on_grab: called when they are grabbed, and when they are released.
-        on_move: called as they are dragged.
+        inbox: that drags are put into.
+        on_drag: called with the pose (4, 4) that they are dragged to [m], and whether that continues a drag; calls
+            ``follow`` with the pose that the part then has.
     """
 
-    def __init__(self, scene: SceneApi, on_grab: Callable[[], None], on_move: Callable[[], None]) -> None:
-        self._scene = scene
-        self._on_grab = on_grab
-        self._on_move = on_move
+    def __init__(self, scene: SceneApi, inbox: Inbox, on_drag: Callable[[Array, bool], None]) -> None:
+        self._scene, self._inbox, self._on_drag = scene, inbox, on_drag
         self._controls: TransformControlsHandle | None = None
+        self._parent_T_part = np.eye(4)
+        self._continues = self._is_dragged = False
 
     def detach(self) -> None:
         """Remove the handles."""
@@ -47,24 +51,37 @@ class Gizmo:
 
         # A coroutine, because the server runs others on several threads and out of order.
         async def changed(event: TransformControlsEvent) -> None:
-            (self._on_move if event.phase == "update" else self._on_grab)()
+            act = {"start": self._grab, "update": self._drag, "end": self._release}[event.phase]
+            self._inbox.put(act, "drag" if event.phase == "update" else None)
 
         controls.on_update(changed)
         self._controls = controls
         self.follow(parent_T_part)
 
     def follow(self, parent_T_part: Array) -> None:
-        """Put the handles at another pose; not while they are dragged."""
+        """Put the handles where the part is now; where a drag has taken it there, when they are released."""
+        self._parent_T_part = parent_T_part
+        if self._is_dragged:
+            self._continues = True
+        else:
+            self._release()
+
+    def _grab(self) -> None:
+        self._continues = False
+
+    def _release(self) -> None:
+        self._continues = False
         if self._controls is not None:
-            place(self._controls, parent_T_part)
+            place(self._controls, self._parent_T_part)
 
-    @property
-    def parent_T_part(self) -> Array:
-        """(4, 4) where the handles are [m].
-
-        Raises:
-            ValueError: there are none.
-        """
+    def _drag(self) -> None:
         if self._controls is None:
-            raise ValueError("nothing is selected")
-        return rigid(rotation_from_xyzw(np.roll(self._controls.wxyz, -1)), np.array(self._controls.position))
+            return
+        pose = rigid(rotation_from_xyzw(np.roll(self._controls.wxyz, -1)), np.array(self._controls.position))
+        if np.allclose(pose, self._parent_T_part, rtol=0.0, atol=_STILL):
+            return
+        self._is_dragged = True
+        try:
+            self._on_drag(pose, self._continues)
+        finally:
+            self._is_dragged = False

@@ -28,7 +28,6 @@ _BEHIND = 1.6  # times as far as the body: the image of the camera that the scen
 _CLOSE_UP_M = 1.2  # above and below the root
 _DECIMALS, _STEP_M = 3, 0.01
 _POSSIBLE = 0.48  # support of a segment that may be where it is; those that were off by 15 cm had less
-_STILL = 1e-6  # [m], and of a rotation matrix: a gizmo that was not moved
 
 _HELP = (
     "Place the pelvis first, then head, hands and feet, then knees and elbows. Drag the handles; or look from a "
@@ -64,10 +63,10 @@ class PlacingSession:
             sources.reference_map,
             Motion.standing(body),
             lambda part: inbox.put(lambda: self._click(part)),
-            sources.stations,
+            {name: view.station for name, view in sources.tracker.views.items()},
             lambda _: sources.surfaces,
         )
-        self._gizmo = Gizmo(server.scene, lambda: inbox.put(self._end_drag), lambda: inbox.put(self._drag, "drag"))
+        self._gizmo = Gizmo(server.scene, inbox, self._drag)
         self._pictures = PlacingPicture(body, sources.tracker.views, sources.images)
         self._camera = _OUTSIDE
         self._behind: ImageHandle | None = None
@@ -124,7 +123,7 @@ class PlacingSession:
             self._select(joint_named(self._placement.body, part.name).child)
 
     def _select(self, segment: str) -> None:
-        self._selected, self._is_dragging = segment, False
+        self._selected = segment
         joint, can_move = self._placement.body.joint_to_parent(segment), self._placement.can_move(segment)
         self._scene.select(None if joint is None else Part("joint", joint.name))
         set_value(self._segment, segment)
@@ -139,16 +138,8 @@ class PlacingSession:
         x, y, z = np.round(self._pose[:3, 3], _DECIMALS).tolist()
         set_value(self._position, (x, y, z))
 
-    def _end_drag(self) -> None:
-        """The gizmo was grabbed or released: what follows is a step of its own, and the handles are on the body."""
-        self._is_dragging = False
-        self._gizmo.follow(self._pose)
-
-    def _drag(self) -> None:
-        pose = self._gizmo.parent_T_part
-        if not np.allclose(pose, self._pose, rtol=0.0, atol=_STILL):
-            moved = self._placement.moved_to(self._selected, pose, continues=self._is_dragging)
-            self._change(moved, is_dragging=True)
+    def _drag(self, pose: Array, continues: bool) -> None:
+        self._change(self._placement.moved_to(self._selected, pose, continues=continues))
 
     def _move_to(self, place_world: Array) -> None:
         """Move the selected segment's origin."""
@@ -159,11 +150,9 @@ class PlacingSession:
         if is_elsewhere and self._placement.can_move(self._selected):
             self._change(self._placement.moved_to(self._selected, pose))
 
-    def _change(self, placement: Placement, *, is_dragging: bool = False) -> None:
-        """Take over a placement; the handles stay where they are dragged to."""
-        self._placement, self._is_dragging, self._remark.content = placement, is_dragging, ""
-        if not is_dragging:
-            self._gizmo.follow(self._pose)
+    def _change(self, placement: Placement) -> None:
+        self._placement, self._remark.content = placement, ""
+        self._gizmo.follow(self._pose)
         self._show()
 
     def _fit(self) -> None:
@@ -192,7 +181,7 @@ class PlacingSession:
         if camera == _OUTSIDE:
             self._scene.frame_body()
             return
-        station, root = self._sources.stations[camera], self._placement.pose_of(self._placement.body.root)
+        station, root = self._sources.tracker.views[camera].station, self._placement.pose_of(self._placement.body.root)
         position, lens = station.world_T_camera[:3, 3], station.camera
         distance_m = float(np.linalg.norm(root[:3, 3] - position))
         pixels = pinhole_picture(station, self._sources.images[camera])

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
@@ -19,7 +18,7 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles, world_T_file, write_start
 from bodycam_ros.static_cameras.station import Image, Station
-from bodycam_ros.static_cameras.surface import BodySurface, Surface
+from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 logger = logging.getLogger(__name__)
@@ -28,64 +27,41 @@ _AT_ONCE_NS = 100_000_000  # as long a start is known; a camera that starts late
 _FITS = 3  # each moves a segment by some centimetres at most
 
 
-@dataclass(frozen=True, eq=False)
 class PlacingSources:
-    """What a start is made of.
+    """What a start is made of; without a start in ``files`` the body stands where the cameras look.
+
+    Args:
+        recording_path: bag with images of the static cameras.
+        files: of the static cameras.
+        body: its file, or the height [m] of an average person.
+        map_path: map folder, where the static cameras are in a map.
 
     Attributes:
         images: camera -> its first image (H, W, 3) blue, green, red.
-        stations: by name; some may have no image.
         tracker: of the body in these images; its body has hands, and limits at all joints of a person.
         surfaces: segment -> surface.
         placement: the body where it is at first.
-        file_T_world: (4, 4) from the world to the frame of the file of static cameras, in which a start is.
         reference_map: the place; None without one.
+
+    Raises:
+        BodycamError: one of the files is missing or damaged, or they do not fit each other.
     """
 
-    images: Mapping[str, Image]
-    stations: Mapping[str, Station]
-    tracker: RegionTracker
-    surfaces: Mapping[str, Surface]
-    placement: Placement
-    file_T_world: Array
-    reference_map: ReferenceMap | None
-
-    @classmethod
-    def read(
-        cls, recording_path: Path, files: StaticCameraFiles, body: Path | float, map_path: Path | None
-    ) -> "PlacingSources":
-        """Read them all; without a start in ``files`` the body stands where the cameras look.
-
-        Args:
-            recording_path: bag with images of the static cameras.
-            files: of the static cameras.
-            body: its file, or the height [m] of an average person.
-            map_path: map folder, where the static cameras are in a map.
-
-        Raises:
-            BodycamError: one of them is missing or damaged, or they do not fit each other.
-        """
+    def __init__(self, recording_path: Path, files: StaticCameraFiles, body: Path | float, map_path: Path | None):
         body_path = body if isinstance(body, Path) else Path()
         person = with_hands(read_body(body)) if isinstance(body, Path) else body_of_height(body, "person")
-        reference_map = None if map_path is None else ReferenceMap.load(map_path)
+        self.reference_map = None if map_path is None else ReferenceMap.load(map_path)
         with open_recording(recording_path) as recording:
-            stations = read_recorded_stations(files, reference_map, recording, person)
-            images = _first_images(recording, stations)
-        surfaces = surfaces_of(person, body_path, files.surface)
-        tracker = RegionTracker(person, BodySurface.of(person, surfaces), stations, RegionSettings())
+            stations = read_recorded_stations(files, self.reference_map, recording, person)
+            self.images = _first_images(recording, stations)
+        self.surfaces = surfaces_of(person, body_path, files.surface)
+        self.tracker = RegionTracker(person, BodySurface.of(person, self.surfaces), stations, RegionSettings())
         if files.start is None:
-            poses = standing_in_view(tracker.body, [stations[name] for name in images])
+            poses = standing_in_view(self.tracker.body, [stations[name] for name in self.images])
         else:
             poses = read_start(files.start, files.stations, stations, person).world_T_segment
-        return cls(
-            images,
-            stations,
-            tracker,
-            surfaces,
-            Placement(tracker.body, (poses,)),
-            inverse(world_T_file(files.stations, stations)),
-            reference_map,
-        )
+        self.placement = Placement(self.tracker.body, (poses,))
+        self._file_T_world = inverse(world_T_file(files.stations, stations))
 
     def fit(self, poses: Array) -> tuple[Array, Array]:
         """Poses (S, 4, 4) of a body, moved onto its images from poses (S, 4, 4), and their support (S,) in these."""
@@ -96,7 +72,7 @@ class PlacingSources:
     def write(self, output: Path, poses: Array) -> None:
         """Write the start with the body at poses (S, 4, 4); raises as ``write_start``."""
         segments = self.placement.body.segments
-        write_start(output, dict(zip(segments, self.file_T_world @ poses, strict=True)))
+        write_start(output, dict(zip(segments, self._file_T_world @ poses, strict=True)))
 
 
 def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict[str, Image]:

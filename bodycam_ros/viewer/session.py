@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.geometry import inverse, log_so3
+from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.viewer.camera_picture import CameraPicture
 from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.viewer.footage import FootageLoader
@@ -18,8 +18,6 @@ from bodycam_ros.viewer.surface_scene import surface_reader
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
-
-_STILL = 1e-9  # [m], and of a rotation matrix: a gizmo that was not moved
 
 
 def view(sources: Sources, port: int) -> None:
@@ -44,7 +42,6 @@ class Session:
         self._server, self._sources = server, sources
         self._correction = Correction(sources.body)
         self._selected: Part | None = None
-        self._is_dragging = False
         self._camera: str | None = None
         self._inbox = inbox = Inbox()
         gui, motion, body_path = server.gui, sources.motion, self._body_file.path
@@ -57,7 +54,7 @@ class Session:
             sources.stations,
             surface_reader(sources.body, body_path, sources.surface),
         )
-        self._gizmo = Gizmo(server.scene, lambda: inbox.put(self._end_drag), lambda: inbox.put(self._drag, "drag"))
+        self._gizmo = Gizmo(server.scene, inbox, self._drag)
         self._time = TimePanel(gui, inbox, motion, self._show_state)
         self._panel = CorrectionPanel(
             gui,
@@ -145,7 +142,7 @@ class Session:
         self._panel.show(move, self._correction.moves(), can_turn=can_turn(self._correction.body, self._selected))
 
     def _select(self, part: Part | None) -> None:
-        self._selected, self._is_dragging = part, False
+        self._selected = part
         self._panel.select(part)
         if part is None:
             self._gizmo.detach()
@@ -158,19 +155,9 @@ class Session:
             self._choose_camera(part.name)
         self._show_correction()
 
-    def _end_drag(self) -> None:
-        """The gizmo was grabbed or released: what follows is a step of its own."""
-        self._is_dragging = False
-
-    def _drag(self) -> None:
-        if self._selected is None:
-            return
-        place = self._gizmo.parent_T_part
-        if np.allclose(place, place_of(self._correction.body, self._selected)[1], rtol=0.0, atol=_STILL):
-            return
-        self._correction = self._correction.moved_to(self._selected, place, continues=self._is_dragging)
-        self._is_dragging = True
-        self._show_correction()
+    def _drag(self, segment_T_part: Array, continues: bool) -> None:
+        if self._selected is not None:
+            self._change(self._correction.moved_to(self._selected, segment_T_part, continues=continues))
 
     def _enter(self, move: Move) -> None:
         # A field that loses the focus sends its number again.
@@ -182,8 +169,7 @@ class Session:
             self._change(self._correction.reset(self._selected))
 
     def _change(self, correction: Correction) -> None:
-        """Take over a correction that was not made with the gizmo."""
-        self._correction, self._is_dragging = correction, False
+        self._correction = correction
         if self._selected is not None:
             self._gizmo.follow(place_of(correction.body, self._selected)[1])
         self._show_correction()
