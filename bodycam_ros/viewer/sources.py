@@ -69,13 +69,19 @@ class Sources:
             )
         if map_path is None and stations_path is None and solved is None:
             raise ViewError("no place: give its reference map with --map, or its static cameras with --stations")
-        published = None if solved is None else _read_published(solved)
-        if body_path is not None:
-            body_file = BodyFile(body_path)
-            has_hands = stations_path is not None if solved is None else published is not None and _has_hands(published)
+        published: BodyModel | None = None
+        if solved is not None:
+            with BagFile(solved) as bag:
+                published = published_body(bag)
+        body_file = None if body_path is None else BodyFile(body_path)
+        if body_file is not None:
+            # A replay with static cameras adds hands.
+            segments = () if published is None else published.segments
+            kinds = {SegmentName(segment).kind for segment in segments}
+            has_hands = "hand" in kinds or (solved is None and stations_path is not None)
             body = body_file.read(with_hands if has_hands else lambda body: body)
         elif published is not None:
-            body_file, body = None, published
+            body = published
         else:
             raise ViewError(f"{solved}: does not describe its body; give the body's file with --body")
         reference_map = None if map_path is None else ReferenceMap.load(map_path)
@@ -94,13 +100,3 @@ class Sources:
                         + (f", {stations_path} {', '.join(stations)}" if stations else "")
                     )
         return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
-
-
-def _read_published(solved: Path) -> BodyModel | None:
-    with BagFile(solved) as bag:
-        return published_body(bag)
-
-
-def _has_hands(body: BodyModel) -> bool:
-    """Whether a body has hands, as a replay with static cameras adds them."""
-    return any(SegmentName(segment).kind == "hand" for segment in body.segments)
