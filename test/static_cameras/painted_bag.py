@@ -4,16 +4,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.geometry import exp_se3, quaternion_xyzw
+from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.start_file import write_start
 from bodycam_ros.static_cameras.stations_file import write_stations
 
 Array = NDArray[np.float64]
@@ -33,11 +33,7 @@ def write_painted(dressed: DressedBody, folder: Path) -> None:
     directions = np.random.default_rng(5).normal(size=(len(motion[0]), 2, 3))
     directions /= np.linalg.norm(directions, axis=2, keepdims=True)
     placed = motion[0] @ exp_se3(np.concatenate([0.07 * directions[:, 0], 0.02 * directions[:, 1]], axis=1))
-    lines = {
-        name: [float(value) for value in (*placed[row, :3, 3], *quaternion_xyzw(placed[row, :3, :3]))]
-        for row, name in enumerate(dressed.body.segments)
-    }
-    (folder / "start.yaml").write_text(yaml.safe_dump(lines))
+    write_start(folder / "start.yaml", dict(zip(dressed.body.segments, placed, strict=True)))
 
 
 def write_bag(dressed: DressedBody, motion: Array, path: Path) -> None:

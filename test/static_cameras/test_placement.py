@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from static_cameras.dressed_body import MIDDLE, DressedBody, looking_at, small_motion, stations_around
+from static_cameras.dressed_body import MIDDLE, looking_at, small_motion, stations_around
+from static_cameras.painted_bag import dressed_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.placement import Placement, nearest_on_ray, standing_in_view
@@ -192,9 +192,8 @@ def test_what_is_written_is_the_start_that_is_read(standing: Placement, tmp_path
 
 
 def test_a_fit_moves_a_placed_body_onto_its_images_and_support_names_the_limb_that_is_off(sample: Path) -> None:
-    body = read_body(sample / "body.yaml")
-    dressed = DressedBody(body, capsule_surfaces(body), stations_around(3))
-    true = small_motion(body, 1)[0]
+    dressed = dressed_body(sample)
+    body, true = dressed.body, small_motion(dressed.body, 1)[0]
     images = dressed.images(true, 1.0, 0)
     tracker = RegionTracker(body, BodySurface.of(body, dressed.surfaces), dressed.stations, RegionSettings())
     placed = Placement(tracker.body, (tracker.initialise(images, true),))

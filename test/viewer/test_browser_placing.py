@@ -1,4 +1,4 @@
-"""A person is placed in a real browser: by numbers, by a click in an image, by a drag; fitted, and written."""
+"""A person is placed in a real browser: by numbers, by clicks in images, by a drag; fitted, and written."""
 
 import time
 from pathlib import Path
@@ -11,6 +11,7 @@ from static_cameras.painted_bag import FRAMES, dressed_body, write_painted
 
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.static_cameras.start_file import read_start
+from bodycam_ros.viewer.gizmo import SIZE_M
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
 from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
@@ -87,7 +88,14 @@ def test_a_person_is_placed_fitted_and_written(
                 return float(np.linalg.norm(np.diff(dressed.stations[camera].camera.project(points)[0], axis=0)))
 
             view.wait_until(lambda: off_px() < 6.0, f"the elbow where it was clicked in {camera}")
-        assert np.linalg.norm(place() - elbow) < 0.04
+        clicked = place()
+        assert np.linalg.norm(clicked - elbow) < 0.04
+
+        arrow = np.outer([0.55, 0.9], SIZE_M * true[FOREARM][:3, 0])
+        view.drag(*(seen_from(view, dressed, camera, pelvis, clicked + along) for along in arrow))
+        view.wait_until(lambda: np.linalg.norm(place() - clicked) > 0.03, "the elbow where it was dragged")
+        view.press("Undo")
+        view.wait_until(lambda: np.array_equal(place(), clicked), "a drag is one step")
 
         view.press("Fit")
         view.page.get_by_text("is in the images").wait_for()

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion
+from static_cameras.painted_bag import dressed_body
 
-from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.static_cameras.contour_painting import CONTOUR
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.surface import BodySurface
@@ -22,8 +21,7 @@ TILE = 480
 
 @pytest.fixture(scope="module")
 def dressed(sample: Path) -> DressedBody:
-    body = read_body(sample / "body.yaml")
-    return DressedBody(body, capsule_surfaces(body), stations_around(3))
+    return dressed_body(sample)
 
 
 @pytest.fixture(scope="module")
@@ -59,20 +57,18 @@ def test_contours_and_the_selected_joint_are_where_each_camera_has_them(
         row, column = divmod(number, 2)
         tile = drawn[TILE * row : TILE * (row + 1), TILE * column : TILE * (column + 1)]
         window, _ = picture._parts[name]
-        knee = poses[dressed.body.segment_index["shin_left"], :3, 3]
-        expected = window.place(
-            station.camera.project(transform_points(inverse(station.world_T_camera), knee[None]))[0][0]
-        )
+
+        camera_T_segment = inverse(station.world_T_camera) @ poses
         found = near(tile, SELECTED)
+        knee = camera_T_segment[None, dressed.body.segment_index["shin_left"], :3, 3]
+        expected = window.place(station.camera.project(knee)[0])
         assert len(found) and np.abs(found - expected).max(axis=1).min() < 2.0
         outline = near(tile, CONTOUR)
-        vertices = np.concatenate(
-            [
-                transform_points(poses[dressed.body.segment_index[segment]], surface.vertices)
-                for segment, surface in dressed.surfaces.items()
-            ]
-        )
-        points = window.place(station.camera.project(transform_points(inverse(station.world_T_camera), vertices))[0])
+        vertices = [
+            transform_points(camera_T_segment[dressed.body.segment_index[segment]], surface.vertices)
+            for segment, surface in dressed.surfaces.items()
+        ]
+        points = window.place(station.camera.project(np.concatenate(vertices))[0])
         assert len(outline) > 100
         for reached, edge in zip(
             (outline.min(axis=0), outline.max(axis=0)), (points.min(axis=0), points.max(axis=0)), strict=True

@@ -109,11 +109,6 @@ def test_the_body_of_out_is_that_of_its_file(sample: Path, sample_out: Path, tmp
     assert np.abs(first[0] - first[1]).mean() < 0.1
 
 
-def test_without_a_body_or_a_result_nothing_can_be_shown(sample: Path, tmp_path: Path) -> None:
-    result = bodycam_view("--map", sample / "map", "-o", tmp_path / "walk.mp4")
-    assert result.returncode == 1 and "the body is unknown: give its file with --body" in result.stderr
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -121,13 +116,14 @@ def test_without_a_body_or_a_result_nothing_can_be_shown(sample: Path, tmp_path:
         (["--place", "BAG", "--stations", "C.yaml", "-o", "start.yaml"], "either --body BODY.yaml or --height METRES"),
         (["--place", "BAG", "OUT"], "leave out OUT"),
         (["--start", "start.yaml"], "--start: is for --place"),
+        (["--map", "MAP", "-o", "walk.mp4"], "the body is unknown: give its file with --body"),
         (
             ["--place", "BAG", "--stations", "C.yaml", "--height", "1.8", "-o", "start.yaml"],
             "error: BAG: does not exist",
         ),
     ],
 )
-def test_what_a_start_by_hand_lacks_is_said(
+def test_what_is_lacking_or_too_much_is_said(
     arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
