@@ -20,7 +20,7 @@ from bodycam_ros.viewer.skeleton_scene import limbs_of
 
 _TILE_PX, _GAP_PX = 480, 4  # of each camera's square, and between two
 _MARK_PX, _MARK_WIDTH_PX = 14, 2
-_TEXT_AT, _TEXT_SCALE = (10, 26), 0.7
+_TEXT_AT, _TEXT_SCALE = (12, 44), 1.3  # legible where three images share the panel
 
 
 class PlacingPicture:
@@ -74,7 +74,7 @@ class PlacingPicture:
         if valid[0]:
             at = np.clip(window.place(pixels[0]), -_TILE_PX, 2 * _TILE_PX).round().astype(int).tolist()
             cv2.drawMarker(tile, at, bgr(SELECTED), cv2.MARKER_CROSS, _MARK_PX, _MARK_WIDTH_PX, cv2.LINE_AA)
-        for colour, width in (("#000000", 5), ("#ffffff", 2)):
+        for colour, width in (("#000000", 10), ("#ffffff", 3)):
             font = cv2.FONT_HERSHEY_SIMPLEX
             cv2.putText(tile, name, _TEXT_AT, font, _TEXT_SCALE, bgr(colour), width, cv2.LINE_AA)
         return np.asarray(cv2.copyMakeBorder(tile, 0, _GAP_PX, 0, _GAP_PX, cv2.BORDER_CONSTANT, value=(255,) * 3))
