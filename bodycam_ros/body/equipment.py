@@ -45,7 +45,7 @@ class SegmentMotion:
 
 @dataclass(frozen=True, eq=False)
 class Attachment:
-    """Where the body holds the equipment: N pairs of points that should coincide (B eq. 15-17).
+    """Where the body holds the equipment: N pairs of points that should coincide (B eq. 15-19).
 
     Attributes:
         name: unique among the attachments.

@@ -3,6 +3,7 @@
 Two cameras on one segment keep their pose relative to each other. Two on neighbouring segments have the joint between
 them at one point of the world. Where segments without a camera lie between them, the first and the last joint are as
 far apart as those segments allow. A camera that contradicts its links is wrong even if the solver followed it.
+This judges a result; what the solver does with such a camera is in ``estimation/camera_gate.py``.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -114,7 +114,7 @@ def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str
 
 
 def _is_rejected(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
-    """Whether the solver rejected it: another camera is on the segment, and the body agrees with all others."""
+    """Whether ``estimation/camera_gate.py`` rejected it: its segment has another, and the body agrees with others."""
     mounts = poses.body.mounts
     is_shared = any(mounts[other].segment == mounts[camera].segment for other in found.core)
     return is_shared and not any(_solved_gap(poses, other) > DOUBTFUL_GAP_M for other in found.core)
