@@ -20,7 +20,6 @@ from bodycam_ros.mapping.small_photographs import normals_towards
 from bodycam_ros.mapping.triangulation import Triangulation, spread_directions, triangulate
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.map_photographs import MapPhotographs
-from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
@@ -35,8 +34,6 @@ _MAX_ERROR_PX = 1.0  # largest reprojection error, A section 4.1
 _MIN_ANGLE = np.radians(2.0)  # least angle between two rays, A section 4.1
 _MIN_VIEWS = 3  # keyframes: two rays always nearly meet, the third reveals a wrong match
 _MIN_DURATION_NS = 200_000_000  # between first and last view: what several cameras see at once may be moving
-_OUTLIER_PX = 2.5  # reprojection error of a track from which on its landmark was an outlier
-_MAX_STRIKES = 3  # images more in which a landmark was an outlier than inlier; then it is removed
 _MAX_SIGHTINGS = 10  # rays that a point keeps: those farthest from each other, which constrain it most
 
 NO_SLOT, REMOVED = -1, -2
@@ -80,7 +77,6 @@ class MapPoint:
         position: (3,) [m].
         slot: of the extendable map; ``NO_SLOT`` until it is a landmark, ``REMOVED`` once it is none any more.
         landmark_id: its id in the map then.
-        strikes: images in which it was an outlier, minus those in which it was an inlier.
         saved: descriptors of a landmark of an earlier run, which has no sightings and is never refined.
     """
 
@@ -88,7 +84,6 @@ class MapPoint:
     position: Array = field(default_factory=lambda: np.zeros(3))
     slot: int = NO_SLOT
     landmark_id: int = 0
-    strikes: int = 0
     saved: Descriptors | None = None
 
     def add(self, sighting: Sighting) -> bool:
@@ -235,19 +230,12 @@ class LocalMapper:
         self._kept.append(mine)
 
     def update(self, matches: LandmarkMatches) -> None:
-        """Count inliers and outliers among the added landmarks of a registered image; remove frequent outliers."""
-        pose = matches.world_T_camera
-        added = np.flatnonzero(matches.landmark_ids >= self.map.first_id)
-        if pose is None or not len(added):
+        """Note which of the added landmarks a registered image shows: they are kept for longest."""
+        if matches.world_T_camera is None:
             return
-        points_world = matches.points_world[added].astype(np.float64)
-        errors = reprojection_errors(self._cameras[matches.camera], points_world, matches.pixels[added], pose)
-        for landmark_id, is_outlier in zip(matches.landmark_ids[added].tolist(), errors > _OUTLIER_PX, strict=True):
+        for landmark_id in matches.landmark_ids[matches.landmark_ids >= self.map.first_id].tolist():
             if (point := self._landmark(landmark_id)) is not None:
                 self._landmarks.move_to_end(point.slot)
-                point.strikes = point.strikes + 1 if is_outlier else max(-_MAX_STRIKES, point.strikes - 1)
-                if point.strikes >= _MAX_STRIKES:
-                    self._remove(point)
 
     def take_changes(self) -> AddedLandmarks | None:
         """Apply the changes since the last call to the map, and return them for its copies."""

@@ -106,17 +106,6 @@ def fit_pose(
     )
 
 
-def reprojection_errors(
-    camera: CameraModel,
-    points_world: NDArray[np.floating],
-    pixels: NDArray[np.floating],
-    world_T_camera: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Reprojection errors (N,) [px] of landmarks (N, 3); infinite where they are out of view."""
-    projected, valid = camera.project((points_world - world_T_camera[:3, 3]) @ world_T_camera[:3, :3])
-    return np.where(valid, np.linalg.norm(projected - pixels, axis=1), np.inf)
-
-
 def row_shares(camera: CameraModel, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     """Place of the rows of pixels (N, 2) in the read-out: -0.5 the first row, 0.5 the last."""
     shares: NDArray[np.float64] = np.asarray(pixels, np.float64)[:, 1] / (camera.height - 1) - 0.5

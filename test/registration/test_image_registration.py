@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 import pytest
+from reprojection import reprojection_errors
 
 from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.image_registration import ImageRegistration
-from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reprojection import reprojection_errors
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
@@ -20,7 +21,6 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reprojection import reprojection_errors
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.pose_fit import reprojection_errors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
