@@ -53,7 +53,6 @@ def choose_in_numpy(
     world_T_camera: Array,
     twist: Array,
     readout_time: float,
-    candidates: NDArray[np.int64],
     points_world: Array,
     normals: Array,
     sizes: Array,
@@ -73,7 +72,6 @@ def choose_in_numpy(
         & (np.minimum(u, v) > BORDER_PX)
         & (u < camera.width - 1 - BORDER_PX)
         & (v < camera.height - 1 - BORDER_PX)
-        & np.isin(np.arange(len(points_world)), candidates)
     )
     merits = trust - 0.05 * np.abs(np.log2(sigmas_px / 2.0))
     cell = (v * CELLS / camera.height).astype(int) * CELLS + (u * CELLS / camera.width).astype(int)

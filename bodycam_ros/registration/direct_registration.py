@@ -14,8 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales, radial_gains
 from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.registration.landmark_choice_kernels import LEAST_SIGMA_PX, best_views, choose_landmarks
-from bodycam_ros.registration.local_landmarks import LandmarkTrust, LocalLandmarks
+from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
 from bodycam_ros.registration.map_photographs import MapPhotographs, pyramid_levels, pyramid_size, write_pyramid
 from bodycam_ros.registration.patch_kernels import align_patches
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
@@ -29,6 +28,8 @@ _LIKENESS = 0.7  # least correlation of a patch with the image
 _INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
 _AGREE = 0.6  # least share of the coarse landmarks that fit one pose
 _LEAST_FOUND = 8  # landmarks of a pose
+_FADES = 0.998  # share of a landmark's trust that is left an image later
+_LATEST_SHARE = 0.2  # of the latest image in it
 _PROJECTIONS = np.zeros((0, 2))
 _ONE_CAMERA = np.zeros(1, np.uint16)
 _STILL = np.zeros(6)
@@ -73,6 +74,25 @@ class DirectView:
     shifts: Array | None = None
 
 
+class LandmarkTrust:
+    """How often each landmark of a map was found, fading.
+
+    Args:
+        count: of landmarks.
+
+    Attributes:
+        values: (L,) float32 from -0.5 (never found) to 0.5 (always), 0 where unknown.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.values = np.zeros(count, np.float32)
+
+    def update(self, rows: NDArray[np.int64], found: NDArray[np.bool_]) -> None:
+        """An image in which landmarks (N,) were looked for, and which of them were found; all others fade."""
+        self.values *= np.float32(_FADES)
+        self.values[rows] += np.float32(_LATEST_SHARE) * (np.where(found, 0.5, -0.5) - self.values[rows])
+
+
 class DirectRegistration:
     """Finds a camera's landmarks in its images, one after the other.
 
@@ -97,7 +117,6 @@ class DirectRegistration:
         self._levels = pyramid_levels(camera.height, camera.width)
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
         self._trust = LandmarkTrust(len(reference_map.landmark_ids))
-        self._local = LocalLandmarks(reference_map, camera.fx, LEAST_SIGMA_PX)
         self._points = as_rows(reference_map.points_world)
         self._sizes = reference_map.landmark_sizes
 
@@ -158,7 +177,6 @@ class DirectRegistration:
             self._gains,
             as_rows(near),
             *_twist_and_time(near, motion),
-            self._local.around(near[:3, 3]),
             self._points,
             photographs.normals,
             self._sizes,

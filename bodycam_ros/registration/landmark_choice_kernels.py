@@ -28,7 +28,7 @@ _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale
 
 
 @kernel(
-    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, i8[::1], f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], i8)",
+    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], i8)",
 )
 def choose_landmarks(
     lens: Array,
@@ -36,7 +36,6 @@ def choose_landmarks(
     world_T_camera: Array,
     twist: Array,
     readout_time: float,
-    candidates: Whole,
     points_world: Array,
     normals: NDArray[np.float32],
     sizes: NDArray[np.float32],
@@ -49,8 +48,7 @@ def choose_landmarks(
         lens, gains: of the camera; see ``radial_gains``.
         world_T_camera: (4, 4) its pose.
         twist, readout_time: (6,) its motion [rad/s, m/s], and the read-out time of its rows [s].
-        candidates: (C,) rows of all landmarks that may be in view; of two equal ones the first is taken.
-        points_world: (L, 3) [m].
+        points_world: (L, 3) [m]; of two equal ones the first is taken.
         normals: (L, 3) of their surfaces.
         sizes: (L,) of their features [m].
         trust: (L,) see ``LandmarkTrust``.
@@ -60,7 +58,7 @@ def choose_landmarks(
     best = np.full((CELLS * CELLS, per_cell), -1, np.int64)
     score = np.full((CELLS * CELLS, per_cell), -math.inf)
     T = world_T_camera
-    for i in candidates:
+    for i in range(len(normals)):
         dx, dy, dz = points_world[i, 0] - T[0, 3], points_world[i, 1] - T[1, 3], points_world[i, 2] - T[2, 3]
         # Most landmarks are too far to be seen, and need no root.
         squared = dx * dx + dy * dy + dz * dz
@@ -212,26 +210,3 @@ def _project_by_table(lens: Array, gains: Array, x: float, y: float, z: float) -
     below = min(int(place), len(gains) - 2)
     gain = near * (gains[below] + (place - below) * (gains[below + 1] - gains[below]))
     return lens[3] * gain * x + lens[5], lens[4] * gain * y + lens[6]
-
-
-@kernel("(f8[::1], f8, f8, f8[:, ::1], f4[::1])")
-def landmarks_within(
-    centre: Array, reach: float, margin: float, points_world: Array, sizes: NDArray[np.float32]
-) -> Whole:
-    """Rows (N,), ascending, of the landmarks that have a size and are no farther than ``reach * size + margin``.
-
-    Args:
-        centre: (3,) [m].
-        reach: how far a landmark is visible, times its size.
-        margin: [m].
-        points_world, sizes: (L, 3), (L,) of all landmarks [m].
-    """
-    found = np.empty(len(points_world), np.int64)
-    count = 0
-    for i in range(len(points_world)):
-        dx, dy, dz = points_world[i, 0] - centre[0], points_world[i, 1] - centre[1], points_world[i, 2] - centre[2]
-        near = reach * sizes[i] + margin
-        if dx * dx + dy * dy + dz * dz <= near * near and sizes[i] > 0.0:
-            found[count] = i
-            count += 1
-    return found[:count].copy()

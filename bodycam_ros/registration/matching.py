@@ -29,7 +29,6 @@ def match_near_prediction(
     descriptors: NDArray[np.uint8],
     scales: NDArray[np.floating],
     radius_px: float,
-    candidates: NDArray[np.int64] | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match features to the landmarks that project near them.
 
@@ -40,19 +39,17 @@ def match_near_prediction(
         descriptors: (M, 128) their RootSIFT.
         scales: (M,) their sigma [px].
         radius_px: largest distance of a feature from the projection of its landmark.
-        candidates: rows of all landmarks that may be in view, ascending; None: all of the map.
 
     Returns:
         Rows of the matched features and, for each, the row of its landmark. No landmark is matched twice.
     """
-    rows = np.arange(len(reference_map.points_world)) if candidates is None else candidates
     centre = world_T_camera[:3, 3]
-    offsets = reference_map.points_world[rows] - centre
+    offsets = reference_map.points_world - centre
     squared_ranges = np.einsum("ij,ij->i", offsets, offsets)
-    large_enough = reference_map.landmark_sizes[rows] ** 2 * camera.fx**2 > MIN_VISIBLE_SCALE_PX**2 * squared_ranges
+    large_enough = reference_map.landmark_sizes**2 * camera.fx**2 > MIN_VISIBLE_SCALE_PX**2 * squared_ranges
     projected, valid = camera.project(offsets[large_enough] @ world_T_camera[:3, :3])
     in_view = valid & camera.in_image(projected)
-    visible, projected = rows[large_enough][in_view], projected[in_view]
+    visible, projected = np.flatnonzero(large_enough)[in_view], projected[in_view]
     if len(visible) == 0 or len(pixels) == 0:
         return _NO_MATCH
     feature, near, _ = near_pairs(pixels, projected, radius_px)

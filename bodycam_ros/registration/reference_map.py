@@ -92,11 +92,6 @@ class ReferenceMap:
         np.maximum.at(sizes, self.descriptor_landmark, self.descriptor_size)
         return sizes
 
-    @property
-    def changes(self) -> int:
-        """How often landmarks were added or removed: a loaded map is never changed."""
-        return 0
-
     @cached_property
     def visual_index(self) -> VisualIndex:
         """Search by descriptors alone, for all cameras."""

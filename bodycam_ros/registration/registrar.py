@@ -15,13 +15,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.local_landmarks import LocalLandmarks
-from bodycam_ros.registration.matching import (
-    MIN_VISIBLE_SCALE_PX,
-    RADIUS_PX,
-    WIDE_RADIUS_PX,
-    match_near_prediction,
-)
+from bodycam_ros.registration.matching import RADIUS_PX, WIDE_RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, steady_pixels
 from bodycam_ros.registration.readout_time import EVERY, LEAST_TURN, ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -88,7 +82,6 @@ class Registrar:
         self.settings = settings or RegistrarSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self.readout = ReadoutTime(readout)
-        self._local = LocalLandmarks(reference_map, camera.fx, MIN_VISIBLE_SCALE_PX)
         self._motion = CameraMotion()
         self._image_motion: ImageMotion | None = None
         self._tracks = TrackLandmarks.none()
@@ -184,7 +177,6 @@ class Registrar:
             frame.descriptors,
             frame.scales,
             radius_px,
-            self._local.around(near[:3, 3]),
         )
         # A new match must agree at once; an old one may fail for a moment.
         matched = tracks.rematched(frame, self.map, described[features], landmarks, _MAX_STRIKES - 1)

@@ -8,7 +8,7 @@ from numpy_patches import best_views_in_numpy, choose_in_numpy
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.local_scale import local_scales, radial_gains
 from bodycam_ros.geometry import exp_se3, transform_points
-from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks, landmarks_within
+from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
 
 LENSES = {
     "equidistant": [-0.0137, 0.0037, -0.0015, 0.0004],
@@ -40,9 +40,8 @@ def landmarks(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[n
 def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float64], readout_time: float) -> None:
     points, normals, sizes = landmarks(3000)
     trust = np.random.default_rng(1).uniform(0.0, 1.0, len(points)).astype(np.float32)
-    some = np.flatnonzero(np.arange(len(points)) % 7)
     for per_cell in (1, 2, 5):
-        arguments = (POSE, twist, readout_time, some, points, normals, sizes, trust, per_cell)
+        arguments = (POSE, twist, readout_time, points, normals, sizes, trust, per_cell)
         rows = choose_landmarks(camera.parameters, radial_gains(camera), *arguments)
         np.testing.assert_array_equal(rows, choose_in_numpy(camera, *arguments))
         assert len(rows) > 8
@@ -72,12 +71,3 @@ def test_the_view_is_that_of_numpy(camera: CameraModel) -> None:
         views, best_views_in_numpy(camera, POSE, points, rows, photographers, poses, observers)
     )
     assert (views == -1).any() and len(set(views.tolist())) > 8
-
-
-def test_landmarks_in_reach_are_those_of_numpy() -> None:
-    points, _, sizes = landmarks(2000)
-    sizes[::5] = 0.0
-    distances = np.linalg.norm(points - CENTRE, axis=1)
-    expected = np.flatnonzero((distances <= 60.0 * sizes.astype(float) + 0.2) & (sizes > 0.0))
-    np.testing.assert_array_equal(landmarks_within(CENTRE, 60.0, 0.2, points, sizes), expected)
-    assert 100 < len(expected) < 1500
