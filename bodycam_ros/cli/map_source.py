@@ -144,7 +144,7 @@ def opened_photographs(
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.lens.lens_check import warn_of_mismatch
     from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-    from bodycam_ros.mapping.moving_camera import VideoCamera, open_body_cameras
+    from bodycam_ros.mapping.moving_camera import open_body_cameras, video_camera
     from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
 
     source: Path = arguments.from_bag or arguments.source
@@ -159,7 +159,7 @@ def opened_photographs(
         cameras = open_body_cameras(source, body_cameras, [camera for pair in pairs for camera in pair])
         name = source.resolve().name
     else:
-        camera = VideoCamera(source, arguments.camera)
+        camera = video_camera(source, arguments.camera)
         warn_of_mismatch(camera)
         cameras, name = {camera.name: camera}, camera.name
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:

@@ -149,7 +149,7 @@ def warn_of_mismatch(source: "MovingCamera") -> None:
     def images() -> Iterator[Grey]:
         for frame in frames:
             with suppress(RecordingError):
-                yield frame.grey()
+                yield decode_grey(frame)
 
     with source.frames() as frames:
         match = match_images(source.camera, images(), _VIDEO_FRAMES)

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.known_distance import MAX_APART_S
-from bodycam_ros.mapping.moving_camera import Frame, MovingCamera
+from bodycam_ros.mapping.moving_camera import MovingCamera, picture_file
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.registration.pose_fit import turned_pixels
@@ -69,7 +70,7 @@ def keep_sharp_frames(
                     suffix, content = candidate.file(sources[camera])
                     file = f"{prefix}_{candidate.row:06d}{suffix}"
                     (folder / file).write_bytes(content)
-                    written[file] = camera, candidate.frame.seconds
+                    written[file] = camera, candidate.seconds
             if not written:
                 names, count = " and ".join(source.name for source in together), together[0].count
                 shared = " at common times" if len(together) > 1 else ""
@@ -104,19 +105,23 @@ def _groups(cameras: Collection[str], pairs: Collection[tuple[str, str]]) -> lis
 class _Candidate:
     """A frame, its number and sharpness, its grey pixels, and the frame before it with those."""
 
-    frame: Frame
+    frame: CameraImage
     row: int
     sharpness: float
     grey: NDArray[np.uint8]
-    before: tuple[Frame, NDArray[np.uint8]] | None
+    before: tuple[CameraImage, NDArray[np.uint8]] | None
+
+    @property
+    def seconds(self) -> float:
+        return 1e-9 * self.frame.stamp_ns
 
     def file(self, source: MovingCamera) -> tuple[str, bytes]:
         """Suffix and content of its file; where the read-out time is known without its effect."""
-        suffix, content = self.frame.file()
+        suffix, content = picture_file(self.frame)
         if not any(source.readout_s) or self.before is None:
             return suffix, content
         before, grey_before = self.before
-        pictures = (before.seconds, grey_before), (self.frame.seconds, self.grey)
+        pictures = (1e-9 * before.stamp_ns, grey_before), (self.seconds, self.grey)
         velocity = np.nansum(angular_speed(source.camera, pictures).omega, axis=0)
         pixels = np.asarray(cv2.imdecode(np.frombuffer(content, np.uint8), _AS_STORED), np.uint8)
         straight = steady_picture(pixels, source.camera, velocity, source.readout_s)
@@ -130,7 +135,7 @@ def _sharpest(
     best: Sequence[_Candidate] = ()
     start_s, part = 0.0, 0
     for number, found in enumerate(_together([_candidates(source, on_frame) for source in sources])):
-        seconds = found[0].frame.seconds
+        seconds = found[0].seconds
         start_s = start_s if number else seconds
         if (later := int((seconds - start_s) / part_s)) > part:
             if best:
@@ -147,7 +152,7 @@ def _together(streams: Sequence[Iterator[_Candidate]]) -> Iterator[Sequence[_Can
     heads = [next(stream, None) for stream in streams]
     while all(heads):
         found = [head for head in heads if head is not None]
-        seconds = np.array([each.frame.seconds for each in found])
+        seconds = np.array([each.seconds for each in found])
         is_common = bool(np.all(np.abs(seconds - seconds[0]) <= MAX_APART_S))
         if is_common:
             yield found
@@ -157,13 +162,13 @@ def _together(streams: Sequence[Iterator[_Candidate]]) -> Iterator[Sequence[_Can
 
 def _candidates(source: MovingCamera, on_frame: Callable[[], None]) -> Iterator[_Candidate]:
     """The frames of a camera that can be decoded and show something."""
-    before: tuple[Frame, NDArray[np.uint8]] | None = None
+    before: tuple[CameraImage, NDArray[np.uint8]] | None = None
     camera = source.camera
     with source.frames() as frames:
         for row, frame in enumerate(frames):
             on_frame()
             try:
-                grey = frame.grey()
+                grey = decode_grey(frame)
             except RecordingError:
                 continue
             if grey.shape != (camera.height, camera.width):

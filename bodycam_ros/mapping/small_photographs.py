@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.camera.camera_info import scaled_camera
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.features import read_photograph
 from bodycam_ros.mapping.structure import Structure
@@ -31,7 +31,7 @@ def small_photographs(folder: Path, structure: Structure, workers: int, progress
     Raises:
         MapError: a photograph cannot be read any more.
     """
-    cameras = tuple(_scaled(camera, min(1.0, _WIDTH_PX / camera.width)) for camera in structure.cameras)
+    cameras = tuple(scaled_camera(camera, min(1.0, _WIDTH_PX / camera.width)) for camera in structure.cameras)
 
     def encode(view: int) -> bytes:
         camera = cameras[structure.camera_of_view[view]]
@@ -89,18 +89,6 @@ def normals_towards(
     normals *= np.where(np.einsum("ni,ni->n", normals, facing) < 0.0, -1.0, 1.0)[:, None]
     thin = np.sqrt(np.maximum(spreads[:, 0], 0.0)) < _MAX_THICKNESS * np.sqrt(np.maximum(spreads[:, 1], 1e-12))
     return np.where(thin[:, None], normals, facing)
-
-
-def _scaled(camera: CameraModel, scale: float) -> CameraModel:
-    width, height = round(scale * camera.width), round(scale * camera.height)
-    across, down = width / camera.width, height / camera.height
-    # Pixel centres are at integers, so the borders, half a pixel outside, are what scales.
-    k = (
-        *(across * camera.fx, 0.0, across * (camera.cx + 0.5) - 0.5),
-        *(0.0, down * camera.fy, down * (camera.cy + 0.5) - 0.5),
-        *(0.0, 0.0, 1.0),
-    )
-    return camera_from_info(camera.name, width, height, camera.distortion_model, camera.distortion, k)
 
 
 def _encoded(path: Path, size: tuple[int, int]) -> bytes:

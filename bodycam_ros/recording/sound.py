@@ -9,7 +9,7 @@ from av import AudioFrame
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from bodycam_ros.recording.video_file import only, opened
+from bodycam_ros.recording.video_file import demuxed, opened
 
 _BLOCK_S = 0.5
 _GAP_S = 0.002
@@ -66,15 +66,7 @@ def _pieces(path: Path) -> Iterator[tuple[float, float, NDArray[np.float32]]]:
     with opened(path) as container:
         if not container.streams.audio:
             return
-        only(container, container.streams.audio[0])
-        packets = container.demux(container.streams.audio[0])
-        while True:
-            try:
-                packet = next(packets, None)
-            except (FFmpegError, ValueError):
-                return  # cut off
-            if packet is None:
-                return
+        for packet in demuxed(container, container.streams.audio[0]):
             try:
                 frames = packet.decode()
             except (FFmpegError, ValueError):

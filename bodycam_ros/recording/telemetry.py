@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.recording.video_file import only, opened
+from bodycam_ros.recording.video_file import demuxed, opened
 
 Array = NDArray[np.float64]
 
@@ -105,15 +104,7 @@ def _payloads(path: Path) -> Iterator[tuple[float, float, bytes]]:
         if not streams:
             return
         # All in one pass, which reads the file once: cameras write tracks of other data (tmcd) before GPMF.
-        only(container, *streams)
-        packets = container.demux(*streams)
-        while True:
-            try:
-                packet = next(packets, None)
-            except (FFmpegError, ValueError):
-                return
-            if packet is None:
-                return
+        for packet in demuxed(container, *streams):
             if packet.pts is None or not packet.size:
                 continue
             content = bytes(packet)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import av
 import cv2
@@ -149,7 +149,7 @@ def packets(path: Path) -> Iterator[TimedPacket]:
         stream = _video_stream(container, path)
         codec = stream.codec_context.name
         to_annex_b = av.BitStreamFilterContext(_BITSTREAM_FILTERS[codec], stream)
-        for packet in _demuxed(container, stream):
+        for packet in demuxed(container, stream):
             if packet.pts is None or packet.is_corrupt:
                 continue
             media_s = float(packet.pts * (stream.time_base or 0))
@@ -173,7 +173,7 @@ def frames(path: Path, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]
         stream = _video_stream(container, path)
         stream.codec_context.thread_count = threads
         stream.thread_type = "AUTO"
-        for packet in _demuxed(container, stream):
+        for packet in demuxed(container, stream):
             try:
                 decoded = packet.decode()
             except (FFmpegError, ValueError):
@@ -192,7 +192,7 @@ def frame_times(path: Path) -> NDArray[np.float64]:
     with opened(path) as container:
         stream = _video_stream(container, path)
         unit_s = float(stream.time_base or 0)
-        return unit_s * np.array([p.pts for p in _demuxed(container, stream) if p.pts is not None], np.float64)
+        return unit_s * np.array([p.pts for p in demuxed(container, stream) if p.pts is not None], np.float64)
 
 
 def keyframe_near(path: Path, media_s: float) -> tuple[float, av.VideoFrame] | None:
@@ -205,22 +205,20 @@ def keyframe_near(path: Path, media_s: float) -> tuple[float, av.VideoFrame] | N
         stream = _video_stream(container, path)
         container.seek(round(media_s / float(stream.time_base or 1)), stream=stream)
         stream.codec_context.skip_frame = "NONKEY"
-        for packet in _demuxed(container, stream):
+        for packet in demuxed(container, stream):
             for frame in packet.decode():
                 return None if frame.is_corrupt else (float((frame.pts or 0) * (frame.time_base or 0)), frame)
     return None
 
 
-def only(container: InputContainer, *streams: Stream) -> None:
-    """Let a file give the packets of some streams alone: of two hours, sound is a hundredth of all there is to read."""
+def demuxed(container: InputContainer, *streams: Stream) -> Iterator[Any]:
+    """The packets of some streams up to their end, or to where the file breaks off; the last are empty.
+
+    The others are not read: of two hours, sound is a hundredth of all.
+    """
     for other in container.streams:
         other.discard = Discard.default if other in streams else Discard.all
-
-
-def _demuxed(container: InputContainer, stream: "av.VideoStream") -> "Iterator[av.Packet[av.VideoStream]]":
-    """The packets of a stream up to its end, or to where the file breaks off; the last is empty."""
-    only(container, stream)
-    source = container.demux(stream)
+    source = container.demux(*streams)
     while True:
         try:
             packet = next(source, None)
@@ -305,10 +303,11 @@ class DecodedFrame:
 
     Args:
         frame: as the decoder gave it.
+        rotation_deg: counter-clockwise by which the pixels are turned: 0, 90, 180 or 270.
     """
 
-    def __init__(self, frame: "VideoFrame") -> None:
-        self._frame = frame
+    def __init__(self, frame: "VideoFrame", rotation_deg: int = 0) -> None:
+        self._frame, self._turns = frame, rotation_deg // 90
 
     def grey(self) -> NDArray[np.uint8]:
         """Grey pixels (H, W), black 0 and white 255.
@@ -316,7 +315,7 @@ class DecodedFrame:
         Raises:
             RecordingError: a pixel format that cannot be converted.
         """
-        return grey_pixels(self._frame)
+        return np.ascontiguousarray(np.rot90(grey_pixels(self._frame), self._turns))
 
     def colour(self) -> NDArray[np.uint8]:
         """Pixels (H, W, 3): blue, green, red.
@@ -324,10 +323,10 @@ class DecodedFrame:
         Raises:
             RecordingError: a pixel format that cannot be converted.
         """
-        pixels = bgr_pixels(self._frame)
+        pixels = np.ascontiguousarray(np.rot90(bgr_pixels(self._frame), self._turns))
         if pixels.ndim == 2:
             return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-        return np.ascontiguousarray(pixels)
+        return pixels
 
 
 def grey_pixels(frame: "VideoFrame") -> NDArray[np.uint8]:

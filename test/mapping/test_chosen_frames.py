@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -12,9 +11,10 @@ from turned_view import CAMERA, rolled_view, turned_view
 from unshown_progress import Unshown
 
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-from bodycam_ros.mapping.moving_camera import BagCamera, open_body_cameras
+from bodycam_ros.mapping.moving_camera import MovingCamera, bag_camera, open_body_cameras
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.recording.bag_writer import write_recording
@@ -47,7 +47,7 @@ def bag(tmp_path: Path) -> Path:
 
 def test_sharp_frames_are_written(bag: Path, tmp_path: Path) -> None:
     progress = Unshown()
-    photographs = keep_sharp_frames({"hand": BagCamera(bag, "hand")}, tmp_path, "bag", 150, 1, progress)
+    photographs = keep_sharp_frames({"hand": bag_camera(bag, "hand")}, tmp_path, "bag", 150, 1, progress)
     assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
     assert all(path.is_file() for path in photographs.paths)
     assert all(np.array_equal(camera.parameters, LENS.parameters) for camera in photographs.camera_of_name.values())
@@ -83,35 +83,27 @@ def test_frames_of_two_cameras_are_taken_at_the_same_times(tmp_path: Path) -> No
     assert np.abs(np.subtract(*of)).max() > 0.02  # which they are not by themselves
 
 
-@dataclass
-class _Turned:
+_RATE_DEG, _COUNT = 90.0, 9
+
+
+def _rolled(seconds: float) -> np.ndarray:
     """A picture of a camera that turns to the right while its rows are read out."""
-
-    seconds: float
-
-    def grey(self) -> np.ndarray:
-        return rolled_view(_RATE_DEG * self.seconds, 0.0, (_RATE_DEG, 0.0), (0.0, 0.02))
-
-    def file(self) -> tuple[str, bytes]:
-        return ".png", cv2.imencode(".png", self.grey())[1].tobytes()
+    return rolled_view(_RATE_DEG * seconds, 0.0, (_RATE_DEG, 0.0), (0.0, 0.02))
 
 
-_RATE_DEG = 90.0
-
-
-class _TurningCamera:
-    name, camera, count, duration_s, readout_s = "hand", CAMERA, 9, 0.6, (0.0, 0.02)
-
-    @contextmanager
-    def frames(self) -> Iterator[Iterator[_Turned]]:
-        yield (_Turned(number / 15.0) for number in range(self.count))
+@contextmanager
+def _turning() -> Iterator[Iterator[CameraImage]]:
+    times_s = [number / 15.0 for number in range(_COUNT)]
+    yield (CameraImage("hand", round(1e9 * seconds), _rolled(seconds)) for seconds in times_s)
 
 
 def test_pictures_are_as_if_all_rows_were_exposed_together(tmp_path: Path) -> None:
-    kept = keep_sharp_frames({"hand": _TurningCamera()}, tmp_path, "turn", 2, 1, Unshown())
+    kept = keep_sharp_frames(
+        {"hand": MovingCamera("hand", CAMERA, _COUNT, 0.6, (0.0, 0.02), _turning)}, tmp_path, "turn", 2, 1, Unshown()
+    )
     for path in kept.paths[1:]:  # before the first there is no other
         seconds = int(path.stem[-6:]) / 15.0
-        wanted, shown = turned_view(_RATE_DEG * seconds).astype(int), _Turned(seconds).grey()
+        wanted, shown = turned_view(_RATE_DEG * seconds).astype(int), _rolled(seconds)
         written, inner = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.s_[40:-40, 40:-40]
         off = [np.abs(picture[inner] - wanted[inner]).mean() for picture in (shown, written)]
         assert off[1] < 0.3 * off[0]
