@@ -148,9 +148,8 @@ class SkeletonPipeline:
             stamp_ns: by the sensor's clock [ns].
             reading: angular velocity [rad/s] and acceleration [m/s^2] along the sensor's axes.
         """
-        self.inertial.add_sample(camera, stamp_ns, reading)
-        latest_ns = self.inertial.latest_ns(camera) if self._live else None
-        if latest_ns is None:
+        latest_ns = self.inertial.add_sample(camera, stamp_ns, reading)
+        if latest_ns is None or not self._live:
             return []
         self._silence.add_sample(latest_ns)
         due_ns = self._silence.due_ns(self._smoother.period_ns)

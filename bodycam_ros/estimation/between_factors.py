@@ -80,7 +80,7 @@ class InertialStep:
         spin_before, spin_after: (3,) angular velocities of the segment at both, in its axes [rad/s].
         density: spectral density of the acceleration's error [m^2/s^3].
         sigma: of the change of velocity, beside that [m/s].
-        slack: of the change of place, beside both [m].
+        with_position: whether the change of place is used; cameras that observe the segment measure it better.
     """
 
     row: int
@@ -92,7 +92,7 @@ class InertialStep:
     spin_after: Array
     density: float
     sigma: float
-    slack: float
+    with_position: bool
 
     def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
         """See ``Between``."""
@@ -104,21 +104,23 @@ class InertialStep:
         velocity = R1.T @ (R2 @ u2 - _GRAVITY * dt) - u1
         position = R1.T @ (moved - 0.5 * _GRAVITY * dt**2) - u1 * dt
         turned = R1.T @ R2
+        of_spin, of_velocity, of_position = hat(np.stack([u2, velocity + u1, position + dt * u1]))
         by_after, by_before, off = np.zeros((6, 12)), np.zeros((6, 12)), np.empty(6)
-        by_after[:3, :3], by_after[:3, 9:] = -turned @ hat(u2), turned
+        by_after[:3, :3], by_after[:3, 9:] = -turned @ of_spin, turned
         by_after[3:, :3], by_after[3:, 3:6] = -turned @ lever, turned
-        by_before[:3, :3], by_before[:3, 9:] = hat(velocity + u1), -_IDENTITY
-        by_before[3:, :3] = hat(position + dt * u1) + lever
+        by_before[:3, :3], by_before[:3, 9:] = of_velocity, -_IDENTITY
+        by_before[3:, :3] = of_position + lever
         by_before[3:, 3:6], by_before[3:, 9:] = -_IDENTITY, -dt * _IDENTITY
         off[:3], off[3:] = self.velocity - velocity, self.position - position
         # In sigmas, by the Cholesky factor (a, 0; b, c) of the covariance of velocity and position along each axis.
         a = math.sqrt(self.density * dt + self.sigma**2)
         b = 0.5 * self.density * dt**2 / a
-        c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 + self.slack**2 - b**2)
+        c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 - b**2)
         for rows in (off, by_after, by_before):
             rows[:3] /= a
             rows[3:] = (rows[3:] - b * rows[:3]) / c
-        return off, by_after, by_before
+        count = 6 if self.with_position else 3
+        return off[:count], by_after[:count], by_before[:count]
 
 
 Between = SegmentTurn | RestingPoint | InertialStep
@@ -211,8 +213,14 @@ def _lessened(covariance: Array, gain: Array, of_measured: Array) -> Array:
 
 def _linearise(both: Coordinates, measured: Sequence[Between], tangent: TreeTangent) -> tuple[Array, Array, Array]:
     """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
-    rows, poses = [one.row for one in measured], both.poses(tangent)
-    J = tangent.segment_jacobians(poses, rows)
+    rows = [one.row for one in measured]
+    if set(rows) == {tangent.root}:
+        # Mostly: cameras observe all else.
+        rows, poses = [0] * len(rows), both.root[:, None]
+        J = np.broadcast_to(np.eye(6, tangent.count), (2, len(rows), 6, tangent.count))
+    else:
+        poses = both.poses(tangent)
+        J = tangent.segment_jacobians(poses, rows)
     twists = (J @ both.velocity[:, None, :, None])[..., 0]
     each = [
         one.residual(*ends, *spins)

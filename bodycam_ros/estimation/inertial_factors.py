@@ -18,7 +18,6 @@ from bodycam_ros.timing.clock_state import ClockState
 
 _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, not to a random walk
 _LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
-_SLACK_M = 0.005  # of a change of place where cameras observe it: their errors last, and need not be bent by it
 _LEAST_IMAGES = 20  # registered images without a sample at their time, after which a clock is off
 _LATE_NS, _LATE_SHARE = 12_000_000, 0.1  # of samples behind an image, and of such images, which are named
 _LEVER_M = 0.015  # most that a sensor's place in its camera is off
@@ -65,16 +64,18 @@ class InertialSensors:
         if camera in self._sums:
             self._sums[camera].add(samples)
 
-    def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
-        """Add one sample as it comes, see ``MotionSums``; others are ignored."""
-        if camera in self._sums:
-            self._sums[camera].add_sample(stamp_ns, reading)
+    def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> int | None:
+        """Add one sample as it comes, see ``MotionSums``; others are ignored.
 
-    def latest_ns(self, camera: str) -> int | None:
-        """Stamp of a sensor's latest sample in the body's time [ns]; None unless it can carry the body by itself."""
+        Returns:
+            Its stamp in the body's time [ns]; None unless the sensor can carry the body by itself.
+        """
+        if (sums := self._sums.get(camera)) is None:
+            return None
+        sums.add_sample(stamp_ns, reading)
         if camera not in self._accelerometers or not self.biases[camera].is_confirmed or self.biases[camera].is_wrong:
             return None
-        own_ns, clock = self._sums[camera].latest_ns, self._clocks.get(camera)
+        own_ns, clock = sums.latest_ns, self._clocks.get(camera)
         return own_ns if clock is None else own_ns - clock.offset_ns(own_ns)
 
     def set_clocks(self, clocks: Mapping[str, ClockState]) -> None:
@@ -115,7 +116,7 @@ class InertialSensors:
             if is_needed:
                 factors.append(self._turn(name, moved))
             if takes_step:
-                factors.append(self._step(name, moved, observed=not is_needed))
+                factors.append(self._step(name, moved, is_needed))
                 has_step = True
         return factors
 
@@ -166,7 +167,7 @@ class InertialSensors:
         sigma = float(np.sqrt(density * moved.seconds + of_angle**2 + of_delay**2 + _LEAST_RAD**2))
         return SegmentTurn(self._rows[name], segment_R_camera @ R @ segment_R_camera.T, sigma)
 
-    def _step(self, name: str, moved: Preintegrated, observed: bool) -> InertialStep:
+    def _step(self, name: str, moved: Preintegrated, with_position: bool) -> InertialStep:
         R, filtered, spin_bias = self._segment_R_camera[name], self._accelerometers[name], self.biases[name].bias
         imu, (spun, pushed) = self._calibrations[name], np.linalg.norm(moved.change.reshape(2, 3), axis=1)
         lever = min(imu.position_sigma, _LEVER_M)
@@ -180,5 +181,5 @@ class InertialSensors:
             spin_after=R @ (moved.second_rate - spin_bias),
             density=imu.accelerometer_noise**2 + filtered.sigma**2 * _DRIFT_S,
             sigma=_LEAST_M_S + float(np.hypot(lever * spun, imu.time_offset_sigma * pushed)),
-            slack=_SLACK_M if observed else 0.0,
+            with_position=with_position,
         )

@@ -83,6 +83,7 @@ class TreeTangent:
         twists: of each joint of the tree, (6, F) in its frame.
         columns: of each joint of the tree, its columns of an increment; the root's are the first six.
         slides: (J, 3) along which axes joints slide.
+        root: row of the root.
         count: K.
     """
 
@@ -102,8 +103,8 @@ class TreeTangent:
         self._moves = np.concatenate([np.ones((len(tree.segments), 6)), tree.moves[:, self._joint_of_column]], axis=1)
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
         self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
-        root = tree.segment_index[tree.root]
-        self._child_of_column = np.append(np.full(6, root), tree.joint_ends[self._joint_of_column, 1])
+        self.root = tree.segment_index[tree.root]
+        self._child_of_column = np.append(np.full(6, self.root), tree.joint_ends[self._joint_of_column, 1])
 
     def moved(self, world_T_root: Array, joint_motion: Array, step: Array) -> tuple[Array, Array]:
         """Root (..., 4, 4) and joint motions (..., J, 4, 4) after an increment (..., K)."""

@@ -41,7 +41,7 @@ def test_an_inertial_step_lessens_as_its_jacobians_say() -> None:
     twists = RNG.normal(size=(2, 6))
     spins = RNG.normal(size=(2, 3))
     step = InertialStep(
-        0, PLACE, 0.2, RNG.normal(size=3), RNG.normal(size=3), *spins, density=1e-4, sigma=0.01, slack=0.0
+        0, PLACE, 0.2, RNG.normal(size=3), RNG.normal(size=3), *spins, density=1e-4, sigma=0.01, with_position=True
     )
     after = BEFORE @ exp_se3(STEP)
     _, by_after, by_before = step.residual(BEFORE, after, *twists)
@@ -59,8 +59,8 @@ def test_an_inertial_step_lessens_as_its_jacobians_say() -> None:
 
 def test_an_inertial_step_is_in_sigmas() -> None:
     """By the covariance of velocity and place: noise of the acceleration, and errors of both beside it."""
-    dt, density, sigma, slack = 0.2, 1e-4, 0.01, 0.004
-    exact = InertialStep(0, PLACE, dt, *np.zeros((4, 3)), density=density, sigma=sigma, slack=slack)
+    dt, density, sigma = 0.2, 1e-4, 0.01
+    exact = InertialStep(0, PLACE, dt, *np.zeros((4, 3)), density=density, sigma=sigma, with_position=True)
     twists, after = np.zeros((2, 6)), BEFORE @ exp_se3(STEP)
     # Residuals are linear in what was preintegrated: the steps of each make the square root of the information.
     left = exact.residual(BEFORE, after, *twists)[0]
@@ -69,6 +69,6 @@ def test_an_inertial_step_is_in_sigmas() -> None:
         moved = replace(exact, velocity=axis[:3], position=axis[3:])
         columns.append(moved.residual(BEFORE, after, *twists)[0] - left)
     of_noise = density * np.array([[dt, dt**2 / 2.0], [dt**2 / 2.0, dt**3 / 3.0]])
-    beside = np.diag([sigma**2, (0.5 * sigma * dt) ** 2 + slack**2])
+    beside = np.diag([sigma**2, (0.5 * sigma * dt) ** 2])
     W = np.column_stack(columns)
     np.testing.assert_allclose(np.linalg.inv(W.T @ W), np.kron(of_noise + beside, np.eye(3)), rtol=1e-9, atol=1e-15)
