@@ -155,6 +155,10 @@ class SkeletonPipeline:
         due_ns = self._silence.due_ns(self._smoother.period_ns)
         return [] if due_ns is None else self._carry(due_ns)
 
+    def add_image(self, stamp_ns: int) -> None:
+        """Note that an image was taken, whose registration is still to come; live, it is waited for."""
+        self._silence.add_image(stamp_ns)
+
     def add(self, message: Message) -> list[BodyOutput]:
         """Add a registration, or an image or measurements of a static camera; outputs that are ready, in order of time.
 

@@ -196,7 +196,7 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
         steps = np.stack([of_before @ scaled, of_after @ scaled])
         both = start.moved(tangent, steps)
         # Nothing measured depends on the other coordinates.
-        if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max() < _NEAR:
+        if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max(initial=0.0) < _NEAR:
             break
     return Transition(
         Estimate(both[0], _lessened(link.before.covariance, gain_before, of_before)),

@@ -9,7 +9,7 @@ from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
 WANDER = 3e-4  # [rad/s/sqrt(s)] of a consumer gyroscope's bias
 TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibration
 _IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring images are alike
-_LEAST_S, _LONGEST_S = 0.6, 2.0  # between two images of an update
+_LEAST_S, _LONGEST_S = 0.4, 2.0  # between two images of an update
 _GATE = 25.0  # squared sigmas of 3 degrees of freedom
 _CONTRADICTIONS = 3  # updates that contradict the images, from which on a sensor may be wrong
 

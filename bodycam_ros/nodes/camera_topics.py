@@ -14,7 +14,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import VideoMode
 from bodycam_ros.errors import LensError, SettingsError
-from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
@@ -168,6 +168,7 @@ class CameraModels:
         stage: uses the models.
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is rejected.
+        on_info: called with the stamp of each camera_info [ns].
         fatal: whether an unusable camera_info ends the node; otherwise the camera is not used.
 
     Attributes:
@@ -177,9 +178,14 @@ class CameraModels:
     """
 
     def __init__(
-        self, stage: Stage[Any], cameras: Iterable[str], on_change: Callable[[str], None], fatal: bool = False
+        self,
+        stage: Stage[Any],
+        cameras: Iterable[str],
+        on_change: Callable[[str], None],
+        on_info: Callable[[int], None] = lambda stamp_ns: None,
+        fatal: bool = False,
     ) -> None:
-        self._log, self._on_change, self._fatal = stage.log, on_change, fatal
+        self._log, self._on_change, self._on_info, self._fatal = stage.log, on_change, on_info, fatal
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
         self.rejected: set[str] = set()
@@ -203,6 +209,7 @@ class CameraModels:
             self._sources[camera].adapt()
 
     def _update(self, camera: str, message: Message) -> None:
+        self._on_info(stamp_ns(message.header.stamp))
         content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))
         before = self._contents.get(camera)
         if content == before:

@@ -79,7 +79,7 @@ class SolverStage(Stage[SolverParameters]):
             self.trigger("~/start_calibration", lambda: (True, calibration.restart()))
             self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
-        self._cameras = CameraModels(self, carried, self._set_model)
+        self._cameras = CameraModels(self, carried, self._set_model, self._add_image)
         self._diagnostics = SolverDiagnostics(self._cameras, self.dropped)
         if not carried:
             self._start()
@@ -178,6 +178,10 @@ class SolverStage(Stage[SolverParameters]):
     def _add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
         if outputs := self._live.add_sample(camera, stamp_ns, reading):
             self._publish(outputs)
+
+    def _add_image(self, stamp_ns: int) -> None:
+        if self._live.pipeline is not None:
+            self._live.pipeline.add_image(stamp_ns)
 
     def _add_static(self, measured: SegmentMeasurements) -> None:
         # The wait for the models of body cameras starts here, too.

@@ -7,6 +7,7 @@ from collections.abc import Callable
 _QUIET_S, _STEP_S = 0.1, 0.02  # of real time without registrations; of it so much counts between two samples
 _WAIT_NS, _WAIT_FRAMES, _WAIT_DELAYS = 50_000_000, 2.5, 2.0  # without registrations, before cameras count as silent
 _LATE_FRAMES, _LATE_DELAYS = 1.0, 1.2  # by which states are later than samples from then on
+_STALL_NS = 1_000_000_000  # without registrations: longer, images that are taken are not waited for
 _RECENT_NS = 500_000_000  # of registrations whose delays count: at first they are late by a second and more
 
 
@@ -16,7 +17,9 @@ class Silence:
     A registration is later than an inertial sample of the same time, by as much as its image takes on its way. By the
     largest recent delay, silence is distinguished from images that are still on their way; states without images are as
     late as with them, so that images that come again are not late. A process that stood still receives samples and
-    registrations in bursts, in any order, so silence lasts for some real time too, in which samples keep coming.
+    registrations in bursts, in any order, so silence lasts for some real time too, in which samples keep coming. Where
+    registrations stall, as on an overloaded machine, drivers still publish a camera_info with each image: such images
+    are waited for.
 
     Args:
         steady_s: the steady clock [s].
@@ -27,7 +30,7 @@ class Silence:
 
     def __init__(self, steady_s: Callable[[], float] = time.monotonic) -> None:
         self._steady_s = steady_s
-        self._sensed_ns = self.heard_ns = -1
+        self._sensed_ns = self._taken_ns = self.heard_ns = -1
         self._quiet_s = self._sensed_s = 0.0
         # Stamp and delay [ns] of registrations, of which none later has a larger delay: the first is the largest.
         self._delays: deque[tuple[int, int]] = deque()
@@ -44,6 +47,10 @@ class Silence:
         self.heard_ns = max(self.heard_ns, stamp_ns)
         self._quiet_s = 0.0
 
+    def add_image(self, stamp_ns: int) -> None:
+        """An image was taken, whose registration is still to come."""
+        self._taken_ns = max(self._taken_ns, stamp_ns)
+
     def add_sample(self, stamp_ns: int) -> None:
         """An inertial sample, with its stamp in the body's time [ns]."""
         now_s = self._steady_s()
@@ -52,7 +59,7 @@ class Silence:
 
     def restart(self) -> None:
         """Begin a new epoch, whose time may be earlier."""
-        self._sensed_ns = self.heard_ns = -1
+        self._sensed_ns = self._taken_ns = self.heard_ns = -1
         self._delays.clear()
 
     def due_ns(self, period_ns: float) -> float | None:
@@ -63,6 +70,7 @@ class Silence:
         """
         delay_ns = self._delays[0][1] if self._delays else 0
         wait_ns = _WAIT_NS + _WAIT_FRAMES * period_ns + _WAIT_DELAYS * delay_ns
-        if self.heard_ns < 0 or self._quiet_s < _QUIET_S or self._sensed_ns - self.heard_ns <= wait_ns:
+        latest_ns = max(self.heard_ns, min(self._taken_ns, self.heard_ns + _STALL_NS))
+        if self.heard_ns < 0 or self._quiet_s < _QUIET_S or self._sensed_ns - latest_ns <= wait_ns:
             return None
         return self._sensed_ns - _LATE_FRAMES * period_ns - _LATE_DELAYS * delay_ns

@@ -46,6 +46,17 @@ def test_states_are_due_as_late_as_with_images() -> None:
     assert silence.due_ns(PERIOD_NS) is None
 
 
+def test_images_that_are_taken_are_waited_for_though_their_registrations_stall() -> None:
+    for stall_ms, is_silent in ((900, False), (1500, True)):
+        silence = Silence(clock := Clock())
+        run(silence, clock, 2000, 40)
+        for ms in range(2000, 2000 + stall_ms, 5):
+            clock.seconds = 1e-3 * ms
+            silence.add_image(START_NS + ms * MS)
+            silence.add_sample(START_NS + ms * MS)
+        assert (silence.due_ns(PERIOD_NS) is not None) == is_silent, stall_ms
+
+
 def test_samples_that_come_in_a_burst_before_the_registrations_are_no_silence() -> None:
     silence = Silence(clock := Clock())
     run(silence, clock, 1000, 40)
