@@ -7,7 +7,7 @@ from collections.abc import Callable
 _QUIET_S, _STEP_S = 0.1, 0.02  # of real time without registrations; of it so much counts between two samples
 _WAIT_NS, _WAIT_FRAMES, _WAIT_DELAYS = 50_000_000, 2.5, 2.0  # without registrations, before cameras count as silent
 _LATE_FRAMES, _LATE_DELAYS = 1.0, 1.2  # by which states are later than samples from then on
-_STALL_NS = 1_000_000_000  # without registrations: longer, images that are taken are not waited for
+_STALL_NS = 500_000_000  # without registrations: longer, images that are taken are not waited for
 _RECENT_NS = 500_000_000  # of registrations whose delays count: at first they are late by a second and more
 
 

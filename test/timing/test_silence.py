@@ -47,7 +47,7 @@ def test_states_are_due_as_late_as_with_images() -> None:
 
 
 def test_images_that_are_taken_are_waited_for_though_their_registrations_stall() -> None:
-    for stall_ms, is_silent in ((900, False), (1500, True)):
+    for stall_ms, is_silent in ((400, False), (900, True)):
         silence = Silence(clock := Clock())
         run(silence, clock, 2000, 40)
         for ms in range(2000, 2000 + stall_ms, 5):
