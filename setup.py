@@ -71,7 +71,7 @@ def cores():
     return os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or str(os.cpu_count() or 1)
 
 
-setup(
+built = setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -82,3 +82,5 @@ setup(
     zip_safe=False,
     cmdclass={"install": InstallWithInterfaces, "develop": DevelopWithInterfaces},
 )
+# colcon evaluates what the distribution prints, and setuptools makes an object of requires-python.
+built.python_requires = built.metadata.python_requires = str(built.python_requires)

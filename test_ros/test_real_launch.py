@@ -7,6 +7,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray
 from own_domain import own_domain
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -21,12 +23,19 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from bodycam_ros.body.body_file import read_body, write_body
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
+from bodycam_ros.messages.imu import IMU_TOPIC, imu_message
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
+
 BAGS = Path(__file__).parents[1] / "bags"
 BAG = BAGS / "sample/bag"
 SAMPLE = {"map": BAGS / "map", "body": BAGS / "body.yaml"}
 TWO, FOUR = "waist_front,thigh_left", "waist_front,torso_front,thigh_left,shin_left"
 INSTANTS = 60
 AGREEMENT_DEG = 0.05
+_SENSORS = "skeleton_solver: inertial sensors"
 _DIRECTLY = ("--no-daemon", "--spin-time", "4")
 _UP_S, _PLAYED_S, _END_S = 120.0, 240.0, 60.0
 _STARTED = re.compile(r"\[([\w.]+-\d+)\]: process started with pid \[(\d+)\]")
@@ -77,6 +86,7 @@ class Launch:
         self.received: list[JointState] = []
         self.received_s: list[float] = []
         self.descriptions: list[str] = []
+        self.statuses: dict[str, dict[str, str]] = {}
         self._shared: set[str] = set()
 
     @property
@@ -86,6 +96,10 @@ class Launch:
     def add(self, state: JointState) -> None:
         self.received.append(state)
         self.received_s.append(time.monotonic())
+
+    def add_diagnostics(self, diagnostics: DiagnosticArray) -> None:
+        for status in diagnostics.status:
+            self.statuses[status.name] = {each.key: each.value for each in status.values}
 
     def processes(self) -> list[tuple[str, int]]:
         """Name in the launch and process id of each start, in order."""
@@ -130,6 +144,7 @@ def launched(folder: Path, *files: Path, topic: str = "/joint_states", **argumen
         process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
     running = Launch(process, log, executor)
     listener.create_subscription(JointState, topic, running.add, 1000)
+    listener.create_subscription(DiagnosticArray, "/diagnostics", running.add_diagnostics, 1000)
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     described = topic.replace("joint_states", "robot_description")
     listener.create_subscription(String, described, lambda text: running.descriptions.append(text.data), latched)
@@ -197,6 +212,28 @@ def test_every_killed_node_is_started_again_and_sigterm_ends_all(tmp_path: Path)
         graph.assert_gone(-9)
     subprocess.run(["fastdds", "shm", "clean"], capture_output=True)  # of those that were killed
     assert nodes_there() == []
+
+
+@pytest.mark.parametrize("one_process", ["false", "true"])
+def test_inertial_sensors_of_a_bag_of_their_own_are_played(tmp_path: Path, one_process: str) -> None:
+    """Sensors that feel no motion contradict the images of a walk."""
+    person, body, sensors = read_body(SAMPLE["body"]), tmp_path / "body.yaml", tmp_path / "imu"
+    mounts = {c: replace(m, imu=ImuCalibration()) if c in TWO.split(",") else m for c, m in person.mounts.items()}
+    write_body(replace(person, mounts=mounts), body)
+    make, still = recorded_messages(), (np.zeros(3), np.array([0.0, -9.8, 0.0]))
+    with AnyReader([BAG]) as bag, write_recording(sensors) as writer:
+        for stamp in range(bag.start_time, bag.end_time, 5_000_000):
+            for camera in TWO.split(","):
+                writer.write(f"/{camera}{IMU_TOPIC}", stamp, imu_message(make, camera, stamp, *still))
+    given = {"cameras": TWO, "registrations": 1, "bagfile": BAG, "imu": sensors, "rate": 0.2, "loop": "true"}
+    with launched(tmp_path, **{**SAMPLE, "body": body}, **given, one_process=one_process) as walk:
+        reported = walk.statuses
+        walk.until(
+            lambda: all("contradicts" in reported.get(_SENSORS, {}).get(c, "") for c in TWO.split(",")), _PLAYED_S
+        )
+        assert reported[_SENSORS]["in use"] == "none"
+        assert walk.end() in (0, 130)
+        walk.assert_gone()
 
 
 @pytest.mark.parametrize("one_process", ["false", "true"])
