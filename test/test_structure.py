@@ -5,6 +5,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree
 
 PACKAGE = Path(__file__).parent.parent / "bodycam_ros"
 ROS = {"rclpy", "builtin_interfaces", "bodycam_msgs", "ament_index_python", "launch", "launch_ros", "tf2_ros"}
@@ -98,6 +99,8 @@ def test_ros_is_imported_by_nodes_alone() -> None:
                 found[room(file)].add(top)
     assert "rclpy" in found["nodes"]
     assert set(found) == {"nodes"}, found
+    manifest = ElementTree.parse(PACKAGE.parent / "package.xml").getroot()
+    assert found["nodes"] <= {each.text for each in manifest if each.tag.endswith("depend")} | {"bodycam_msgs"}
 
 
 def test_the_pipeline_knows_nothing_of_verdicts_and_messages_nothing_of_the_estimator() -> None:

@@ -73,7 +73,7 @@ class InertialSensors:
         if (sums := self._sums.get(camera)) is None:
             return None
         sums.add_sample(stamp_ns, reading)
-        if camera not in self._accelerometers or not self.biases[camera].is_confirmed or self.biases[camera].is_wrong:
+        if not self._carries(camera) or not self.biases[camera].is_confirmed:
             return None
         own_ns, clock = sums.latest_ns, self._clocks.get(camera)
         return own_ns if clock is None else own_ns - clock.offset_ns(own_ns)
@@ -105,9 +105,9 @@ class InertialSensors:
         factors: list[SegmentTurn | InertialStep] = []
         has_step = False
         for name, sums in self._sums.items():
-            is_needed, is_carrier = bool(needed[self._rows[name]]), name in self._accelerometers
+            is_needed = bool(needed[self._rows[name]])
             # Where cameras observe the root, one of its sensors is enough to know its velocity.
-            takes_step = is_carrier and (is_needed or not has_step)
+            takes_step = (is_needed or not has_step) and self._carries(name)
             if self.biases[name].is_wrong or not (is_needed or takes_step):
                 continue
             moved = sums.between(self._own_ns(name, start_ns), self._own_ns(name, end_ns))
@@ -125,18 +125,29 @@ class InertialSensors:
         return any(
             self._sums[name].between(self._own_ns(name, start_ns), self._own_ns(name, end_ns)) is not None
             for name in self._accelerometers
-            if not self.biases[name].is_wrong
+            if self._carries(name)
         )
+
+    def _carries(self, camera: str) -> bool:
+        """Whether a camera's sensor can carry the body by itself."""
+        accelerometer = self._accelerometers.get(camera)
+        return accelerometer is not None and not accelerometer.is_wrong and not self.biases[camera].is_wrong
 
     def faults(self) -> dict[str, str]:
         """Camera -> why its sensor is left out, or is used less than it could be."""
         faults = {}
         for name, filtered in self.biases.items():
             checked, images = filtered.agreeing + filtered.contradicting, self._images[name]
-            if filtered.is_wrong:
+            accelerometer = self._accelerometers.get(name, filtered)
+            if filtered.was_wrong or filtered.is_wrong:
                 faults[name] = (
                     f"contradicts the images ({filtered.contradicting} of {checked} times) and is left out; are its "
                     "axes, its units (rad/s, m/s^2), its range and its stamps those of the range of motion?"
+                )
+            elif accelerometer.was_wrong or accelerometer.is_wrong:
+                faults[name] = (
+                    f"contradicts the images by its accelerometer ({accelerometer.contradicting} times), which is left "
+                    "out; are its axes and its unit (m/s^2) those of the range of motion?"
                 )
             elif not checked and images >= _LEAST_IMAGES and len(self._sums[name]):
                 faults[name] = (

@@ -1,5 +1,7 @@
 """Follows the gyroscope's bias of a sensor by its camera's registrations: an attitude filter (Lefferts et al. 1982)."""
 
+from collections import deque
+
 import numpy as np
 
 from bodycam_ros.geometry import Array, exp_so3, log_so3
@@ -11,31 +13,21 @@ TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibrat
 _IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring images are alike
 _LEAST_S, _LONGEST_S = 0.4, 2.0  # between two images of an update
 _GATE = 25.0  # squared sigmas of 3 degrees of freedom
-_CONTRADICTIONS = 3  # updates that contradict the images, from which on a sensor may be wrong
+_RECENT, _CONTRADICTIONS = 12, 3  # updates, of which so many may not contradict the images
 
 
-class BiasFilter:
-    """Bias of one gyroscope, beside that of its calibration, in the axes of its motion sums.
-
-    Args:
-        sigma: of the bias at first [rad/s].
+class SensorFilter:
+    """Counts whether one sensor agrees with the images of its camera.
 
     Attributes:
-        bias: (3,) [rad/s].
         agreeing, contradicting: count of updates that agreed with the images and that did not.
+        was_wrong: whether the sensor has contradicted the images too often at any time.
     """
 
-    def __init__(self, sigma: float) -> None:
-        self.bias = np.zeros(3)
-        self._P = np.diag(np.repeat([_IMAGE_RAD**2, sigma**2 + TURN_ON**2], 3))
-        self._R: Array | None = None
-        self._stamp_ns = 0
+    def __init__(self) -> None:
         self.agreeing = self.contradicting = 0
-
-    @property
-    def sigma(self) -> float:
-        """Of the bias [rad/s]."""
-        return float(np.sqrt(np.trace(self._P[3:, 3:]) / 3.0))
+        self.was_wrong = False
+        self._recent: deque[bool] = deque(maxlen=_RECENT)
 
     @property
     def is_confirmed(self) -> bool:
@@ -45,7 +37,35 @@ class BiasFilter:
     @property
     def is_wrong(self) -> bool:
         """Whether the sensor contradicts the images too often: wrong axes or units, frozen, saturated, late."""
-        return self.contradicting >= _CONTRADICTIONS and 4 * self.contradicting > self.agreeing
+        return self._recent.count(False) >= _CONTRADICTIONS or self.contradicting > self.agreeing
+
+    def _count(self, agrees: bool) -> None:
+        self.agreeing, self.contradicting = self.agreeing + agrees, self.contradicting + (not agrees)
+        self._recent.append(agrees)
+        self.was_wrong |= self._recent.count(False) >= _CONTRADICTIONS
+
+
+class BiasFilter(SensorFilter):
+    """Bias of one gyroscope, beside that of its calibration, in the axes of its motion sums.
+
+    Args:
+        sigma: of the bias at first [rad/s].
+
+    Attributes:
+        bias: (3,) [rad/s].
+    """
+
+    def __init__(self, sigma: float) -> None:
+        super().__init__()
+        self.bias = np.zeros(3)
+        self._P = np.diag(np.repeat([_IMAGE_RAD**2, sigma**2 + TURN_ON**2], 3))
+        self._R: Array | None = None
+        self._stamp_ns = 0
+
+    @property
+    def sigma(self) -> float:
+        """Of the bias [rad/s]."""
+        return float(np.sqrt(np.trace(self._P[3:, 3:]) / 3.0))
 
     def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""
@@ -75,12 +95,11 @@ class BiasFilter:
         r = log_so3(predicted.T @ R)
         S = P[:3, :3] + (_IMAGE_RAD**2 + (0.005 * np.linalg.norm(log_so3(moved.rotation))) ** 2) * np.eye(3)
         information = np.linalg.inv(S)
-        if r @ information @ r > _GATE:
-            self.contradicting += 1
+        self._count(agrees := bool(r @ information @ r <= _GATE))
+        if not agrees:
             self._R, self._P[:3, 3:], self._P[3:, :3] = R, 0.0, 0.0
             self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
             return
-        self.agreeing += 1
         gain = P[:, :3] @ information
         step = gain @ r
         self._R, self.bias, self._P = predicted @ exp_so3(step[:3]), self.bias + step[3:], P - gain @ P[:3]
@@ -96,9 +115,11 @@ _ACCELERATION_WANDER = 5e-4  # [m/s^2/sqrt(s)] of a consumer accelerometer's bia
 _ACCELERATION_TURN_ON = 0.02  # [m/s^2] by which it may differ from that of the calibration
 _TILT_RAD = 5e-4  # of a registered rotation: gravity leaks into the other axes
 _IMAGE_M = 3e-3  # sigma of a registered position
+_KNOWN_M = 0.1  # sigma of a predicted position, beyond which its velocity is not known yet
+_ACCELERATION_GATE = 100.0  # squared sigmas: readings in g, or along other axes, are off by a hundred sigmas
 
 
-class AccelerometerFilter:
+class AccelerometerFilter(SensorFilter):
     """Bias of one accelerometer, beside that of its calibration, by registered places: a filter of place and velocity.
 
     Args:
@@ -109,6 +130,7 @@ class AccelerometerFilter:
     """
 
     def __init__(self, sigma: float, density: float) -> None:
+        super().__init__()
         self._density, self._first = density, np.hypot(sigma, _ACCELERATION_TURN_ON)
         self._x, self._P = np.zeros(9), np.diag(np.repeat([1.0, 4.0, self._first**2], 3))
         self._R = np.eye(3)
@@ -131,13 +153,8 @@ class AccelerometerFilter:
             return
         moved = sums.between(self._stamp_ns, stamp_ns) if self._stamp_ns and 0.0 < dt < _LONGEST_S else None
         if moved is None:
-            kept = self._P[6:, 6:] + (
-                min(abs(dt), 60.0) * _ACCELERATION_WANDER**2 * np.eye(3) if self._stamp_ns else 0.0
-            )
-            self._x[:6] = 0.0
-            self._P = np.diag(np.repeat([100.0, 16.0, 0.0], 3))
-            self._P[6:, 6:] = kept
-            self._x[:3] = place
+            self._P[6:, 6:] += min(abs(dt), 60.0) * _ACCELERATION_WANDER**2 * np.eye(3) if self._stamp_ns else 0.0
+            self._restart()
         else:
             gravity = np.array([0.0, 0.0, -GRAVITY])
             F = np.eye(9)
@@ -152,7 +169,19 @@ class AccelerometerFilter:
             self._P[:6, :6] += Q
             self._P[6:, 6:] += dt * _ACCELERATION_WANDER**2 * np.eye(3)
         S = self._P[:3, :3] + _IMAGE_M**2 * np.eye(3)
+        if S.trace() < 3.0 * _KNOWN_M**2:
+            off = place - self._x[:3]
+            self._count(agrees := bool(off @ np.linalg.solve(S, off) <= _ACCELERATION_GATE))
+            if not agrees:
+                self._restart()
+                S = self._P[:3, :3] + _IMAGE_M**2 * np.eye(3)
         gain = np.linalg.solve(S, self._P[:3]).T
         self._x = self._x + gain @ (place - self._x[:3])
         self._P = self._P - gain @ self._P[:3]
         self._R, self._stamp_ns = R, stamp_ns
+
+    def _restart(self) -> None:
+        """Forget place and velocity; the bias is kept."""
+        self._x[:6] = 0.0
+        self._P[:6], self._P[:, :6] = 0.0, 0.0
+        self._P[:6, :6] = np.diag(np.repeat([100.0, 16.0], 3))

@@ -18,16 +18,19 @@ START_NS, FRAME_NS, SAMPLE_NS = 10**12, 33_333_333, 5_000_000
 
 
 @pytest.mark.parametrize(
-    ("off_s", "stops_s", "fault"),
+    ("off_s", "stops_s", "up", "fault"),
     [
-        (0.0, 9.0, ""),
-        (0.004, 9.0, ""),
-        (3600.0, 9.0, "no samples at the time of the images"),
-        (-0.1, 9.0, "no samples at the time of the images"),
-        (0.0, 1.5, "no samples yet at"),
+        (0.0, 9.0, GRAVITY, ""),
+        (0.004, 9.0, GRAVITY, ""),
+        (3600.0, 9.0, GRAVITY, "no samples at the time of the images"),
+        (-0.1, 9.0, GRAVITY, "no samples at the time of the images"),
+        (0.0, 1.5, GRAVITY, "no samples yet at"),
+        (0.0, 9.0, 1.0, "by its accelerometer"),  # in g
     ],
 )
-def test_a_sensor_that_is_late_or_stops_is_named(tmp_path: Path, off_s: float, stops_s: float, fault: str) -> None:
+def test_a_sensor_that_is_late_stops_or_has_another_unit_is_named(
+    tmp_path: Path, off_s: float, stops_s: float, up: float, fault: str
+) -> None:
     """Samples arrive with the images; their stamps are off by so much, or they end."""
     body = read_body(write_body(tmp_path / "body.yaml"))
     mounts = {camera: replace(mount, imu=ImuCalibration()) for camera, mount in body.mounts.items()}
@@ -38,12 +41,12 @@ def test_a_sensor_that_is_late_or_stops_is_named(tmp_path: Path, off_s: float, s
         stamp_ns = START_NS + frame * FRAME_NS
         while sample * SAMPLE_NS <= frame * FRAME_NS + SAMPLE_NS:
             at_ns = START_NS + sample * SAMPLE_NS
-            sensors.add_sample("left", at_ns, (0.0, 0.0, 0.0, 0.0, GRAVITY, 0.0))
+            sensors.add_sample("right", at_ns, (0.0, 0.0, 0.0, 0.0, 0.0, GRAVITY))
             if sample * SAMPLE_NS < 1e9 * stops_s:
-                sensors.add_sample("right", at_ns + round(1e9 * off_s), (0.0, 0.0, 0.0, 0.0, GRAVITY, 0.0))
+                sensors.add_sample("left", at_ns + round(1e9 * off_s), (0.0, 0.0, 0.0, 0.0, 0.0, up))
             sample += 1
         matches = {camera: told_pose(camera, stamp_ns, stamp_ns - FRAME_NS, np.eye(4)) for camera in mounts}
         sensors.observe(BodyFrame(stamp_ns, matches))
-    assert "left" in sensors.in_use and "left" not in sensors.faults()
-    assert fault in sensors.faults().get("right", "") and ("right" in sensors.faults()) == bool(fault)
-    assert all(remark.startswith("camera right: its inertial sensor ") for remark in sensors.remarks())
+    assert "right" in sensors.in_use and "right" not in sensors.faults()
+    assert fault in sensors.faults().get("left", "") and ("left" in sensors.faults()) == bool(fault)
+    assert all(remark.startswith("camera left: its inertial sensor ") for remark in sensors.remarks())
