@@ -50,7 +50,6 @@ KERNEL_FILES = (
     "registration/pose_kernels.py",
     "static_cameras/contour_kernels.py",
     "static_cameras/region_kernels.py",
-    "tracking/rotation_kernels.py",
 )
 """All that hold kernels."""
 

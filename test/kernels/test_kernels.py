@@ -13,7 +13,7 @@ import pytest
 import bodycam_ros.kernels
 from bodycam_ros import geometry_kernels
 from bodycam_ros.kernels import KERNEL_FILES, argument_checks, prepare_kernels
-from bodycam_ros.tracking import rotation_kernels
+from bodycam_ros.registration import descriptor_kernels
 
 PACKAGE = Path(bodycam_ros.kernels.__file__).parent
 INNER = """
@@ -123,11 +123,8 @@ def test_checks_of_a_signature() -> None:
 
 def test_other_threads_run_meanwhile() -> None:
     prepare_kernels()
-    rng = np.random.default_rng(0)
-    bearings = rng.normal(size=(30_000, 3))
-    bearings /= np.linalg.norm(bearings, axis=1, keepdims=True)
-    samples = rng.integers(0, len(bearings), (2, 500))
-    kernel = threading.Thread(target=rotation_kernels.agreed_rotation, args=(bearings, bearings, samples, 0.01, 5))
+    table, rows = np.zeros((1000, 128), np.uint8), np.arange(4_000_000) % 1000
+    kernel = threading.Thread(target=descriptor_kernels.squared_distances, args=(table, rows, table, rows))
     counted = 0
     kernel.start()
     while kernel.is_alive():
