@@ -22,7 +22,6 @@ from bodycam_ros.camera_pipeline import CameraPipeline, camera_turns
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.offline.camera_worker import known_readouts
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -82,15 +81,15 @@ def replay(
         with open_recording(Path(images)) as recording:
             worn = [camera for camera in recording.cameras if camera in body.mounts]
             models = cameras or {camera: recording.camera_model(camera) for camera in worn}
-            known = known_readouts(recording, body, worn)
+            known = body.readout_starts
             readouts = {camera: best_known(recording.readout(camera), known.get(camera)) for camera in worn}
             imus = imus or read_imus([Path(images)], worn)
             yield from _solved(
                 recording.images(worn), reference_map, body, models, readouts, equipment, settings, live, imus
             )
         return
-    readouts = {camera: mount.readout for camera, mount in body.mounts.items()}
-    yield from _solved(images, reference_map, body, cameras or {}, readouts, equipment, settings, live, imus or {})
+    starts = body.readout_starts
+    yield from _solved(images, reference_map, body, cameras or {}, starts, equipment, settings, live, imus or {})
 
 
 def _solved(

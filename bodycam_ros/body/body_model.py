@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.camera.readout import Readout, VideoMode
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
@@ -29,21 +29,13 @@ class CameraMount:
         segment: the segment that carries it.
         segment_T_camera: (4, 4) pose of the camera's optical frame (x right, y down, z forward) [m].
         readout: read-out time of its rows by the range of motion, if known.
-        readout_mode: the video mode of that range of motion; None where the file does not name it.
         imu: calibration of its inertial sensor; None without one.
     """
 
     segment: str
     segment_T_camera: Array
     readout: Readout | None = None
-    readout_mode: VideoMode | None = None
     imu: ImuCalibration | None = None
-
-    def readout_in(self, mode: VideoMode) -> Readout | None:
-        """What the body file knows of the read-out time in a video mode; little if it was measured in another."""
-        if self.readout is None or self.readout_mode is None or self.readout_mode.is_same(mode):
-            return self.readout
-        return self.readout.in_another_mode()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +60,11 @@ class BodyModel(KinematicTree):
     standing: tuple[str, ...] = ()
     surface: str | None = None
     girths: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def readout_starts(self) -> dict[str, Readout]:
+        """Camera -> where the estimate of its read-out time starts, of cameras of which something is known."""
+        return {camera: mount.readout.as_start for camera, mount in self.mounts.items() if mount.readout is not None}
 
     def __post_init__(self) -> None:
         super().__post_init__()

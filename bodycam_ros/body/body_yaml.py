@@ -44,7 +44,7 @@ from bodycam_ros.body.checked_fields import (
     rounded,
     table_of,
 )
-from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, VideoMode
+from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
@@ -105,9 +105,7 @@ class _MountEntry(Entry):
     quaternion_xyzw: Quaternion
     readout_time: Annotated[float, msgspec.Meta(ge=-LONGEST_READOUT_S, le=LONGEST_READOUT_S)] | None = None  # [s]
     readout_sigma: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0  # [s]; 0: the read-out time is taken as it is
-    readout_mode: tuple[_Positive, _Positive, _Positive, _Positive] | None = (
-        None  # width, height, focal [px], rate [Hz]
-    )
+    readout_mode: Any = None  # of files of older versions
     imu: Any = None
 
 
@@ -193,12 +191,10 @@ def mount_of(name: str, entry: Any) -> CameraMount:
     mount: _MountEntry = read_entry(_MountEntry, entry, where)
     if mount.readout_sigma and mount.readout_time is None:
         raise BodyError(f"{where}: readout_sigma is the sigma of readout_time, which is missing")
-    mode = mount.readout_mode
     return CameraMount(
         mount.segment,
         pose_of(mount.position, mount.quaternion_xyzw, f"{where}: quaternion_xyzw"),
         None if mount.readout_time is None else Readout(mount.readout_time, mount.readout_sigma),
-        None if mode is None else VideoMode(round(mode[0]), round(mode[1]), *mode[2:]),
         None if mount.imu is None else imu_of(mount.imu, f"{where}: imu"),
     )
 
@@ -233,17 +229,14 @@ def _joint_entry(joint: Joint) -> Any:
 
 
 def _mount_entry(mount: CameraMount) -> Any:
-    readout, mode = mount.readout, mount.readout_mode
+    readout = mount.readout
     seconds, sigma = (0.0, 0.0) if readout is None else rounded(np.array([readout.seconds, readout.sigma]))
-    has_mode = readout is not None and mode is not None and not math.isnan(mode.rate)
-    numbers = (mode.width, mode.height, round(mode.focal, 3), round(mode.rate, 3)) if has_mode and mode else None
     entry = _MountEntry(
         segment=mount.segment,
         position=rounded(mount.segment_T_camera[:3, 3]),
         quaternion_xyzw=rounded(quaternion_xyzw(mount.segment_T_camera[:3, :3])),
         readout_time=None if readout is None else seconds,
         readout_sigma=sigma,
-        readout_mode=numbers,
         imu=None if mount.imu is None else imu_entry(mount.imu),
     )
     return msgspec.to_builtins(entry)

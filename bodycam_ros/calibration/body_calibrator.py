@@ -23,7 +23,7 @@ from bodycam_ros.calibration.rest_pose import (
 )
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.readout import Readout, VideoMode
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.measurements import EvidenceSettings
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
@@ -77,7 +77,6 @@ class BodyCalibrator:
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
         clock: how far the cameras' clocks may be off.
-        modes: camera -> the video mode that its read-out time is measured in, where that is known.
 
     Raises:
         RangeOfMotionError: the recording lacks a camera of the rig.
@@ -92,7 +91,6 @@ class BodyCalibrator:
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
         clock: ClockSettings | None = None,
-        modes: Mapping[str, VideoMode] | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
             raise RangeOfMotionError(
@@ -100,7 +98,6 @@ class BodyCalibrator:
             )
         self._rig = rig
         self._models = cameras
-        self._modes = modes or {}
         self._settings = settings or CalibrationSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
@@ -192,11 +189,8 @@ class BodyCalibrator:
         )
 
     def _with_readouts(self, body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
-        """The body with what is known of its cameras' rows, and in which video mode."""
-        mounts = {
-            camera: replace(mount, readout=readouts.get(camera), readout_mode=self._modes.get(camera))
-            for camera, mount in body.mounts.items()
-        }
+        """The body with what is known of its cameras' rows."""
+        mounts = {camera: replace(mount, readout=readouts.get(camera)) for camera, mount in body.mounts.items()}
         return replace(body, mounts=mounts)
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 LONGEST_READOUT_S = 0.1
 """No camera reads its rows for longer [s]."""
 
-_OTHER_MODE_SHARE = 0.45
-"""Sigma in another video mode over the read-out time: other modes read out some other number of rows."""
+_START_SHARE = 0.45
+"""Sigma of a start over the read-out time: other video modes read out some other number of rows."""
 
-_OTHER_MODE_S = 0.015
+_START_S = 0.015
 """The same of a read-out time that is nearly zero: the shutter was global, and that of another mode need not be [s]."""
 
 _NEARLY_ZERO_S = 0.001
@@ -38,14 +38,13 @@ class Readout:
         """What pixels are corrected by [s]: zero as long as it cannot be told from zero."""
         return self.seconds if abs(self.seconds) > 2.0 * self.sigma else 0.0
 
-    def in_another_mode(self) -> "Readout":
-        """A start for a camera in another video mode: hardly known, so that its own images decide."""
+    @property
+    def as_start(self) -> "Readout":
+        """A start for another recording, maybe in another video mode: hardly known, so that its own images decide."""
         if self.is_given:
             return self
-        is_global = abs(self.seconds) < _NEARLY_ZERO_S
-        return Readout(
-            self.seconds, max(self.sigma, _OTHER_MODE_S if is_global else _OTHER_MODE_SHARE * abs(self.seconds))
-        )
+        sigma = _START_S if abs(self.seconds) < _NEARLY_ZERO_S else _START_SHARE * abs(self.seconds)
+        return Readout(self.seconds, max(self.sigma, sigma))
 
     @property
     def milliseconds(self) -> str:
@@ -65,33 +64,3 @@ def best_known(*readouts: Readout | None) -> Readout | None:
     """Of what several say of one camera the one to begin with: the first that is given, else the best known."""
     known = [readout for readout in readouts if readout is not None]
     return min(known, key=lambda readout: readout.sigma, default=None)
-
-
-_SAME_RATE, _SAME_FOCAL = 1.3, 1.01
-"""Ratios of rates and focal lengths within one mode: 24, 25 and 30 images a second are read out alike, 60 are not."""
-
-
-@dataclass(frozen=True)
-class VideoMode:
-    """Size, lens and rate of a camera's images.
-
-    Attributes:
-        width, height: [px].
-        focal: focal length along the rows [px].
-        rate: images a second [Hz]; NaN where it is unknown.
-    """
-
-    width: int
-    height: int
-    focal: float
-    rate: float = math.nan
-
-    def is_same(self, other: "VideoMode") -> bool:
-        """Whether two modes are one as far as both are known."""
-        same_size = (self.width, self.height) == (other.width, other.height)
-        same_rate = math.isnan(self.rate + other.rate) or _ratio(self.rate, other.rate) < _SAME_RATE
-        return same_size and same_rate and _ratio(self.focal, other.focal) < _SAME_FOCAL
-
-
-def _ratio(one: float, other: float) -> float:
-    return max(one, other) / min(one, other)

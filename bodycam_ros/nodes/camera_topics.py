@@ -1,18 +1,15 @@
 """Images, camera_info and inertial samples of a driver, with the quality of service that it offers; cameras' timing."""
 
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.readout import VideoMode
 from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import camera_model
@@ -21,7 +18,6 @@ from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timin
 from bodycam_ros.nodes.parameters import best_effort, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_state import ClockHistory
 
 _INFO = "sensor_msgs/msg/CameraInfo"
@@ -246,9 +242,6 @@ def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tup
     stage.subscription(IMU_TYPE, topic, add, best_effort(_SENSOR_DEPTH), adapts=True, raw=True)
 
 
-_STAMPS_OF_RATE = 31
-
-
 class CameraTimings:
     """Publishers of ``<camera>/timing``, in the camera's own stamps.
 
@@ -259,27 +252,14 @@ class CameraTimings:
 
     def __init__(self, stage: Stage[Any], cameras: Iterable[str]) -> None:
         self._make = stage.make
-        self._body: BodyModel | None = None
-        self._stamps_ns: defaultdict[str, list[int]] = defaultdict(list)
         self._histories: dict[str, ClockHistory] = {}
         # Read-out time of the body file, and clock: late subscribers need both.
         self._publishers = {each: stage.publisher(TIMING_TYPE, f"{each}{TIMING}", latched(2)) for each in cameras}
 
     def set_body(self, body: BodyModel) -> None:
-        """Set or replace the body."""
-        self._body = body
-        self._stamps_ns.clear()
-
-    def add(self, matches: LandmarkMatches, model: CameraModel | None) -> None:
-        """A registration; once the camera's rate is known, the body's read-out time of that video mode is published."""
-        camera, stamps_ns = matches.camera, self._stamps_ns[matches.camera]
-        if self._body is None or model is None or len(stamps_ns) >= _STAMPS_OF_RATE or camera not in self._body.mounts:
-            return
-        stamps_ns.append(matches.stamp_ns)
-        if len(stamps_ns) == _STAMPS_OF_RATE:
-            rate = 1e9 / float(np.median(np.diff(stamps_ns)))
-            readout = self._body.mounts[camera].readout_in(VideoMode(model.width, model.height, model.fx, rate))
-            if readout is not None:
+        """Publish what a body, the first or another, knows of the cameras' read-out times."""
+        for camera, readout in body.readout_starts.items():
+            if camera in self._publishers:
                 self._publishers[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))
 
     def publish_clocks(self, histories: Mapping[str, ClockHistory]) -> None:

@@ -201,7 +201,6 @@ class SolverStage(Stage[SolverParameters]):
         if isinstance(measured, LandmarkMatches):
             if self._calibration is not None:
                 self._calibration.add(measured)
-            self._timings.add(measured, self._cameras.models.get(measured.camera))
         started = self.moments.now()
         self._publish(self._live.add(measured), started)
 

@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
@@ -19,7 +19,6 @@ from typing import Literal
 
 import cv2
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
@@ -30,7 +29,7 @@ from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, 
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -284,13 +283,3 @@ def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim:
         for name, message in messages.items()
         if message is not None
     )
-
-
-def known_readouts(recording: Recording, body: BodyModel, cameras: Iterable[str]) -> dict[str, Readout]:
-    """Camera -> its read-out time in the body file, with a large sigma where the recording is in another video mode."""
-    known = {
-        camera: body.mounts[camera].readout_in(recording.video_mode(camera))
-        for camera in cameras
-        if body.mounts[camera].readout is not None
-    }
-    return {camera: readout for camera, readout in known.items() if readout is not None}

@@ -176,7 +176,6 @@ def calibrate(
                 f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
             )
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
-        modes = {camera: recording.video_mode(camera) for camera in rig.cameras}
         duration_s = recording.duration_s
     calibrator = BodyCalibrator(
         rig,
@@ -186,7 +185,6 @@ def calibrate(
         pipeline.evidence,
         facing_rad,
         pipeline.clock,
-        modes,
     )
     task = RegistrationTask(
         recording_path,

@@ -28,7 +28,6 @@ from bodycam_ros.offline.camera_worker import (
     RegistrationTask,
     Result,
     UnusableCount,
-    known_readouts,
 )
 from bodycam_ros.offline.extend import extend_map
 from bodycam_ros.offline.front_end import register_recording, warm_up
@@ -106,7 +105,7 @@ def replay(
         with open_recording(recording_path) as recording:
             stations = read_recorded_stations(outside, reference_map, recording, body) if outside else {}
             cameras = _mounted_cameras(recording, body, stations) if map_path else {}
-            readouts = known_readouts(recording, body, cameras)
+            readouts = body.readout_starts
             summary = ReplaySummary(recording.duration_s, rounds=rounds)
         log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
@@ -134,8 +133,7 @@ def replay(
         writer = stack.enter_context(write_recording(output_path, force))
         clocks = skeleton.synchronizer.clocks
         out = ReplayOutput(writer, body, RegistrationDiagnostics(cameras), summary, log, clocks, coupling)
-        in_its_mode = [camera for camera, readout in readouts.items() if readout == body.mounts[camera].readout]
-        rows = ReadoutLog(cameras, in_its_mode)
+        rows = ReadoutLog(cameras)
         task = RegistrationTask(
             recording_path, map_path or Path(), settings, readouts=readouts, slim=slim, turns=camera_turns(body, imus)
         )
@@ -209,7 +207,7 @@ def _extend(
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
     with open_recording(recording_path) as recording:
         cameras = [camera for camera in recording.cameras if camera in body.mounts]
-        readouts = known_readouts(recording, body, cameras)
+        readouts = body.readout_starts
     limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
     extension = extend_map(recording_path, map_path, limited, jobs, cameras, readouts, on_step)
     extension.reference_map.save(scratch / "map")

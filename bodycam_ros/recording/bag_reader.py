@@ -1,11 +1,10 @@
 """The cameras of a recording: their intrinsics, their images in time order, and samples of their inertial sensors."""
 
 import logging
-import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
-from bodycam_ros.camera.readout import Readout, VideoMode
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import (
@@ -40,7 +39,6 @@ _IMAGE_TOPICS = {
 """End of an image topic -> its type and its converter; where a camera has both, the first is read."""
 
 _INFO_TOPIC, _INFO_TYPE = "/camera_info", "sensor_msgs/msg/CameraInfo"
-_STAMPS_OF_RATE = 31
 _TIMING_TOPIC, _TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
 
 
@@ -133,15 +131,6 @@ class Recording:
         """The camera's read-out time, if the recording has it; raises as ``timing`` does."""
         timing = self.timing(camera)
         return None if timing is None else timing.readout
-
-    def video_mode(self, camera: str) -> VideoMode:
-        """Size, lens and, by the first few stamps, rate of a camera's images; raises as ``camera_model``."""
-        stamps = islice(self._bag.header_stamps([self._topic_of(camera)]), _STAMPS_OF_RATE)
-        intervals_ns = np.diff([stamp_ns for _, _, stamp_ns in stamps])
-        usable = intervals_ns[intervals_ns > 0]
-        model = self.camera_model(camera)
-        rate = 1e9 / float(np.median(usable)) if len(usable) else math.nan
-        return VideoMode(model.width, model.height, model.fx, rate)
 
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.

@@ -5,7 +5,7 @@ that hardly moved then shares the estimate of those that did; one that contradic
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +28,6 @@ _IMAGES_ALIKE = 6.0  # images share tracks, and so errors; the information of ea
 _SURPRISE = 3.0  # [sigma] an image that differs by more, such as of a foot that lands, is down-weighted by its square
 _LEAST_S = 0.0005  # a shorter read-out is taken for none: 2 rad/s move nothing by 0.2 px
 _ENOUGH_S = 0.00025  # sigma at which the estimate ends: 4 rad/s move the first row by 0.1 px
-_CONTRADICTION, _OTHERWISE = 5.0, 0.3  # sigmas between images and start, and share of the start that images stay below
-_CONFIRMATION, _CHECKED_S = 2.0, 0.0005  # sigmas and [s] within which the images confirm the start
 
 _SPREAD_S = 0.0001  # between units of one make: their clocks differ by some ppm, the rest is the lens' share
 _AGREE = 3.0  # [sigma] cameras whose read-out times differ by more are of two makes
@@ -39,16 +37,12 @@ _EXACT_S = 1e-9  # no read-out time is known better
 class ReadoutTime:
     """Estimate of a read-out time.
 
-    A start from another source may be of another camera or video mode. The images are therefore filtered without it as
-    well until they confirm it, and replace it where they contradict it.
-
     Args:
         start: what is known of this camera's before the first image; one that is given stays as it is.
         images_alike: correlation of the images, see ``_IMAGES_ALIKE``.
     """
 
     def __init__(self, start: Readout | None = None, images_alike: float = _IMAGES_ALIKE) -> None:
-        self._by_images = None if start is None or start.is_given else ReadoutTime(None, images_alike)
         start = start or Readout(0.0, _FIRST_SIGMA_S)
         self._images_alike = images_alike
         self._mean = start.seconds
@@ -72,37 +66,12 @@ class ReadoutTime:
     @property
     def is_known(self) -> bool:
         """Whether more images would not make it better."""
-        is_exact = self.sigma < _ENOUGH_S
-        is_known = is_exact or abs(self._mean) + 3.0 * self.sigma < _LEAST_S
-        return is_known and (self._by_images is None or self._by_images._confirms(self))
-
-    @property
-    def unchecked(self) -> "ReadoutTime":
-        """The estimate that images are linearised about: without a start that they have yet to confirm."""
-        return self._by_images or self
-
-    def contradicts(self, readout: Readout) -> bool:
-        """Whether the images contradict a read-out time with certainty."""
-        if abs(readout.seconds - self._mean) < _CONTRADICTION * math.hypot(readout.sigma, self.sigma):
-            return False
-        # Blur and landings of a foot pull its read-out time towards zero, by a half at last and by more at first.
-        is_shorter = abs(self._mean) < abs(readout.seconds)
-        return not is_shorter or (self.sigma < _CHECKED_S and abs(self._mean) < _OTHERWISE * abs(readout.seconds))
-
-    def _confirms(self, other: "ReadoutTime") -> bool:
-        apart_s = abs(other.seconds - self._mean)
-        return self.sigma < _CHECKED_S and apart_s < _CONFIRMATION * math.hypot(other.sigma, self.sigma)
+        return self.sigma < _ENOUGH_S or abs(self._mean) + 3.0 * self.sigma < _LEAST_S
 
     def add(self, readout_time: float, information: float) -> None:
         """The estimate of one image [s], and its information [1/s^2]."""
         if math.isinf(self._information):
             return
-        if self._by_images is not None:
-            self._by_images.add(readout_time, information)
-            if self._by_images.contradicts(Readout(self._mean, self.sigma)):
-                self._mean, self._information = self._by_images._mean, self._by_images._information
-                self._by_images = None
-                return
         surprise = abs(readout_time - self._mean) / math.sqrt(1.0 / max(information, 1e-9) + 1.0 / self._information)
         information *= min(1.0, _SURPRISE / max(surprise, 1e-9)) ** 2 / self._images_alike
         together = self._information + information
@@ -163,11 +132,9 @@ class ReadoutLog:
 
     Args:
         cameras: their models, by name.
-        known: cameras whose read-out time was known beforehand; they were pooled already, and are not again.
     """
 
-    def __init__(self, cameras: Mapping[str, CameraModel], known: Collection[str] = ()) -> None:
-        self._known = known
+    def __init__(self, cameras: Mapping[str, CameraModel]) -> None:
         self._sizes = {camera: (model.width, model.height) for camera, model in cameras.items()}
         self._latest: dict[str, Readout] = {}
 
@@ -178,8 +145,7 @@ class ReadoutLog:
 
     def readouts(self) -> dict[str, Readout]:
         """Camera -> its read-out time, pooled with those of its make."""
-        alone = {camera: readout for camera, readout in self._latest.items() if camera not in self._known}
-        return self._latest | pooled(alone, self._sizes)
+        return pooled(self._latest, self._sizes)
 
     def doubts(self) -> dict[str, str]:
         """Camera -> message about its read-out time, of those that are not known well."""

@@ -93,7 +93,7 @@ class Registrar:
 
     def set_readout(self, readout: Readout) -> None:
         """Take a read-out time from another source, if it is better known than the present one."""
-        if readout.sigma <= self.readout.sigma and not self.readout.contradicts(readout):
+        if readout.sigma <= self.readout.sigma:
             self.readout = ReadoutTime(readout)
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
@@ -192,8 +192,7 @@ class Registrar:
     def _estimate_readout(self) -> None:
         """Add the image before the latest to the read-out time; both of its neighbours give its motion."""
         self._until_readout -= 1
-        start = self.readout.unchecked
-        motion = self._motion.in_middle_image(start.seconds, start.sigma)
+        motion = self._motion.in_middle_image(self.readout.seconds, self.readout.sigma)
         if self._until_readout > 0 or motion is None or len(self._recent) < 2:
             return
         if np.linalg.norm(motion.turning) < LEAST_TURN:
