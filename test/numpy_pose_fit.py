@@ -65,7 +65,7 @@ def fit_pose_in_numpy(
         equations = problem.linearise(at, settings.inlier_px)
     readout_time, readout_information = problem.readout(equations)
     inliers = equations.errors_px < settings.inlier_px
-    sigma_px = settings.pixel_sigma * residual_scale(equations.errors_px, inliers, settings.pixel_sigma)
+    sigma_px = settings.pixel_sigma
     return PoseFit(
         at.world_T_camera,
         equations.pose_hessian() / sigma_px**2,
@@ -212,11 +212,3 @@ class Problem:
         if information <= 0.0:
             return 0.0, 0.0
         return at.readout_time - float(gradient[-1] - hessian[-1, :-1] @ solved[:, 1]) / information, information
-
-
-def residual_scale(errors_px: NDArray[np.float64], inliers: NDArray[np.bool_], pixel_sigma: float) -> float:
-    count = int(inliers.sum())
-    if count < 15:
-        return 1.0
-    sigma = float(np.median(errors_px[inliers])) / 1.1774 * np.sqrt(2 * count / (2 * count - 6))
-    return float(np.clip(sigma / pixel_sigma, 1.0, 4.0))

@@ -66,12 +66,10 @@ class Refined:
     Attributes:
         motion: the body and its motion.
         covariance: (K, K) of the lasting unknowns, see ``ArticulatedMotion.moved``.
-        weights: (T, C) of the cameras at the instants, 0 where one is not known.
     """
 
     motion: ArticulatedMotion
     covariance: Array
-    weights: Array
 
 
 def refine(
@@ -106,7 +104,7 @@ def refine(
         lasting = equations.step()
         motion = motion.moved(eliminated.moving(lasting), lasting)
         on_progress((iteration + 1) / _ITERATIONS)
-    return Refined(motion, jackknife_covariance(equations, _SIGMA_BLOCKS), weights)
+    return Refined(motion, jackknife_covariance(equations, _SIGMA_BLOCKS))
 
 
 def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:

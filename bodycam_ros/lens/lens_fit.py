@@ -240,7 +240,7 @@ def initial_fit(views: Sequence[BoardView], width: int, height: int) -> LensFit:
     return fit_unplaced(camera, views)
 
 
-def fit_unplaced(camera: CameraModel, views: Sequence[BoardView], rounds: int = 4) -> LensFit:
+def fit_unplaced(camera: CameraModel, views: Sequence[BoardView]) -> LensFit:
     """Fit a lens that is roughly known to pictures whose poses are not.
 
     Raises:
@@ -252,7 +252,7 @@ def fit_unplaced(camera: CameraModel, views: Sequence[BoardView], rounds: int = 
             f"{len(placed)} of {len(views)} pictures fit any lens, {_MIN_VIEWS} are needed: is it the board's own "
             "file, with its counts and sizes?"
         )
-    return fit_lens(camera, [view for view, _ in placed], np.array([pose for _, pose in placed]), rounds=rounds)
+    return fit_lens(camera, [view for view, _ in placed], np.array([pose for _, pose in placed]))
 
 
 def as_model(model: str, fit: LensFit) -> CameraModel:

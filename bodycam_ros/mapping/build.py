@@ -192,15 +192,11 @@ def _make_map(
 ) -> ReferenceMap:
     """The map of a structure, in its frame."""
     by_name = {image.name: image for image in features}
-    chosen = choose_descriptors(structure, [by_name[name] for name in structure.names])
     return ReferenceMap(
         landmark_ids=np.arange(len(structure.points_world), dtype=np.uint32),
         points_world=structure.points_world,
         colours=structure.colours,
-        descriptor_landmark=chosen.landmark,
-        descriptors=chosen.descriptors,
-        descriptor_view=chosen.view,
-        descriptor_size=chosen.size,
+        **choose_descriptors(structure, [by_name[name] for name in structure.names]),
         world_T_camera=structure.world_T_camera,
         image_names=tuple(structure.names),
         metric=metric,

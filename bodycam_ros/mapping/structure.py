@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,30 +98,15 @@ def distinct(taken_by: Sequence[CameraModel]) -> tuple[tuple[CameraModel, ...], 
     return tuple(first[row] for row in range(len(first))), np.array(rows, np.int64)
 
 
-@dataclass(frozen=True)
-class LandmarkDescriptors:
-    """Descriptors, grouped by landmark.
-
-    Attributes:
-        landmark: (D,) uint32 row of the landmark, ascending.
-        descriptors: (D, 128) uint8 RootSIFT.
-        view: (D, 3) float32 unit direction, in the world, from the landmark to the camera of the descriptor.
-        size: (D,) float32 size of the feature [m]: its sigma [px] times distance over the pixels
-            per radian that the lens has there.
-    """
-
-    landmark: NDArray[np.uint32]
-    descriptors: NDArray[np.uint8]
-    view: NDArray[np.float32]
-    size: NDArray[np.float32]
-
-
-def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) -> LandmarkDescriptors:
+def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) -> dict[str, Any]:
     """Choose each landmark's descriptors so that they spread over the directions that it was observed from.
 
     Args:
         structure: in the frame of the map.
         features: of the photographs of ``structure``, in its order.
+
+    Returns:
+        The attributes of a ``ReferenceMap`` that describe its landmarks.
     """
     points_camera = structure.observed_points_camera()
     distances = np.linalg.norm(points_camera, axis=1)
@@ -145,12 +131,13 @@ def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) 
         here = views == view
         descriptors[here] = image.descriptors[rows[here]]
         sigmas[here] = image.sigmas[rows[here]]
-    return LandmarkDescriptors(
-        landmark=structure.observation_points[chosen].astype(np.uint32),
-        descriptors=descriptors,
-        view=to_camera[chosen].astype(np.float32),
-        size=(sigmas * distances[chosen] / _local_scales(structure, points_camera)[chosen]).astype(np.float32),
-    )
+    sizes = sigmas * distances[chosen] / _local_scales(structure, points_camera)[chosen]
+    return {
+        "descriptor_landmark": structure.observation_points[chosen].astype(np.uint32),
+        "descriptors": descriptors,
+        "descriptor_view": to_camera[chosen].astype(np.float32),
+        "descriptor_size": sizes.astype(np.float32),
+    }
 
 
 def _local_scales(structure: Structure, points_camera: NDArray[np.float64]) -> NDArray[np.float64]:

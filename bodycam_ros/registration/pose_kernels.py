@@ -14,36 +14,6 @@ from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3, solve_positive
 from bodycam_ros.kernels import kernel
 
-_LEAST_LANDMARKS = 15
-"""Fewer residuals give their own size to a fifth at best, and six of them went into the pose."""
-
-_MOST = 4.0
-"""Beyond it the residuals are of wrong landmarks, which the robust kernel rejects."""
-
-_MEDIAN_OF_RAYLEIGH = 1.1774
-"""The median length of a vector of two normal errors, in standard deviations of one."""
-
-_POSE = 6
-
-
-@kernel("(f8[::1], b1[::1], f8)")
-def residual_scale(errors_px: NDArray[np.float64], inliers: NDArray[np.bool_], pixel_sigma: float) -> float:
-    """Factor from 1 up by which an image's errors exceed those that were assumed, from the median of its inliers.
-
-    Args:
-        errors_px: (N,) lengths of reprojection errors [px].
-        inliers: (N,) which of them are measurements.
-        pixel_sigma: what was assumed of one axis [px].
-    """
-    count = inliers.sum()
-    if count < _LEAST_LANDMARKS:
-        return 1.0
-    sigma = np.median(errors_px[inliers]) / _MEDIAN_OF_RAYLEIGH
-    # The pose has taken six of the residuals' degrees of freedom for itself.
-    sigma *= math.sqrt(2.0 * count / (2.0 * count - _POSE))
-    return float(min(max(sigma / pixel_sigma, 1.0), _MOST))
-
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -147,7 +117,7 @@ def fit_kernel(
         if scale_px <= inlier_px and largest < _CONVERGED:
             break
     inliers = errors_px < inlier_px
-    variance = (pixel_sigma * residual_scale(errors_px, inliers, pixel_sigma)) ** 2
+    variance = pixel_sigma**2
     shifts = np.zeros((count, 2))
     readout, readout_information = 0.0, 0.0
     if len(motion):

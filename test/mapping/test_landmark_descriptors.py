@@ -21,9 +21,8 @@ def photographs(structure):
 def test_directions_point_to_the_camera_and_sizes_predict_the_sigma():
     structure = small_structure()
     chosen = choose_descriptors(structure, photographs(structure))
-    for landmark, descriptor, view, size in zip(
-        chosen.landmark, chosen.descriptors, chosen.view, chosen.size, strict=True
-    ):
+    names = ("descriptor_landmark", "descriptors", "descriptor_view", "descriptor_size")
+    for landmark, descriptor, view, size in zip(*(chosen[name] for name in names), strict=True):
         pose = structure.world_T_camera[descriptor[0]]
         offset = pose[:3, 3] - structure.points_world[landmark]
         assert view == pytest.approx(offset / np.linalg.norm(offset), abs=1e-6)
