@@ -20,6 +20,7 @@ from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 logger = logging.getLogger(__name__)
 
 _WRONG_RAD = 3e-3  # root mean square of the residuals of rotation; larger, the sensor is left out
+_WRONG_M_S2 = 2.0  # bias of an accelerometer; larger, it reads in g, or without gravity, or along other axes
 _WINDOW_S, _SHORT_S = 2.0, 1.0  # of rotations, and of positions, whose errors grow faster
 _ROTATION_RAD, _POSITION_M = 6e-4, 3e-3  # sigmas of a registration, of which a part is shared by neighbours
 _KERNEL = 3.0  # sigmas from which on a registration counts less (Cauchy)
@@ -78,6 +79,17 @@ class RegisteredSensors:
                     camera,
                     np.degrees(found.rotation_rms),
                     np.degrees(_WRONG_RAD),
+                )
+                continue
+            bias = float(np.linalg.norm(found.calibration.accelerometer_bias))
+            if bias > _WRONG_M_S2:
+                logger.warning(
+                    "camera %s: the accelerometer of its inertial sensor differs from the images by %.1f m/s^2, "
+                    "expected at most %.1f; the sensor is left out. Are its readings in m/s^2, with gravity, along the "
+                    "axes of its gyroscope?",
+                    camera,
+                    bias,
+                    _WRONG_M_S2,
                 )
                 continue
             calibrations[camera] = found.calibration

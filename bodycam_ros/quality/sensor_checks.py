@@ -53,7 +53,7 @@ def sensor_quality(samples: ImuSamples) -> SensorQuality:
     w, a = samples.angular_velocity, samples.acceleration
     same = (np.diff(w, axis=0) == 0.0).all(axis=1) & (np.diff(a, axis=0) == 0.0).all(axis=1)
     rest = _quietest(w, max(3, round(_REST_S / period_s)))
-    at_rest = bool(w[rest].std(axis=0).max() < _REST_RAD_S)
+    at_rest = bool(0.0 < w[rest].std(axis=0).max() < _REST_RAD_S)  # and not frozen
     return SensorQuality(
         rate_hz=1.0 / period_s,
         longest_gap_s=float(steps_s.max()),

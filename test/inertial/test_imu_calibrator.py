@@ -82,14 +82,15 @@ def test_a_sensor_whose_clock_is_an_hour_off_is_named(recorded: tuple[np.ndarray
         calibrate_imu("cam", stamps_ns, poses, late)
 
 
-@pytest.mark.parametrize("wrong", ["degrees", "mirrored", "frozen"])
+@pytest.mark.parametrize("wrong", ["degrees", "mirrored", "frozen", "in g"])
 def test_a_sensor_that_differs_from_the_images_is_left_out(
     recorded: tuple[np.ndarray, Array, ImuSamples], wrong: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     stamps_ns, poses, samples = recorded
-    w = samples.angular_velocity
-    changed = {"degrees": np.degrees(w), "mirrored": w * [1.0, 1.0, -1.0], "frozen": np.tile(w[:1], (len(w), 1))}[wrong]
-    sensors = RegisteredSensors({"cam": ImuSamples(samples.stamps_ns, changed, samples.acceleration)})
+    w, a = samples.angular_velocity, samples.acceleration
+    changed = {"degrees": np.degrees(w), "mirrored": w * [1.0, 1.0, -1.0], "frozen": np.tile(w[:1], (len(w), 1))}
+    a = a / GRAVITY if wrong == "in g" else a
+    sensors = RegisteredSensors({"cam": ImuSamples(samples.stamps_ns, changed.get(wrong, w), a)})
     for stamp_ns, pose in zip(stamps_ns, poses, strict=True):
         sensors.add("cam", int(stamp_ns), pose)
     assert not sensors.calibrate()
