@@ -11,7 +11,10 @@ from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
 WANDER = 3e-4  # [rad/s/sqrt(s)] of a consumer gyroscope's bias
 TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibration
 _IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring images are alike
-_LEAST_S, _LONGEST_S = 0.4, 2.0  # between two images of an update
+_SCALE = 0.005  # of a gyroscope's scale and axes, as a share of the turn
+_IDENTITY = np.eye(3)
+_IMAGE = _IMAGE_RAD**2 * _IDENTITY
+_LEAST_S, _LONGEST_S = 0.5, 2.0  # between two images of an update
 _GATE = 25.0  # squared sigmas of 3 degrees of freedom
 _RECENT, _CONTRADICTIONS = 12, 3  # updates, of which so many may not contradict the images
 
@@ -21,28 +24,23 @@ class SensorFilter:
 
     Attributes:
         agreeing, contradicting: count of updates that agreed with the images and that did not.
-        was_wrong: whether the sensor has contradicted the images too often at any time.
+        is_confirmed: whether the images have confirmed the sensor.
+        is_wrong: whether it contradicts the images too often: wrong axes or units, frozen, saturated, late.
+        was_wrong: whether it did so at any time.
     """
 
     def __init__(self) -> None:
         self.agreeing = self.contradicting = 0
-        self.was_wrong = False
+        self.is_confirmed = self.is_wrong = self.was_wrong = False
         self._recent: deque[bool] = deque(maxlen=_RECENT)
-
-    @property
-    def is_confirmed(self) -> bool:
-        """Whether the images have confirmed the sensor."""
-        return self.agreeing > self.contradicting
-
-    @property
-    def is_wrong(self) -> bool:
-        """Whether the sensor contradicts the images too often: wrong axes or units, frozen, saturated, late."""
-        return self._recent.count(False) >= _CONTRADICTIONS or self.contradicting > self.agreeing
 
     def _count(self, agrees: bool) -> None:
         self.agreeing, self.contradicting = self.agreeing + agrees, self.contradicting + (not agrees)
         self._recent.append(agrees)
-        self.was_wrong |= self._recent.count(False) >= _CONTRADICTIONS
+        fails = self._recent.count(False) >= _CONTRADICTIONS
+        self.was_wrong |= fails
+        self.is_wrong = fails or self.contradicting > self.agreeing
+        self.is_confirmed = self.agreeing > self.contradicting
 
 
 class BiasFilter(SensorFilter):
@@ -76,9 +74,9 @@ class BiasFilter(SensorFilter):
         is_near = self._R is not None and 0.0 < seconds < _LONGEST_S
         moved = sums.between(self._stamp_ns, stamp_ns) if is_near else None
         if moved is None:
-            self._P[3:, 3:] += min(abs(seconds), 60.0) * WANDER**2 * np.eye(3) if self._R is not None else 0.0
+            self._P[3:, 3:] += min(abs(seconds), 60.0) * WANDER**2 * _IDENTITY if self._R is not None else 0.0
             self._P[:3, 3:], self._P[3:, :3] = 0.0, 0.0
-            self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
+            self._P[:3, :3] = _IMAGE
         else:
             self._update(moved, R)
         if moved is None or self._R is None:
@@ -90,15 +88,15 @@ class BiasFilter(SensorFilter):
         F = np.eye(6)
         F[:3, :3], F[:3, 3:] = moved.rotation.T, -moved.rotation_by_bias
         P = F @ self._P @ F.T
-        P[3:, 3:] += moved.seconds * WANDER**2 * np.eye(3)
+        P[3:, 3:] += moved.seconds * WANDER**2 * _IDENTITY
         predicted = self._R @ turned(moved, self.bias)
-        r = log_so3(predicted.T @ R)
-        S = P[:3, :3] + (_IMAGE_RAD**2 + (0.005 * np.linalg.norm(log_so3(moved.rotation))) ** 2) * np.eye(3)
+        r, turn = log_so3(np.stack([predicted.T @ R, moved.rotation]))
+        S = P[:3, :3] + _IMAGE + _SCALE**2 * (turn @ turn) * _IDENTITY
         information = np.linalg.inv(S)
         self._count(agrees := bool(r @ information @ r <= _GATE))
         if not agrees:
             self._R, self._P[:3, 3:], self._P[3:, :3] = R, 0.0, 0.0
-            self._P[:3, :3] = _IMAGE_RAD**2 * np.eye(3)
+            self._P[:3, :3] = _IMAGE
             return
         gain = P[:, :3] @ information
         step = gain @ r
@@ -153,12 +151,12 @@ class AccelerometerFilter(SensorFilter):
             return
         moved = sums.between(self._stamp_ns, stamp_ns) if self._stamp_ns and 0.0 < dt < _LONGEST_S else None
         if moved is None:
-            self._P[6:, 6:] += min(abs(dt), 60.0) * _ACCELERATION_WANDER**2 * np.eye(3) if self._stamp_ns else 0.0
+            self._P[6:, 6:] += min(abs(dt), 60.0) * _ACCELERATION_WANDER**2 * _IDENTITY if self._stamp_ns else 0.0
             self._restart()
         else:
             gravity = np.array([0.0, 0.0, -GRAVITY])
             F = np.eye(9)
-            F[:3, 3:6] = dt * np.eye(3)
+            F[:3, 3:6] = dt * _IDENTITY
             F[:3, 6:], F[3:6, 6:] = -self._R @ moved.position_by_bias, -self._R @ moved.velocity_by_bias
             self._x = F @ self._x
             self._x[:3] += 0.5 * gravity * dt**2 + self._R @ moved.position
@@ -167,14 +165,14 @@ class AccelerometerFilter(SensorFilter):
             Q = np.kron(q * np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]]), np.eye(3))
             self._P = F @ self._P @ F.T
             self._P[:6, :6] += Q
-            self._P[6:, 6:] += dt * _ACCELERATION_WANDER**2 * np.eye(3)
-        S = self._P[:3, :3] + _IMAGE_M**2 * np.eye(3)
+            self._P[6:, 6:] += dt * _ACCELERATION_WANDER**2 * _IDENTITY
+        S = self._P[:3, :3] + _IMAGE_M**2 * _IDENTITY
         if S.trace() < 3.0 * _KNOWN_M**2:
             off = place - self._x[:3]
             self._count(agrees := bool(off @ np.linalg.solve(S, off) <= _ACCELERATION_GATE))
             if not agrees:
                 self._restart()
-                S = self._P[:3, :3] + _IMAGE_M**2 * np.eye(3)
+                S = self._P[:3, :3] + _IMAGE_M**2 * _IDENTITY
         gain = np.linalg.solve(S, self._P[:3]).T
         self._x = self._x + gain @ (place - self._x[:3])
         self._P = self._P - gain @ self._P[:3]

@@ -68,9 +68,11 @@ class Silence:
         Args:
             period_ns: of the states [ns]; infinite before it is known.
         """
+        if self.heard_ns < 0 or self._quiet_s < _QUIET_S:
+            return None
         delay_ns = self._delays[0][1] if self._delays else 0
         wait_ns = _WAIT_NS + _WAIT_FRAMES * period_ns + _WAIT_DELAYS * delay_ns
         latest_ns = max(self.heard_ns, min(self._taken_ns, self.heard_ns + _STALL_NS))
-        if self.heard_ns < 0 or self._quiet_s < _QUIET_S or self._sensed_ns - latest_ns <= wait_ns:
+        if self._sensed_ns - latest_ns <= wait_ns:
             return None
         return self._sensed_ns - _LATE_FRAMES * period_ns - _LATE_DELAYS * delay_ns
