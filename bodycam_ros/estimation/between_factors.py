@@ -100,27 +100,29 @@ class InertialStep:
         u1, u2 = (
             twist[3:] - lever @ spin for twist, spin in zip(twists, (self.spin_before, self.spin_after), strict=True)
         )
-        moved = after[:3, 3] + R2 @ self.place - before[:3, 3] - R1 @ self.place
-        velocity = R1.T @ (R2 @ u2 - _GRAVITY * dt) - u1
-        position = R1.T @ (moved - 0.5 * _GRAVITY * dt**2) - u1 * dt
-        turned = R1.T @ R2
-        of_spin, of_velocity, of_position = hat(np.stack([u2, velocity + u1, position + dt * u1]))
-        by_after, by_before, off = np.zeros((6, 12)), np.zeros((6, 12)), np.empty(6)
-        by_after[:3, :3], by_after[:3, 9:] = -turned @ of_spin, turned
-        by_after[3:, :3], by_after[3:, 3:6] = -turned @ lever, turned
-        by_before[:3, :3], by_before[:3, 9:] = of_velocity, -_IDENTITY
-        by_before[3:, :3] = of_position + lever
-        by_before[3:, 3:6], by_before[3:, 9:] = -_IDENTITY, -dt * _IDENTITY
-        off[:3], off[3:] = self.velocity - velocity, self.position - position
+        velocity, turned = R1.T @ (R2 @ u2 - _GRAVITY * dt), R1.T @ R2
+        by_after, by_before = np.zeros((2, 3, 12))
+        by_after[:, :3], by_after[:, 9:] = -turned @ hat(u2), turned
+        by_before[:, :3], by_before[:, 9:] = hat(velocity), -_IDENTITY
         # In sigmas, by the Cholesky factor (a, 0; b, c) of the covariance of velocity and position along each axis.
         a = math.sqrt(self.density * dt + self.sigma**2)
+        of_velocity = (self.velocity - velocity + u1) / a, by_after / a, by_before / a
+        if not self.with_position:
+            return of_velocity
+        moved = after[:3, 3] + R2 @ self.place - before[:3, 3] - R1 @ self.place
+        position = R1.T @ (moved - 0.5 * _GRAVITY * dt**2)
+        by_after, by_before = np.zeros((2, 3, 12))
+        by_after[:, :3], by_after[:, 3:6] = -turned @ lever, turned
+        by_before[:, :3] = hat(position) + lever
+        by_before[:, 3:6], by_before[:, 9:] = -_IDENTITY, -dt * _IDENTITY
         b = 0.5 * self.density * dt**2 / a
         c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 - b**2)
-        for rows in (off, by_after, by_before):
-            rows[:3] /= a
-            rows[3:] = (rows[3:] - b * rows[:3]) / c
-        count = 6 if self.with_position else 3
-        return off[:count], by_after[:count], by_before[:count]
+        off = self.position - position + u1 * dt
+        of_position = (
+            (rows - b * known) / c for rows, known in zip((off, by_after, by_before), of_velocity, strict=True)
+        )
+        left, of_after, of_before = (np.concatenate(each) for each in zip(of_velocity, of_position, strict=True))
+        return left, of_after, of_before
 
 
 Between = SegmentTurn | RestingPoint | InertialStep
