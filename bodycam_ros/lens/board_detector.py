@@ -12,7 +12,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, rigid, rotation_to_z
 from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
-from bodycam_ros.mapping.apriltag import find_tags, refined_tags
+from bodycam_ros.mapping.apriltag import detect_tags, find_tags
 
 Grey = NDArray[np.uint8]
 
@@ -196,7 +196,7 @@ def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Fo
     if camera is None:
         tags = {tag: (corners, 1.0) for tag, corners in find_tags(gray, None, board.dictionary)}
     else:
-        views = refined_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX)
+        views = detect_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX)
         tags = {view.tag: (view.corners, max(1.0, _CLEAR_PX / view.breadths.min())) for view in views}
     known = [tag for tag in tags if tag in board.tags]
     if not known:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
-from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3
 
 Array = NDArray[np.float64]
@@ -127,28 +126,18 @@ class TagView:
     breadths: NDArray[np.float64]
 
 
-def detect_tags(gray: NDArray[np.uint8], camera: CameraModel, family: str) -> list[TagView]:
-    """Find the tags of a family in a grey picture (rows, columns) and refine their corners by their edges.
-
-    Raises:
-        MapError: the family is unknown.
-    """
-    if family not in FAMILIES:
-        raise MapError(f"board: there is no AprilTag family '{family}'; known are {', '.join(FAMILIES)}")
-    return refined_tags(gray, camera, FAMILIES[family])
-
-
-def refined_tags(
+def detect_tags(
     gray: NDArray[np.uint8],
     camera: CameraModel,
     family: int,
     min_breadth_px: float = _MIN_BREADTH_PX,
     tolerance_px: float = _LINE_TOLERANCE_PX,
 ) -> list[TagView]:
-    """As ``detect_tags``, of a grey picture (rows, columns) and a family by its number in ``cv2.aruco``.
+    """Find the tags of a family and refine their corners by their edges.
 
     Args:
-        gray, camera, family: picture, lens and family.
+        gray, camera: grey picture (rows, columns) and its lens.
+        family: number in ``cv2.aruco``.
         min_breadth_px: of a tag.
         tolerance_px: median distance of an edge's points from its line.
     """

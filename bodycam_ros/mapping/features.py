@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.apriltag import TagView, detect_tags
+from bodycam_ros.mapping.apriltag import FAMILIES, TagView, detect_tags
 from bodycam_ros.progress import in_parallel
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
@@ -71,7 +71,7 @@ def extract_features(
             f"{camera.width}x{camera.height}; give photographs as they left the camera, and its own calibration"
         )
     gray = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    tags = [] if family is None else detect_tags(gray, camera, family)
+    tags = [] if family is None else detect_tags(gray, camera, FAMILIES[family])
     scale = float(np.clip(_WIDTH_PX / camera.width, _MIN_SCALE, 1.0))
     found = KeypointDetector(replace(_DETECTOR, image_scale=scale), cells=1).detect(gray, _mask(camera))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.

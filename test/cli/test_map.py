@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.mapping.apriltag import detect_tags
+from bodycam_ros.mapping.apriltag import FAMILIES, detect_tags
 from bodycam_ros.mapping.board import align_to_board, read_board
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -64,7 +64,7 @@ def test_the_board_lies_where_the_map_begins(built, sample):
         detect_tags(
             cv2.imread(str(sample / "reference" / reference_map.image_names[row]), cv2.IMREAD_GRAYSCALE),
             photographs.camera_of_name[reference_map.image_names[row]],
-            "36h11",
+            FAMILIES["36h11"],
         )
         for row in chosen
     ]

@@ -4,7 +4,7 @@ from board_picture import board_picture, looking_at_origin, true_corners, two_by
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.apriltag import TagView, detect_tags
+from bodycam_ros.mapping.apriltag import FAMILIES, TagView, detect_tags
 from bodycam_ros.mapping.board import Board, align_to_board
 
 PLACES = [(0.1, -0.6, 0.7), (0.6, 0.3, 0.5), (-0.4, 0.2, 0.9), (-0.5, -0.4, 0.6), (0.2, 0.6, 0.8)]
@@ -49,7 +49,8 @@ def test_exact_corners_give_the_similarity_back(scene):
 def test_pictures_give_scale_and_tilt_even_if_gamma_moves_the_edges(scene):
     camera, board, poses = scene
     views = [
-        detect_tags(board_picture(camera, pose, board, 1.2, gamma=2.2)[..., 0], camera, "36h11") for pose in poses[:3]
+        detect_tags(board_picture(camera, pose, board, 1.2, gamma=2.2)[..., 0], camera, FAMILIES["36h11"])
+        for pose in poses[:3]
     ]
     alignment = align_to_board(moved(poses[:3]), views, [camera] * 3, board)
     assert_similarity(alignment, 1e-3)

@@ -6,7 +6,7 @@ from board_picture import board_picture, looking_at_origin, true_corners, two_by
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.apriltag import detect_tags
+from bodycam_ros.mapping.apriltag import FAMILIES, detect_tags
 
 LENSES = {"equidistant": [-0.0099, 0.0056, -0.0017, 0.0004], "fov": [0.95]}
 
@@ -34,7 +34,7 @@ def test_corners_in_a_fisheye_picture_lie_where_the_lens_puts_them(
     camera, board = fisheye(model), two_by_two_board()
     pose = turned_away((0.1, -0.3, 0.4), angle_deg, about_deg)
     truth = true_corners(camera, pose, board)
-    views = detect_tags(board_picture(camera, pose, board)[..., 0], camera, "36h11")
+    views = detect_tags(board_picture(camera, pose, board)[..., 0], camera, FAMILIES["36h11"])
     room = np.array([camera.width, camera.height])
     whole = {tag for tag, at in truth.items() if ((at > 6.0) & (at < room - 7.0)).all()}
     assert len(whole) >= 2
