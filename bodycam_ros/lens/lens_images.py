@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.mapping.frame_choice import sharpness
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import grey_pixels
 
@@ -19,7 +20,6 @@ Grey = NDArray[np.uint8]
 _IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm"}
 _MOST_PICTURES = 120  # of a video, the sharpest of as many equal parts of it
 _MOST_BYTES = 700_000_000  # of pictures in memory at a time
-_SMALL_PX = 640  # width at which frames of a video are compared
 
 
 @dataclass(frozen=True)
@@ -85,33 +85,17 @@ def _of_video(path: Path, most: int, name: str) -> Iterator[LensImage]:
     most = max(2, min(most, _MOST_BYTES // (facts.width * facts.height)))
     length = max(1, -(-frames // most))
     best: tuple[float, LensImage] | None = None
-    before: NDArray[np.float32] | None = None
     for number, (seconds, frame) in enumerate(video.frames()):
         if number % length == 0 and best is not None:
             yield best[1]
             best = None
         grey = grey_pixels(frame)
-        scale = min(1.0, _SMALL_PX / grey.shape[1])
-        small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).astype(np.float32)
-        score = _sharpness(small) / (1.0 + _speed(before, small))
-        before = small
+        score = sharpness(grey)
         if best is None or score > best[0]:
             upright = np.ascontiguousarray(np.rot90(grey, facts.rotation_deg // 90))
             best = score, LensImage(f"{name} at {seconds:.2f} s", upright)
     if best is not None:
         yield best[1]
-
-
-def _sharpness(grey: NDArray[np.float32]) -> float:
-    return float(np.std(cv2.Laplacian(grey, cv2.CV_32F)))
-
-
-def _speed(before: NDArray[np.float32] | None, after: NDArray[np.float32]) -> float:
-    """Pixels that edges moved by from one frame to the next, about."""
-    if before is None or before.shape != after.shape:
-        return 0.0
-    slope = np.hypot(cv2.Sobel(after, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(after, cv2.CV_32F, 0, 1, scale=0.125))
-    return float(np.linalg.norm(after - before) / max(1e-6, float(np.linalg.norm(slope))))
 
 
 def _image(path: Path) -> Grey:

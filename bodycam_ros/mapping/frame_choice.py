@@ -176,12 +176,12 @@ def _candidates(source: MovingCamera, on_frame: Callable[[], None]) -> Iterator[
                     f"{source.name}: its images have {grey.shape[1]} x {grey.shape[0]} pixels, but its intrinsics are "
                     f"for {camera.width} x {camera.height}; give the calibration of this mode with --camera"
                 )
-            if (sharpness := _sharpness(grey)) > 0.0:
-                yield _Candidate(frame, row, sharpness, grey, before)
+            if (detail := sharpness(grey)) > 0.0:
+                yield _Candidate(frame, row, detail, grey, before)
             before = frame, grey
 
 
-def _sharpness(grey: NDArray[np.uint8]) -> float:
+def sharpness(grey: NDArray[np.uint8]) -> float:
     """Root of the smaller eigenvalue of the mean structure tensor: motion blur removes detail in one direction."""
     if (scale := _SHARP_WIDTH / grey.shape[1]) < 1.0:
         grey = np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
