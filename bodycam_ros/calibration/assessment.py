@@ -51,7 +51,6 @@ class Findings:
 
     Attributes:
         rig: names.
-        delays_before_s: camera -> clock offset that the motion was found with [s].
         found: joints by A eq. 14, virtual cameras and slips.
         motion: of the cameras.
         rows: (N) rows of it that the refinement used.
@@ -64,7 +63,6 @@ class Findings:
     """
 
     rig: Rig
-    delays_before_s: Mapping[str, float]
     found: FoundJoints
     motion: CameraMotion
     rows: NDArray[np.intp]
@@ -79,8 +77,7 @@ class Findings:
     def delays_s(self) -> dict[str, float]:
         """Camera -> by how much its clock is ahead of the reference's [s]; see ``CameraDiagnosis.clock_s``."""
         motion = self.refined.motion
-        delays = zip(motion.cameras, motion.delays.tolist(), strict=True)
-        return {camera: self.delays_before_s[camera] + delay for camera, delay in delays}
+        return dict(zip(motion.cameras, motion.delays.tolist(), strict=True))
 
     @property
     def body(self) -> BodyModel:

@@ -34,7 +34,6 @@ from bodycam_ros.settings import SettingsGroups, setting
 from bodycam_ros.timing.clock_state import ClockSettings
 
 _PERCENTILE = 0.5  # [%] of the states beyond each limit: one wrong state must not open a joint
-_MOST_TURNS, _SETTLED_S = 3, 0.001  # of a calibration whose clock offsets moved; offsets that need no further turn
 
 
 @dataclass(frozen=True)
@@ -129,22 +128,16 @@ class BodyCalibrator:
             RangeOfMotionError: the recording does not determine a body; with what to repeat.
             MapError: no person has bones of this size, so the map's scale is wrong.
         """
-        delays_s = dict.fromkeys(self._logs, 0.0)
-        # Joint centres and trust were found with clocks that were off; once those are known, all is asked anew.
-        for _ in range(_MOST_TURNS):
-            findings = self._found(name, delays_s, on_progress)
-            delays_s = findings.delays_s
-            if np.abs(findings.refined.motion.delays).max() < _SETTLED_S:
-                break
+        findings = self._found(name, on_progress)
         body = self._with_readouts(
             _limited_body(findings.zeroed.motion, self._settings.joint_limits), findings.readouts
         )
         return CalibratedBody(body, assess(findings, self._settings.assessment))
 
-    def _found(self, name: str, delays_s: Mapping[str, float], on_progress: Callable[[str, float], None]) -> Findings:
-        """Body and motion, given by how much each camera's clock is ahead [s]."""
+    def _found(self, name: str, on_progress: Callable[[str, float], None]) -> Findings:
+        """Body and motion."""
         on_progress("joint centres", 0.0)
-        motion = camera_motion(list(self._logs.values()), delays_s)
+        motion = camera_motion(list(self._logs.values()))
         found = find_joints(self._rig, motion)  # A eq. 6-7, 12-14
         axes_on_child = check_exercised(self._rig, found.centres)
         # Before what is measured in metres is asked whether it moved.
@@ -176,7 +169,6 @@ class BodyCalibrator:
         zeroed = zero_at_rest(refined.motion, resting, self._facing_rad, set(hinges))
         return Findings(
             rig=self._rig,
-            delays_before_s=delays_s,
             found=found,
             motion=motion,
             rows=rows,

@@ -109,12 +109,11 @@ class CameraMotion:
         return np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(np.intp))
 
 
-def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | None = None) -> CameraMotion:
+def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
     """Bring the registrations of all cameras to common stamps.
 
     Args:
         logs: of all cameras.
-        delays_s: camera -> by how much its clock is known to be ahead [s].
 
     Raises:
         RangeOfMotionError: a camera was never registered.
@@ -127,10 +126,9 @@ def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | Non
             )
     registered = [[m for m in log.matches if m.world_T_camera is not None] for log in logs]
     own_stamps_ns = [np.array([m.stamp_ns for m in seen], dtype=np.int64) for seen in registered]
-    delays_ns = [round(1e9 * (delays_s or {}).get(log.camera, 0.0)) for log in logs]
     together = find_shared_stamps({log.camera: own for log, own in zip(logs, own_stamps_ns, strict=True)}).cameras
     clock = max(range(len(logs)), key=lambda column: len(own_stamps_ns[column]))
-    stamps_ns = own_stamps_ns[clock] - delays_ns[clock]
+    stamps_ns = own_stamps_ns[clock]
     shape = (len(stamps_ns), len(logs))
     world_T_camera = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy()
     instant_T_image = world_T_camera.copy()
@@ -139,7 +137,7 @@ def camera_motion(logs: Sequence[CameraLog], delays_s: Mapping[str, float] | Non
     nearest: list[dict[str, LandmarkMatches]] = [{} for _ in stamps_ns]
     for column, (log, seen) in enumerate(zip(logs, registered, strict=True)):
         path = CameraPath(
-            own_stamps_ns[column] - delays_ns[column],
+            own_stamps_ns[column],
             np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None]),
         )
         rows = np.flatnonzero(path.covers(stamps_ns, _MAX_GAP_S))
