@@ -43,6 +43,7 @@ KERNEL_FILES = (
     "geometry_kernels.py",
     "camera/lens_kernels.py",
     "inertial/preintegration_kernels.py",
+    "kinematics/tree_kernels.py",
     "mapping/epipolar_matching.py",
     "registration/descriptor_kernels.py",
     "registration/landmark_choice_kernels.py",

@@ -23,7 +23,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
 _STEPS = 10
-_NEAR, _SETTLED = 0.1, 1e-4  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
+_NEAR, _SETTLED = 0.1, 1e-3  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
 KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 

@@ -16,9 +16,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, adjoint, exp_se3, hat, inverse, log_se3, log_so3
+from bodycam_ros.geometry import Array, adjoint, hat, inverse, log_so3
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint, hinge_angle
-from bodycam_ros.kinematics.tree import KinematicTree
+from bodycam_ros.kinematics.tree import KinematicTree, all_motion
+from bodycam_ros.kinematics.tree_kernels import moved_motion, segment_tangents, steps_between
 
 GIVES_RAD, GIVES_M = 1.0, 0.25
 """A sigma of this size or more holds nothing: a seat that slides has one, a strap or a soft sole does not."""
@@ -94,38 +96,32 @@ class TreeTangent:
         ends = 6 + np.cumsum([0, *(twists.shape[1] for twists in self.twists)])
         self.columns = [slice(int(start), int(end)) for start, end in zip(ends[:-1], ends[1:], strict=True)]
         self.count = int(ends[-1])
-        self._joint_of_column = np.repeat(np.arange(len(self.twists)), np.diff(ends))
-        # (K - 6, 6 J): the amounts of an increment as twists of all joints.
-        amounts = np.zeros((self.count - 6, len(self.twists), 6))
-        for row, (xi, at) in enumerate(zip(self.twists, self.columns, strict=True)):
-            amounts[at.start - 6 : at.stop - 6, row] = xi.T
-        self._amounts = amounts.reshape(self.count - 6, 6 * len(self.twists))
-        self._moves = np.concatenate([np.ones((len(tree.segments), 6)), tree.moves[:, self._joint_of_column]], axis=1)
+        self._carriers = np.append(np.zeros(6, np.int64), 1 + np.repeat(np.arange(len(self.twists)), np.diff(ends)))
+        self._of_columns = np.concatenate([np.eye(6), *(twists.T for twists in self.twists)])
+        moves = np.concatenate([np.ones((len(tree.segments), 1)), tree.moves], axis=1)
+        self._moves = np.ascontiguousarray(moves[:, self._carriers])
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
         self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
         self.root = tree.segment_index[tree.root]
-        self._child_of_column = np.append(np.full(6, self.root), tree.joint_ends[self._joint_of_column, 1])
+        self._child_of_column = np.append(self.root, tree.joint_ends[:, 1])[self._carriers]
 
     def moved(self, world_T_root: Array, joint_motion: Array, step: Array) -> tuple[Array, Array]:
         """Root (..., 4, 4) and joint motions (..., J, 4, 4) after an increment (..., K)."""
-        of_joints = (step[..., 6 : self.count] @ self._amounts).reshape(*step.shape[:-1], -1, 6)
-        poses = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
-        poses = poses @ exp_se3(np.concatenate([step[..., None, :6], of_joints], axis=-2))
-        # One step of Newton's iteration to the nearest rotation, which rounding alone parts them from.
-        R = poses[..., :3, :3]
-        poses[..., :3, :3] = R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R)
-        return poses[..., 0, :, :], poses[..., 1:, :, :]
+        motion = all_motion(world_T_root, joint_motion)
+        rows, steps = motion.reshape(-1, *motion.shape[-3:]), as_rows(step[..., : self.count].reshape(-1, self.count))
+        moved = moved_motion(rows, steps, self._of_columns, self._carriers).reshape(motion.shape)
+        return moved[..., 0, :, :], moved[..., 1:, :, :]
 
     def step_between(self, world_T_root: Array, joint_motion: Array, to_root: Array, to_motion: Array) -> Array:
         """The increment (..., K) that moves root (..., 4, 4) and joint motions (..., J, 4, 4) to others."""
-        start = np.concatenate([world_T_root[..., None, :, :], joint_motion], axis=-3)
-        tangents = log_se3(inverse(start) @ np.concatenate([to_root[..., None, :, :], to_motion], axis=-3))
-        of_joints = tangents[..., 1:, :].reshape(*tangents.shape[:-2], -1) @ self._amounts.T
-        return np.concatenate([tangents[..., 0, :], of_joints], axis=-1)
+        ends = all_motion(world_T_root, joint_motion), all_motion(to_root, to_motion)
+        start, end = (motion.reshape(-1, *motion.shape[-3:]) for motion in ends)
+        steps = steps_between(start, end, self._of_columns, self._carriers)
+        return steps.reshape(*joint_motion.shape[:-3], self.count)
 
     def columns_of(self, joints: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(K,) columns of some joints (J,) of the tree."""
-        return np.concatenate([np.zeros(6, bool), joints[self._joint_of_column]])
+        return np.concatenate([np.zeros(6, bool), joints[self._carriers[6:] - 1]])
 
     def world_twists(self, world_T_segment: Array) -> Array:
         """(..., 6, K) twist of each column in the world's axes about its origin, at poses (..., S, 4, 4)."""
@@ -137,8 +133,8 @@ class TreeTangent:
         """(..., S, 6, K) how the poses (..., S, 4, 4) change, or those of some rows: tangents in the segments' axes."""
         twists = self.world_twists(world_T_segment)
         if rows is None:
-            return segment_tangents(world_T_segment, twists, self._moves)
-        return segment_tangents(world_T_segment[..., rows, :, :], twists, self._moves[rows])
+            return tangents_of(world_T_segment, twists, self._moves)
+        return tangents_of(world_T_segment[..., rows, :, :], twists, self._moves[rows])
 
     def gap(self, joint: Joint, world_T_segment: Array, J: Array) -> tuple[Array, Array]:
         """The gap (..., 6) of a joint that closes a loop (``tangent``), and its Jacobian (..., 6, K).
@@ -154,7 +150,7 @@ class TreeTangent:
         return gap, by_parent @ J[..., parent, :, :] + by_child @ J[..., child, :, :]
 
 
-def segment_tangents(world_T_segment: Array, world_twists: Array, moves: Array) -> Array:
+def tangents_of(world_T_segment: Array, world_twists: Array, moves: Array) -> Array:
     """(..., S, 6, K) tangents of segments, in their own axes, that twists in the world's axes make.
 
     Args:
@@ -162,5 +158,7 @@ def segment_tangents(world_T_segment: Array, world_twists: Array, moves: Array) 
         world_twists: (..., 6, K) about the world's origin.
         moves: (S, K) 1 where a twist moves a segment, 0 elsewhere.
     """
-    tangents: Array = adjoint(inverse(world_T_segment)) @ (world_twists[..., None, :, :] * moves[:, None])
-    return tangents
+    S, K = moves.shape
+    poses, twists = world_T_segment.reshape(-1, S, 4, 4), world_twists.reshape(-1, 6, K)
+    tangents: Array = segment_tangents(as_rows(poses), as_rows(twists), moves)
+    return tangents.reshape(*world_T_segment.shape[:-2], 6, K)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse, rigid
 from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.tree_kernels import tree_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,13 +145,11 @@ class KinematicTree:
         """
         if joint_motion.shape[-1] == 3:
             joint_motion = rigid(joint_motion, np.zeros(3))
-        poses = np.empty((*joint_motion.shape[:-3], len(self.segments), 4, 4))
-        poses[..., self.segment_index[self.root], :, :] = world_T_root
+        motion = all_motion(world_T_root, joint_motion)
         _, _, parent_T_joint, joint_T_child = self._frames
-        parent_T_child = parent_T_joint @ joint_motion @ joint_T_child
-        for row, (parent, child) in enumerate(self.joint_ends.tolist()):
-            poses[..., child, :, :] = poses[..., parent, :, :] @ parent_T_child[..., row, :, :]
-        return poses
+        root = self.segment_index[self.root]
+        rows = tree_poses(motion.reshape(-1, *motion.shape[-3:]), parent_T_joint, joint_T_child, self.joint_ends, root)
+        return rows.reshape(motion.shape)
 
     def n_pose(self, world_T_root: Array) -> Array:
         """Poses world_T_segment (S, 4, 4) of the body standing with its arms down: all joint motions the identity."""
@@ -207,6 +206,13 @@ class KinematicTree:
     @cached_property
     def _restricted(self) -> list[tuple[int, Joint]]:
         return [(row, joint) for row, joint in enumerate(self.tree_joints) if joint.type in ("hinge", "weld")]
+
+
+def all_motion(world_T_root: Array, joint_motion: Array) -> Array:
+    """Motions (..., 1 + J, 4, 4) of the root (..., 4, 4) and of joints (..., J, 4, 4), row by row in memory."""
+    motion = np.empty((*joint_motion.shape[:-3], joint_motion.shape[-3] + 1, 4, 4))
+    motion[..., 0, :, :], motion[..., 1:, :, :] = world_T_root, joint_motion
+    return motion
 
 
 def _check_unique(what: str, names: tuple[str, ...]) -> None:

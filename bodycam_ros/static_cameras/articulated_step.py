@@ -12,7 +12,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_so3, hat, inverse, log_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.kinematics.tangent import segment_tangents
+from bodycam_ros.kinematics.tangent import tangents_of
 
 _ROOT = 6
 _STIFF_RAD = 1e-3  # of a rotation that a joint's type excludes
@@ -129,7 +129,7 @@ class ArticulatedStep:
         pivots = hat(np.concatenate([poses[None, self._root, :3, 3], self._world_T_joint(poses)[:, :3, 3]]))
         twists = np.concatenate([np.broadcast_to(np.eye(3), pivots.shape), pivots], axis=1)
         shifts = np.concatenate([np.zeros((3, 3)), np.eye(3)])
-        return segment_tangents(poses, np.concatenate([twists[0], shifts, *twists[1:]], axis=1), self._moves)
+        return tangents_of(poses, np.concatenate([twists[0], shifts, *twists[1:]], axis=1), self._moves)
 
     def add_prediction(self, A: Array, b: Array, poses: Array, predicted: PredictedBody) -> None:
         """Add the predictions of root and joints, and the joints' limits, to the normal equations."""

@@ -176,18 +176,15 @@ class FrameAssembler:
         if not heads_ns:
             return False
         first_ns = min(heads_ns)
-        missing = [
-            stream
-            for stream in self._streams.values()
-            if not stream.queue and (stream.latest_ns is None or stream.latest_ns <= first_ns + self._within_ns(stream))
-        ]
-        if not all(self._has_stopped(stream) for stream in missing):
-            return False
-        return not missing or self._live or self._latest_ns > first_ns + self._tolerance_ns
-
-    @property
-    def _latest_ns(self) -> int:
-        return max(stream.latest_ns for stream in self._streams.values() if stream.latest_ns is not None)
+        all_there, latest_ns = True, first_ns
+        for stream in self._streams.values():
+            latest_ns = max(latest_ns, stream.latest_ns or 0)
+            if stream.queue or (stream.latest_ns or 0) > first_ns + self._within_ns(stream):
+                continue
+            if not self._has_stopped(stream):
+                return False
+            all_there = False
+        return all_there or self._live or latest_ns > first_ns + self._tolerance_ns
 
     def _has_stopped(self, stream: _Stream) -> bool:
         """Whether a camera is not waited for: another has two stamps that are later by ``max_wait``."""
