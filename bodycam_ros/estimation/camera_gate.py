@@ -1,8 +1,9 @@
 """The chi-square gate of each camera against all others and the prediction.
 
-The residual of a left-out camera, in units of its predicted covariance, follows in closed form from the fit with
-all of them. While the largest exceeds the gate, that camera is first down-weighted, then rejected, and the rest is
-fitted anew. Down-weighted, a camera whose position is wrong still measures its rotation.
+The residual of a left-out camera, in units of its predicted covariance, follows in closed form from the fit with all of
+them. While the largest exceeds the gate, that camera is first down-weighted, then rejected, and the rest is fitted
+anew. Down-weighted, a camera whose position is wrong still measures its rotation. The verdict on a result
+(``quality/judge.py``) relies on it: of two cameras on a segment the one that fits the body was kept.
 """
 
 from dataclasses import dataclass
@@ -40,43 +41,30 @@ def gate_cameras(
 ) -> GatedCameras:
     """Weigh cameras, where some coordinates (K,) of the prediction had no measurement."""
     K, at, weights = tangent.count, predicted.at, np.ones(len(cameras))
-    if not len(cameras):
-        return GatedCameras(weights, at)
-    spread = cameras.covariances + np.diag(_GROSS**2)
     covariance = predicted.covariance[:K, :K].copy()
     covariance[unobserved, unobserved] += _UNOBSERVED**2
     prior = np.linalg.inv(covariance)
-    for _ in range(_ITERATIONS):
-        poses = at.poses(tangent)
-        J, r = tangent.segment_jacobians(poses)[cameras.rows], cameras.residuals(poses)
-        A_each, b_each = _normal_equations(J, r, spread)
-        information = prior + A_each.sum(axis=0)
-        b = b_each.sum(axis=0) - prior @ predicted.at.step_to(tangent, at)[:K]
-        step = np.linalg.solve(information, b)
-        if np.abs(step).max() < _LINEAR:
-            break
-        at = at.moved(tangent, step)
-    while True:
-        C = np.linalg.inv(information)
-        step = C @ b
+    while (weights > 0.0).any():
         kept = np.flatnonzero(weights)
-        if not len(kept):
-            break
-        off, known = r[kept] - J[kept] @ step, J[kept] @ C @ np.swapaxes(J[kept], 1, 2)
-        squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread[kept] - known, off[..., None])[..., 0])
+        spread = cameras.covariances[kept] / weights[kept, None, None] + np.diag(_GROSS**2)
+        at, step = predicted.at, np.zeros(K)
+        for _ in range(_ITERATIONS):
+            at = at.moved(tangent, step)
+            poses = at.poses(tangent)
+            J, r = tangent.segment_jacobians(poses)[cameras.rows[kept]], cameras.residuals(poses)[kept]
+            weighted = np.swapaxes(J, 1, 2) @ np.linalg.inv(spread)
+            C = np.linalg.inv(prior + (weighted @ J).sum(axis=0))
+            b = (weighted @ r[..., None])[..., 0].sum(axis=0)
+            step = C @ (b - prior @ predicted.at.step_to(tangent, at)[:K])
+            if np.abs(step).max() < _LINEAR:
+                break
+        at = at.moved(tangent, step)
+        off, known = r - J @ step, J @ C @ np.swapaxes(J, 1, 2)
+        squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread - known, off[..., None])[..., 0])
         if squared.max() < _GATE:
             break
         worst = kept[int(np.argmax(squared))]
         weights[worst] = _DOWN_WEIGHT if weights[worst] == 1.0 else 0.0
-        information, b = information - A_each[worst], b - b_each[worst]
-        if weights[worst]:
-            spread[worst] = cameras.covariances[worst] / _DOWN_WEIGHT + np.diag(_GROSS**2)
-            A_each[worst], b_each[worst] = _normal_equations(J[worst], r[worst], spread[worst])
-            information, b = information + A_each[worst], b + b_each[worst]
-    return GatedCameras(weights, at.moved(tangent, step))
-
-
-def _normal_equations(J: Array, r: Array, covariances: Array) -> tuple[Array, Array]:
-    """Information (..., K, K) and right side (..., K) of residuals (..., 6)."""
-    weighted = np.swapaxes(J, -1, -2) @ np.linalg.inv(covariances)
-    return weighted @ J, (weighted @ r[..., None])[..., 0]
+    else:
+        at = predicted.at
+    return GatedCameras(weights, at)

@@ -1,0 +1,99 @@
+"""The gate of cameras: which of them it lessens or rejects, and that its distances are those of a fit without each."""
+
+import numpy as np
+import pytest
+from moving_body import COVARIANCE, body_with_cameras, true_poses
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import SegmentPose
+from bodycam_ros.estimation.camera_gate import gate_cameras
+from bodycam_ros.estimation.estimate import Coordinates, Estimate
+from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
+from bodycam_ros.geometry import exp_se3
+from bodycam_ros.kinematics.tangent import TreeTangent
+
+BODY = body_with_cameras()
+TANGENT = TreeTangent(BODY, SLIDES_M)
+CAMERAS = list(BODY.mounts)  # chest and back on the trunk, arm and wrist alone on their segments
+SIGMA = 0.05  # [rad], [m] of the prediction
+
+
+def predicted() -> Estimate:
+    poses = true_poses(BODY, 7)
+    at = Coordinates(poses[0], BODY.joint_poses(poses), np.zeros(TANGENT.count))
+    return Estimate(at, SIGMA**2 * np.eye(2 * TANGENT.count))
+
+
+def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses:
+    """Registrations with noise, some of them off by a twist (6)."""
+    rng, poses = np.random.default_rng(3), true_poses(body, 7)
+    evidence = []
+    for camera in CAMERAS:
+        noise = np.sqrt(np.diag(COVARIANCE)) * rng.standard_normal(6)
+        segment = body.mounts[camera].segment
+        pose = poses[body.segment_index[segment]] @ exp_se3(noise + off.get(camera, np.zeros(6)))
+        evidence.append(SegmentPose(segment, pose, COVARIANCE))
+    return SegmentPoses.from_evidence(body, evidence)
+
+
+def weights(off: dict[str, np.ndarray], unobserved: np.ndarray | None = None) -> dict[str, float]:
+    nothing = np.zeros(TANGENT.count, bool)
+    gated = gate_cameras(predicted(), measured(off), TANGENT, nothing if unobserved is None else unobserved)
+    return dict(zip(CAMERAS, gated.weights.tolist(), strict=True))
+
+
+def turned(rad: float) -> np.ndarray:
+    return np.array([0.0, rad, 0.0, 0.0, 0.0, 0.0])
+
+
+def shifted(metres: float) -> np.ndarray:
+    return np.array([0.0, 0.0, 0.0, 0.0, 0.0, metres])
+
+
+def test_cameras_that_agree_count_whole() -> None:
+    assert set(weights({}).values()) == {1.0}
+
+
+def test_a_small_slip_of_a_strap_is_borne() -> None:
+    assert set(weights({"back": shifted(0.02) + turned(0.06)}).values()) == {1.0}
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("off", [shifted(0.6), turned(1.2)], ids=["shifted", "turned"])
+def test_one_that_is_far_off_loses_its_weight_and_no_other_does(camera: str, off: np.ndarray) -> None:
+    found = weights({camera: off})
+    assert found.pop(camera) < 0.01
+    assert set(found.values()) == {1.0}
+
+
+def test_a_camera_is_weighed_less_before_it_is_rejected() -> None:
+    lessened, rejected = weights({"wrist": shifted(0.25)})["wrist"], weights({"wrist": shifted(5.0)})["wrist"]
+    assert 0.0 < lessened < 0.01 and rejected == 0.0
+
+
+def test_two_on_one_segment_are_told_apart_by_the_others() -> None:
+    """The trunk's two cameras differ; arm and prediction say which of them is off."""
+    assert weights({"back": shifted(0.5)})["chest"] == 1.0
+    assert weights({"chest": shifted(0.5)})["back"] == 1.0
+
+
+def test_a_limb_that_nothing_measured_may_be_elsewhere() -> None:
+    """A camera that sees again after a while is no contradiction to a prediction of nothing."""
+    forearm = np.zeros(TANGENT.count, bool)
+    forearm[TANGENT.columns[BODY.joint_row["elbow"]]] = True
+    axis = BODY.tree_joints[BODY.joint_row["elbow"]].axis
+    off = {"wrist": np.append(1.0 * axis, np.zeros(3))}
+    assert weights(off)["wrist"] < 0.01
+    assert weights(off, forearm)["wrist"] == 1.0
+
+
+def test_coordinates_are_those_without_the_rejected_camera() -> None:
+    off = {"wrist": shifted(5.0)}
+    nothing = np.zeros(TANGENT.count, bool)
+    gated = gate_cameras(predicted(), measured(off), TANGENT, nothing)
+    all_cameras = measured(off)
+    kept = SegmentPoses(all_cameras.rows[:3], all_cameras.world_T_segment[:3], all_cameras.covariances[:3])
+    alone = gate_cameras(predicted(), kept, TANGENT, nothing)
+    assert gated.weights[3] == 0.0
+    # Both are linearised where their iterations ended.
+    assert np.abs(gated.at.step_to(TANGENT, alone.at)).max() < 2e-3
