@@ -20,6 +20,7 @@ _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, n
 _LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
 _LEAST_IMAGES = 20  # registered images without a sample at their time, after which a clock is off
 _LATE_NS, _LATE_SHARE = 12_000_000, 0.1  # of samples behind an image, and of such images, which are named
+_OTHER_DELAY_S = 0.008  # between its delay and that of the calibration, from which on a sensor is named
 _LEVER_M = 0.015  # most that a sensor's place in its camera is off
 
 
@@ -98,19 +99,20 @@ class InertialSensors:
                 self.biases[name].observe(stamp_ns, pose[:3, :3], sums)
                 if name in self._accelerometers:
                     place = pose[:3, :3] @ self._calibrations[name].camera_p_imu + pose[:3, 3]
-                    self._accelerometers[name].observe(stamp_ns, pose[:3, :3], place, sums)
+                    delayed_ns = stamp_ns + round(1e9 * self.biases[name].delay)
+                    self._accelerometers[name].observe(delayed_ns, pose[:3, :3], place, sums)
 
     def factors(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn | InertialStep]:
         """Motion between two stamps [ns]: rotations of segments (S,) that need one, and all of the root's."""
         factors: list[SegmentTurn | InertialStep] = []
         has_step = False
-        for name, sums in self._sums.items():
+        for name in self._sums:
             is_needed = bool(needed[self._rows[name]])
             # Where cameras observe the root, one of its sensors is enough to know its velocity.
             takes_step = (is_needed or not has_step) and self._carries(name)
             if self.biases[name].is_wrong or not (is_needed or takes_step):
                 continue
-            moved = sums.between(self._own_ns(name, start_ns), self._own_ns(name, end_ns))
+            moved = self._moved(name, start_ns, end_ns)
             if moved is None:
                 continue
             if is_needed:
@@ -123,10 +125,13 @@ class InertialSensors:
     def carry(self, start_ns: int, end_ns: int) -> bool:
         """Whether sensors on the root cover all between two stamps [ns]."""
         return any(
-            self._sums[name].between(self._own_ns(name, start_ns), self._own_ns(name, end_ns)) is not None
-            for name in self._accelerometers
-            if self._carries(name)
+            self._carries(name) and self._moved(name, start_ns, end_ns) is not None for name in self._accelerometers
         )
+
+    def _moved(self, name: str, start_ns: int, end_ns: int) -> Preintegrated | None:
+        """Motion of a sensor between two stamps [ns]."""
+        ends = self._own_ns(name, start_ns), self._own_ns(name, end_ns)
+        return self.biases[name].moved(*ends, self._sums[name])
 
     def _carries(self, camera: str) -> bool:
         """Whether a camera's sensor can carry the body by itself."""
@@ -148,6 +153,11 @@ class InertialSensors:
                 faults[name] = (
                     f"contradicts the images by its accelerometer ({accelerometer.contradicting} times), which is left "
                     "out; are its axes and its unit (m/s^2) those of the range of motion?"
+                )
+            elif abs(filtered.delay) > _OTHER_DELAY_S:
+                faults[name] = (
+                    f"has stamps {1e3 * filtered.delay:+.0f} ms from those of the range of motion, which is corrected; "
+                    "did its driver change?"
                 )
             elif not checked and images >= _LEAST_IMAGES and len(self._sums[name]):
                 faults[name] = (

@@ -1,4 +1,4 @@
-"""Follows the gyroscope's bias of a sensor by its camera's registrations: an attitude filter (Lefferts et al. 1982)."""
+"""Follows bias and delay of a sensor by its camera's registrations: an attitude filter (Lefferts et al. 1982)."""
 
 from collections import deque
 
@@ -10,6 +10,8 @@ from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
 
 WANDER = 3e-4  # [rad/s/sqrt(s)] of a consumer gyroscope's bias
 TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibration
+_DELAY_TURN_ON = 3e-3  # [s] by which the delay to the images may differ: another with each power cycle of some cameras
+_SIGNIFICANT = 2.0  # sigmas of a delay; else that of the calibration is known better
 _IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring images are alike
 _SCALE = 0.005  # of a gyroscope's scale and axes, as a share of the turn
 _IDENTITY = np.eye(3)
@@ -44,26 +46,32 @@ class SensorFilter:
 
 
 class BiasFilter(SensorFilter):
-    """Bias of one gyroscope, beside that of its calibration, in the axes of its motion sums.
+    """Bias and delay of one gyroscope, beside those of its calibration, in the axes of its motion sums.
 
     Args:
         sigma: of the bias at first [rad/s].
 
     Attributes:
         bias: (3,) [rad/s].
+        delay: of its samples to the images [s]; 0 unless it is significant.
     """
 
     def __init__(self, sigma: float) -> None:
         super().__init__()
-        self.bias = np.zeros(3)
-        self._P = np.diag(np.repeat([_IMAGE_RAD**2, sigma**2 + TURN_ON**2], 3))
+        self.bias, self.delay, self._delay = np.zeros(3), 0.0, 0.0
+        # Of rotation, bias and delay.
+        self._P = np.diag(np.repeat([_IMAGE_RAD**2, sigma**2 + TURN_ON**2, _DELAY_TURN_ON**2], [3, 3, 1]))
         self._R: Array | None = None
         self._stamp_ns = 0
 
     @property
     def sigma(self) -> float:
         """Of the bias [rad/s]."""
-        return float(np.sqrt(np.trace(self._P[3:, 3:]) / 3.0))
+        return float(np.sqrt(np.trace(self._P[3:6, 3:6]) / 3.0))
+
+    def moved(self, start_ns: int, end_ns: int, sums: MotionSums) -> Preintegrated | None:
+        """Motion between two stamps of the camera [ns]; None unless samples cover all of it."""
+        return _delayed(start_ns, end_ns, self.delay, sums)
 
     def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""
@@ -72,9 +80,9 @@ class BiasFilter(SensorFilter):
             return
         # Where time goes back, as of a bag that is played again, the bias is kept.
         is_near = self._R is not None and 0.0 < seconds < _LONGEST_S
-        moved = sums.between(self._stamp_ns, stamp_ns) if is_near else None
+        moved = _delayed(self._stamp_ns, stamp_ns, self._delay, sums) if is_near else None
         if moved is None:
-            self._P[3:, 3:] += min(abs(seconds), 60.0) * WANDER**2 * _IDENTITY if self._R is not None else 0.0
+            self._P[3:6, 3:6] += min(abs(seconds), 60.0) * WANDER**2 * _IDENTITY if self._R is not None else 0.0
             self._P[:3, 3:], self._P[3:, :3] = 0.0, 0.0
             self._P[:3, :3] = _IMAGE
         else:
@@ -85,10 +93,11 @@ class BiasFilter(SensorFilter):
 
     def _update(self, moved: Preintegrated, R: Array) -> None:
         assert self._R is not None  # by the caller
-        F = np.eye(6)
-        F[:3, :3], F[:3, 3:] = moved.rotation.T, -moved.rotation_by_bias
+        F = np.eye(7)
+        F[:3, :3], F[:3, 3:6] = moved.rotation.T, -moved.rotation_by_bias
+        F[:3, 6] = moved.second_rate - moved.rotation.T @ moved.first_rate
         P = F @ self._P @ F.T
-        P[3:, 3:] += moved.seconds * WANDER**2 * _IDENTITY
+        P[3:6, 3:6] += moved.seconds * WANDER**2 * _IDENTITY
         predicted = self._R @ turned(moved, self.bias)
         r, turn = log_so3(np.stack([predicted.T @ R, moved.rotation]))
         S = P[:3, :3] + _IMAGE + _SCALE**2 * (turn @ turn) * _IDENTITY
@@ -100,7 +109,13 @@ class BiasFilter(SensorFilter):
             return
         gain = P[:, :3] @ information
         step = gain @ r
-        self._R, self.bias, self._P = predicted @ exp_so3(step[:3]), self.bias + step[3:], P - gain @ P[:3]
+        self._R, self._P = predicted @ exp_so3(step[:3]), P - gain @ P[:3]
+        self.bias, self._delay = self.bias + step[3:6], self._delay + float(step[6])
+        self.delay = self._delay if abs(self._delay) > _SIGNIFICANT * np.sqrt(self._P[6, 6]) else 0.0
+
+
+def _delayed(start_ns: int, end_ns: int, delay: float, sums: MotionSums) -> Preintegrated | None:
+    return sums.between(start_ns + round(1e9 * delay), end_ns + round(1e9 * delay))
 
 
 def turned(moved: Preintegrated, bias: Array) -> Array:

@@ -46,7 +46,7 @@ class CameraTurn:
         None where samples do not cover all of it, or registered images have not confirmed the sensor.
         """
         self._integrate(end_ns)
-        moved = self._sums.between(start_ns, end_ns) if self.is_confirmed else None
+        moved = self._bias.moved(start_ns, end_ns, self._sums) if self.is_confirmed else None
         return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
 
     def angular_velocity(self, stamp_ns: int) -> Array | None:

@@ -97,16 +97,21 @@ def test_a_sensor_that_differs_from_the_images_is_left_out(
     assert "camera cam" in caplog.text and "left out" in caplog.text
 
 
-def test_a_bias_that_changed_since_is_followed(recorded: tuple[np.ndarray, Array, ImuSamples]) -> None:
+@pytest.mark.parametrize("delay_s", [0.0, 0.006])
+def test_bias_and_delay_that_changed_since_are_followed(
+    recorded: tuple[np.ndarray, Array, ImuSamples], delay_s: float
+) -> None:
     stamps_ns, poses, samples = recorded
     moved = np.array([0.004, -0.003, 0.002])
     sums, followed = MotionSums(), BiasFilter(3e-4)
-    changed = replace(TRUE, gyro_bias=TRUE.gyro_bias - moved * TRUE.gyro_scale)
+    bias, offset = TRUE.gyro_bias - moved * TRUE.gyro_scale, TRUE.time_offset - delay_s
+    changed = replace(TRUE, gyro_bias=bias, time_offset=offset)
     sums.add(changed.correct(samples))
     for stamp_ns, pose in zip(stamps_ns, poses, strict=True):
         followed.observe(int(stamp_ns), pose[:3, :3], sums)
     assert np.linalg.norm(followed.bias - TRUE.camera_R_imu @ moved) < 4.0 * followed.sigma < np.radians(0.15)
     assert followed.contradicting == 0 < followed.agreeing
+    assert followed.delay == (0.0 if delay_s == 0.0 else pytest.approx(delay_s, abs=1e-3))
 
 
 @pytest.mark.parametrize("wrong", ["degrees", "exchanged", "frozen", "late"])
