@@ -13,7 +13,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
+from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import LimbSearch, chains_of, colours_from, with_usual_limits
 from bodycam_ros.static_cameras.region_settings import LINES_ALIKE, RegionSettings
@@ -41,6 +41,7 @@ _ROUNDS = 4  # of lines and steps for an image; the first are coarse
 _COARSE_STRIDE = 4  # [px] of a sample in the first round, half as many in the next: a line then reaches 24 px
 _MIN_LINES = 4  # that measure something; a segment with fewer is unobserved by a camera
 _START_ROUNDS = 6  # of updating colours and fitting in the first image
+_TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their joints about the placed ones
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
@@ -117,8 +118,51 @@ class RegionTracker:
             for view in self.views.values():
                 view.replace_colours(0.0)
         self._support.unconfirmed = self._excluded = missing
-        poses = self._fit_start(images, poses, ~missing)
+        placed, poses = poses, self._fit_start(images, poses, ~missing)
+        if len(images) >= _MIN_VIEWS and (arms := self._weak_arms(images, poses, ~missing)):
+            poses = self._fit_start(images, self._best_arms(images, placed, ~missing, arms), ~missing)
         self.update_colours(images, poses)
+        return poses
+
+    def _weak_arms(self, images: Images, poses: Array, known: Mask) -> list[list[int]]:
+        """Rows of the joints of arms whose forearm the images hardly support in the poses (S, 4, 4)."""
+        joints, support = self.body.tree_joints, self.support(images, poses)
+        forearms = {f"forearm{side}" for side in ("_left", "_right")}
+        return [
+            chain
+            for chain in chains_of(self.body, known)
+            for row in chain
+            if joints[row].child in forearms and support[self.body.segment_index[joints[row].child]] < CONFIRMED
+        ]
+
+    def _best_arms(self, images: Images, placed: Array, known: Mask, arms: list[list[int]]) -> Array:
+        """Poses (S, 4, 4) near those of a body that was placed by hand, with arms where the images explain them best.
+
+        An elbow that is some centimetres off takes colours beside the arm for its own, and fits them: an arm that is
+        swung up is lost then. So arms are tried at poses about the placed ones, each try with colours of its own.
+        """
+        children = [self.body.named(self.body.tree_joints[row].child for row in arm) for arm in arms]
+        root, beside = self.body.segment_index[self.body.root], self.body.named(self.body.equipment_segments)
+        first = self.body.joint_poses(placed)
+        best, most, start = first.copy(), np.full(len(arms), -np.inf), placed
+        for _ in range(_TRIES):
+            for view in self.views.values():
+                view.replace_colours(0.0)
+            poses = self._fit_start(images, start, known)
+            self.update_colours(images, poses, 1.0, known)
+            explained, _ = self._explain_pixels(images, poses)
+            fitted, tried = self.body.joint_poses(poses), first.copy()
+            for each, (arm, segments) in enumerate(zip(arms, children, strict=True)):
+                if (pixels := explained[segments].sum()) > most[each]:
+                    best[arm], most[each] = fitted[arm], pixels
+                turns = exp_so3(_TRIED_RAD * self._random.normal(size=(len(arm), 3)))
+                tried[arm, :3, :3] = tried[arm, :3, :3] @ turns
+            start = self.body.forward_kinematics(placed[root], tried)
+            start[beside] = placed[beside]
+        for view in self.views.values():
+            view.replace_colours(0.0)
+        poses = self.body.forward_kinematics(placed[root], best)
+        poses[beside] = placed[beside]
         return poses
 
     def _fit_start(self, images: Images, placed: Array, known: Mask) -> Array:
@@ -159,8 +203,7 @@ class RegionTracker:
         found, unknown, excluded = poses, missing.copy(), self._excluded
 
         def energy(tried: Array) -> float:
-            views = [(self.views[name], image) for name, image in images.items()]
-            return float(sum(view.explain_pixels(image, view.find_contour(tried))[0].sum() for view, image in views))
+            return float(self._explain_pixels(images, tried)[0].sum())
 
         def refine(tried: Array) -> Array:
             return self._fit(images, tried, _near(tried), known).poses
@@ -178,6 +221,12 @@ class RegionTracker:
         still = self._support.with_descendants(missing & ~(support >= CONFIRMED), missing)
         self._excluded = excluded
         return self._step.close_joints(np.where(still[:, None, None], poses, fit.poses)), still
+
+    def _explain_pixels(self, images: Images, poses: Array) -> Array:
+        """(2, S) pixels of all images that segments at poses (S, 4, 4) explain, and all of theirs."""
+        views = [(self.views[name], image) for name, image in images.items()]
+        explained: Array = np.sum([view.explain_pixels(im, view.find_contour(poses)) for view, im in views], axis=0)
+        return explained
 
     def support(self, images: Images, poses: Array) -> Array:
         """Support (S,) of the segments of a body at poses (S, 4, 4) in images; NaN of hidden ones.

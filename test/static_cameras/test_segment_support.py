@@ -1,0 +1,34 @@
+"""Which segments count as lost, by their support in images."""
+
+import numpy as np
+import pytest
+
+from bodycam_ros.static_cameras.person_model import body_of_height
+from bodycam_ros.static_cameras.segment_support import SegmentSupport
+
+BODY = body_of_height(1.75, "anyone")
+
+
+def _lost(**support: float) -> set[str]:
+    judged = SegmentSupport(BODY)
+    judged.update(np.array([support.get(segment, 0.8) for segment in BODY.segments]))
+    return {segment for segment, is_lost in zip(BODY.segments, judged.false, strict=True) if is_lost}
+
+
+def test_hand_before_its_own_colours_is_where_its_forearm_ends() -> None:
+    assert _lost(hand_right=0.25) == set()
+
+
+def test_forearm_and_hand_with_little_support_each_are_lost() -> None:
+    assert _lost(forearm_right=0.47, hand_right=0.48) == {"forearm_right", "hand_right"}
+
+
+@pytest.mark.parametrize("hidden", ["hand_right", "forearm_right"])
+def test_hidden_segment_leaves_the_judgement_to_the_other(hidden: str) -> None:
+    other = {"hand_right": "forearm_right", "forearm_right": "hand_right"}[hidden]
+    assert _lost(**{hidden: np.nan, other: 0.4}) == {"forearm_right", "hand_right"}
+    assert _lost(**{hidden: np.nan, other: 0.6}) == set()
+
+
+def test_upper_arm_that_is_lost_takes_its_arm_along() -> None:
+    assert _lost(upper_arm_left=0.3) == {"upper_arm_left", "forearm_left", "hand_left"}
