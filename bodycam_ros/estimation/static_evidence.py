@@ -186,6 +186,10 @@ class StaticEvidence:
             added[by_static] = self._measured.surface_variances[by_static]
         added[self._listed(self._measured.unsupported)] = _UNSUPPORTED**2
         segments = uncertainty.segments + added[:, :, None] * np.eye(6)
-        joints = uncertainty.joints + added[self._ends[:, 1], :3, None] * np.eye(3)
+        parents, children = self._ends.T
+        world_R_segment = self._measured.world_T_segment[:, :3, :3]
+        child_R_parent = np.swapaxes(world_R_segment[children], 1, 2) @ world_R_segment[parents]
+        joints = uncertainty.joints + added[children, :3, None] * np.eye(3)
+        joints += child_R_parent * added[parents, None, :3] @ np.swapaxes(child_R_parent, 1, 2)
         root = segments[self._body.segment_index[self._body.root]]
         return replace(uncertainty, root=root, joints=joints, segments=segments)
