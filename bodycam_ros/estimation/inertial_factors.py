@@ -99,8 +99,8 @@ class InertialSensors:
                 self.biases[name].observe(stamp_ns, pose[:3, :3], sums)
                 if name in self._accelerometers:
                     place = pose[:3, :3] @ self._calibrations[name].camera_p_imu + pose[:3, 3]
-                    delayed_ns = stamp_ns + round(1e9 * self.biases[name].delay)
-                    self._accelerometers[name].observe(delayed_ns, pose[:3, :3], place, sums)
+                    stamp_ns += round(1e9 * self.biases[name].delay)
+                    self._accelerometers[name].observe(stamp_ns, pose[:3, :3], place, sums)
 
     def factors(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn | InertialStep]:
         """Motion between two stamps [ns]: rotations of segments (S,) that need one, and all of the root's."""
