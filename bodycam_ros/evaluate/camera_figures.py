@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import distance_in_time, spread
+from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import MIN_SAMPLES, sensor_quality
@@ -198,7 +199,9 @@ def station_figures(record: StationRecord) -> dict[str, Any]:
     }
 
 
-def sensor_figures(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -> dict[str, dict[str, float]]:
+def sensor_figures(
+    sensors: Mapping[str, ImuSamples], residuals: Mapping[str, GyroscopeResiduals]
+) -> dict[str, dict[str, float]]:
     """Camera -> figures of its inertial sensor: noise and bias at rest, and the gyroscope against the solved camera.
 
     ``bias_change_deg_s`` is the median of the gyroscope, corrected by the body's calibration, less the solved angular
@@ -208,26 +211,36 @@ def sensor_figures(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -
     for camera, samples in sensors.items():
         if len(samples) < MIN_SAMPLES:
             continue
-        quality, residuals = sensor_quality(samples), _gyroscope_residuals(solved, camera, samples)
-        change = np.median(residuals, axis=0) if len(residuals) else np.full(3, np.nan)
+        quality, rad_s = sensor_quality(samples), np.full((1, 3), np.nan)
+        if camera in residuals:
+            rad_s = residuals[camera].rad_s
+        change = np.median(rad_s, axis=0)
         figures[camera] = {
             "rate_hz": quality.rate_hz,
             "gyro_noise_deg_s": degrees * quality.gyro_noise,
             "accelerometer_noise_micro_g": 1e6 * quality.accelerometer_noise / GRAVITY,
             "rest_bias_deg_s": degrees * quality.bias,
             "bias_change_deg_s": degrees * float(np.linalg.norm(change)),
-            "residual_deg_s": spread(np.linalg.norm(residuals - change, axis=1), degrees)["median"],
+            "residual_deg_s": spread(np.linalg.norm(rad_s - change, axis=1), degrees)["median"],
         }
     return figures
 
 
-def _gyroscope_residuals(solved: SolvedRecording, camera: str, samples: ImuSamples) -> Array:
-    """(N, 3) gyroscope less solved angular velocity in the camera's axes [rad/s], means from state to state."""
-    mount = solved.body.mounts.get(camera)
-    poses = {record.camera: (record, world_T_camera) for record, world_T_camera in solved.solved_cameras()}
-    if mount is None or mount.imu is None or camera not in poses:
-        return np.zeros((0, 3))
-    (record, world_T_camera), corrected = poses[camera], mount.imu.correct(samples)
+def gyroscope_residuals(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -> dict[str, GyroscopeResiduals]:
+    """Camera -> its gyroscope less its solved angular velocity, of cameras whose sensor the body file calibrates."""
+    found = {}
+    for record, world_T_camera in solved.solved_cameras():
+        imu = solved.body.mounts[record.camera].imu
+        if imu is not None and record.camera in sensors:
+            each = _residuals(solved, record, world_T_camera, imu.correct(sensors[record.camera]))
+            if len(each.seconds):
+                found[record.camera] = each
+    return found
+
+
+def _residuals(
+    solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, corrected: ImuSamples
+) -> GyroscopeResiduals:
     R, seconds = world_T_camera[:, :3, :3], solved.seconds(solved.stamps_ns)
     sensor_s, w = solved.seconds(record.time_of(corrected.stamps_ns)), corrected.angular_velocity
     steps = np.diff(sensor_s)[:, None] * (w[1:] + w[:-1]) / 2.0
@@ -236,4 +249,4 @@ def _gyroscope_residuals(solved: SolvedRecording, camera: str, samples: ImuSampl
     solved_turn = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:])
     residuals = (np.diff(turned, axis=0) - solved_turn) / np.diff(seconds)[:, None]
     usable = np.isfinite(residuals).all(axis=1) & (np.diff(solved.stamps_ns) <= solved.longest_step_ns)
-    return np.asarray(residuals[usable])
+    return GyroscopeResiduals(seconds[1:][usable], residuals[usable])

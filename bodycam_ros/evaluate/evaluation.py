@@ -20,6 +20,7 @@ from bodycam_ros.evaluate.agreement import (
 from bodycam_ros.evaluate.comparison import Comparison, compare, spread
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.gait import solved_gait
+from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.formats.read_captured import is_captured, read_captured
@@ -49,6 +50,7 @@ class Evaluation:
         jitter: (T, S) [m].
         comparison: with the truth, if that was given.
         agreement: with what another system captured, if that was given.
+        gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
     """
 
     solved: SolvedRecording
@@ -59,6 +61,7 @@ class Evaluation:
     jitter: Array
     comparison: Comparison | None
     agreement: Agreement | None
+    gyroscopes: Mapping[str, GyroscopeResiduals]
 
     @property
     def truth_name(self) -> str:
@@ -120,8 +123,10 @@ def evaluate(
         "cameras": camera_figures.camera_figures(solved, models),
     }
     bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
+    sensors = read_imus(bags, figures["cameras"])
+    gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
     more = {
-        "sensors": camera_figures.sensor_figures(solved, read_imus(bags, figures["cameras"])),
+        "sensors": camera_figures.sensor_figures(sensors, gyroscopes),
         "stations": {record.station: camera_figures.station_figures(record) for record in solved.stations},
         "equipment": solved.equipment and equipment_figures(solved.equipment, solved.start_ns),
         "truth": comparison and comparison.figures(),
@@ -130,7 +135,7 @@ def evaluate(
         "gait": solved_gait(solved, comparison),
     }
     figures = _without_nan(figures | {name: value for name, value in more.items() if value})
-    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement)
+    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, gyroscopes)
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

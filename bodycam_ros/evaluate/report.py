@@ -10,6 +10,7 @@ from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
 from bodycam_ros.evaluate.report_sections import report_sections
+from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
@@ -18,6 +19,7 @@ FIGURES, PAGE, _OUTSIDE = "summary.json", "report.html", "outside.png"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
+    "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     _OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
@@ -89,6 +91,8 @@ def write_report(
         draw_summary(evaluation, unfinished / "summary.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
+        if evaluation.gyroscopes:
+            draw_sensors(evaluation.gyroscopes, unfinished / "sensors.png")
         if overlay:
             draw_overlays(overlay, unfinished / "overlay.png")
         if draw_outside is not None:
