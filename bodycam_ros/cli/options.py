@@ -111,7 +111,11 @@ def add_equipment(parser: argparse.ArgumentParser) -> None:
 def add_lenses(parser: argparse.ArgumentParser) -> None:
     """Add --lenses."""
     parser.add_argument(
-        "--lenses", type=Path, metavar="DIR", help="folder with each camera's lens YAML (default: beside its video)"
+        "--lenses",
+        type=Path,
+        metavar="DIR_OR_FILE",
+        help="folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which has "
+        "their lenses: of bodycam stations, a TOML, .qca.txt",
     )
 
 

@@ -11,6 +11,8 @@ from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
+from bodycam_ros.shown import shown
+from bodycam_ros.static_cameras.stations_file import read_stations
 
 _TOPIC_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -85,14 +87,24 @@ def open_video(files: CameraFiles) -> CameraVideo:
     return CameraVideo.of_files(files.camera, files.paths)
 
 
-def read_lens(files: CameraFiles, lens_folder: Path | None) -> tuple[CameraModel, float | None]:
-    """A camera's lens and read-out time [s], None where that is not given.
+def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, float | None, Path]:
+    """A camera's lens, its read-out time [s], None where that is not given, and the file that has them.
+
+    Args:
+        files: of the camera.
+        lenses: folder with lens YAMLs, or a file of static cameras, ours or another program's; None: beside the files.
 
     Raises:
-        LensError: there is no lens YAML, or it cannot be used.
+        LensError: there is no lens of that camera, or it cannot be used.
+        StationError: the file of static cameras cannot be used.
     """
-    path = files.lens_path(lens_folder)
-    return camera_from_yaml(path, files.camera), readout_time_from_yaml(path)
+    if lenses is None or not lenses.is_file():
+        path = files.lens_path(lenses)
+        return camera_from_yaml(path, files.camera), readout_time_from_yaml(path), path
+    stations = read_stations(lenses)
+    if files.camera not in stations:
+        raise LensError(f"{lenses}: has no camera {files.camera}; it has {', '.join(map(shown, stations))}")
+    return stations[files.camera].camera, None, lenses
 
 
 def _check_name(files: CameraFiles) -> None:
@@ -110,12 +122,12 @@ def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, s
         video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
     else:
         video = open_video(files)
-    lens, readout_s = read_lens(files, lens_folder)
+    lens, readout_s, lens_path = read_lens(files, lens_folder)
     facts = video.facts
     if (lens.width, lens.height) != (facts.width, facts.height):
         turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""
         raise LensError(
-            f"{files.lens_path(lens_folder)}: is for {lens.width} x {lens.height} pixels, but {video.path} has "
+            f"{lens_path}: is for {lens.width} x {lens.height} pixels, but {video.path} has "
             f"{facts.width} x {facts.height}{turned}; calibrate the camera in the mode that it recorded in"
         )
     if isinstance(video, CameraVideo) and (reason := video.stabilisation()):

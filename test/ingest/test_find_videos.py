@@ -1,9 +1,14 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
+from bodycam_ros.ingest.ingest_camera import read_lens
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.stations_file import write_stations
 
 
 def touch(folder: Path, *names: str) -> list[Path]:
@@ -77,6 +82,20 @@ def test_what_is_not_there_is_named(tmp_path: Path) -> None:
         find_videos([tmp_path / "odd.mp4"])
     with pytest.raises(RecordingError, match="has no video"):
         find_videos([tmp_path])
+
+
+@pytest.mark.parametrize("form", ["yaml", "toml"])
+def test_a_file_of_static_cameras_has_their_lenses(tmp_path: Path, form: str) -> None:
+    k = [1681.0, 0, 533, 0, 1682.0, 948, 0, 0, 1]
+    lens = camera_from_info("cam01", 1088, 1920, "plumb_bob", [0.1, 0.0, 0.0, 0.0, 0.0], k)
+    calibration = tmp_path / f"cameras.{form}"
+    write_stations(calibration, [Station("cam01", np.eye(4), lens)], form)
+    (video,) = touch(tmp_path, "cam01.mp4")
+    read, readout_s, path = read_lens(CameraFiles("cam01", (video,)), calibration)
+    assert (read.width, read.height, path, readout_s) == (1088, 1920, calibration, None)
+    np.testing.assert_allclose(read.k, k, atol=1e-6)
+    with pytest.raises(LensError, match="has no camera cam02; it has 'cam01'"):
+        read_lens(CameraFiles("cam02", (video,)), calibration)
 
 
 def test_where_the_lens_is(tmp_path: Path) -> None:
