@@ -13,7 +13,7 @@ from bodycam_ros.evaluate.comparison import distance_in_time, spread
 from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.quality.sensor_checks import MIN_SAMPLES, sensor_quality
+from bodycam_ros.quality.sensor_checks import sensor_quality
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import interpolated
@@ -209,8 +209,6 @@ def sensor_figures(
     """
     figures, degrees = {}, np.degrees(1.0)
     for camera, samples in sensors.items():
-        if len(samples) < MIN_SAMPLES:
-            continue
         quality, rad_s = sensor_quality(samples), np.full((1, 3), np.nan)
         if camera in residuals:
             rad_s = residuals[camera].rad_s

@@ -28,6 +28,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.sensor_checks import MIN_SAMPLES
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
@@ -123,7 +124,7 @@ def evaluate(
         "cameras": camera_figures.camera_figures(solved, models),
     }
     bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
-    sensors = read_imus(bags, figures["cameras"])
+    sensors = {name: s for name, s in read_imus(bags, figures["cameras"]).items() if len(s) >= MIN_SAMPLES}
     gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
     more = {
         "sensors": camera_figures.sensor_figures(sensors, gyroscopes),

@@ -5,14 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import Walk
+from known_walk import START_NS, Walk, write_solved
 from matplotlib.image import imread
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.evaluate.camera_figures import gyroscope_residuals, sensor_figures
+from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
+from bodycam_ros.messages.imu import IMU_TOPIC, imu_message
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 OFF = {"waist": np.zeros(3), "shin": np.array([0.0, 0.2, 0.0])}  # [rad/s]
@@ -21,8 +26,12 @@ OFF = {"waist": np.zeros(3), "shin": np.array([0.0, 0.2, 0.0])}  # [rad/s]
 @pytest.fixture(scope="module")
 def calibrated(solved: Path) -> SolvedRecording:
     recording = read_solved(solved)
-    mounts = {name: replace(mount, imu=ImuCalibration()) for name, mount in recording.body.mounts.items()}
-    return replace(recording, body=replace(recording.body, mounts=mounts))
+    return replace(recording, body=with_sensors(recording.body))
+
+
+def with_sensors(body: BodyModel) -> BodyModel:
+    mounts = {name: replace(mount, imu=ImuCalibration()) for name, mount in body.mounts.items()}
+    return replace(body, mounts=mounts)
 
 
 def samples_of(walk: Walk, camera: str) -> ImuSamples:
@@ -56,3 +65,16 @@ def test_sensors_without_a_calibration_have_no_residual(solved: Path, walk: Walk
     recording = read_solved(solved)
     assert gyroscope_residuals(recording, sensors) == {}
     assert np.isnan(sensor_figures(sensors, {})["waist"]["residual_deg_s"])
+
+
+@pytest.mark.parametrize("count", [1, 99, 200])
+def test_a_sensor_with_few_samples_is_left_out(walk: Walk, tmp_path: Path, count: int) -> None:
+    solved = write_solved(replace(walk, body=with_sensors(walk.body)), tmp_path / "out")
+    samples, make = samples_of(walk, "waist"), recorded_messages()
+    with write_recording(tmp_path / "imu") as writer:
+        for row in range(count):
+            stamp_ns = START_NS + 5_000_000 * row
+            sample = samples.angular_velocity[row], samples.acceleration[row]
+            writer.write(f"/waist{IMU_TOPIC}", stamp_ns, imu_message(make, "waist", stamp_ns, *sample))
+    evaluation = evaluate(solved, imu_paths=[tmp_path / "imu"])
+    assert ("sensors" in evaluation.figures) == (set(evaluation.gyroscopes) == {"waist"}) == (count >= 100)
