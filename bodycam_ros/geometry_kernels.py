@@ -87,6 +87,19 @@ def exp_se3(xi: Array) -> Array:
     return T
 
 
+@kernel()
+def orthonormal(M: Array) -> Array:
+    """Rotation (3, 3) nearest to a matrix that is one but for rounding: a step of Newton's iteration."""
+    R = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = 1.5 * M[i, j]
+            for k in range(3):
+                for m in range(3):
+                    R[i, j] -= 0.5 * M[i, m] * M[k, m] * M[k, j]
+    return R
+
+
 @kernel("(f8[:, :, ::1],)")
 def quaternion_rows(R: Array) -> Array:
     """Unit quaternions (N, 4), x y z w with w >= 0, of rotations (N, 3, 3)."""

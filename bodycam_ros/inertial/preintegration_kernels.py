@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry_kernels import exp_se3
+from bodycam_ros.geometry_kernels import exp_se3, orthonormal
 from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
@@ -60,22 +60,15 @@ def _advance(h: float, before: Array, after: Array) -> None:
     xi = np.zeros(6)
     for i in range(3):
         xi[i] = 0.5 * h * (before[_READING + i] + after[_READING + i])
-    turn, M, excess = exp_se3(xi), np.zeros((3, 3)), np.zeros((3, 3))
+    turn, M = exp_se3(xi), np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
             for k in range(3):
                 M[i, j] += before[3 * i + k] * turn[k, j]
-    # Made a rotation again, by a step of Newton's iteration.
+    R = orthonormal(M)
     for i in range(3):
         for j in range(3):
-            excess[i, j] = -1.0 if i == j else 0.0
-            for k in range(3):
-                excess[i, j] += M[k, i] * M[k, j]
-    for i in range(3):
-        for j in range(3):
-            after[3 * i + j] = M[i, j]
-            for k in range(3):
-                after[3 * i + j] -= 0.5 * M[i, k] * excess[k, j]
+            after[3 * i + j] = R[i, j]
     for column in range(12):
         first, second = _rate(before, column), _rate(after, column)
         known = before[_ONCE + column]

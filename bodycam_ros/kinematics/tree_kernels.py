@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3
+from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3, orthonormal
 from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ def tree_poses(motion: Array, parent_T_joint: Array, joint_T_child: Array, ends:
 
 @kernel("(f8[:, :, :, ::1], f8[:, ::1], f8[:, ::1], i8[::1])")
 def moved_motion(motion: Array, step: Array, twists: Array, carriers: Whole) -> Array:
-    """Motions after increments (N, K), their rotations as orthonormal as rounding allows."""
+    """Motions after increments (N, K)."""
     moved = np.empty(motion.shape)
     xi = np.empty((motion.shape[1], 6))
     for n in range(len(motion)):
@@ -40,15 +40,7 @@ def moved_motion(motion: Array, step: Array, twists: Array, carriers: Whole) -> 
                 xi[carriers[k], i] += step[n, k] * twists[k, i]
         for j in range(len(xi)):
             moved[n, j] = compose(motion[n, j], exp_se3(xi[j]))
-            # One step of Newton's iteration to the nearest rotation.
-            R = moved[n, j, :3, :3].copy()
-            for a in range(3):
-                for b in range(3):
-                    total = 1.5 * R[a, b]
-                    for c in range(3):
-                        for d in range(3):
-                            total -= 0.5 * R[a, c] * R[d, c] * R[d, b]
-                    moved[n, j, a, b] = total
+            moved[n, j, :3, :3] = orthonormal(moved[n, j])
     return moved
 
 
