@@ -115,8 +115,7 @@ class RegionTracker:
         if missing.any():
             self._excluded = missing
             poses, missing = self._search(images, self._fit_start(images, poses, ~missing), missing, ())
-            for view in self.views.values():
-                view.replace_colours(0.0)
+            self._forget_colours()
         self._support.unconfirmed = self._excluded = missing
         placed, poses = poses, self._fit_start(images, poses, ~missing)
         if len(images) >= _MIN_VIEWS and (arms := self._weak_arms(images, poses, ~missing)):
@@ -145,9 +144,12 @@ class RegionTracker:
         root, beside = self.body.segment_index[self.body.root], self.body.named(self.body.equipment_segments)
         first = self.body.joint_poses(placed)
         best, most, start = first.copy(), np.full(len(arms), -np.inf), placed
+
+        def at(motion: Array) -> Array:
+            return np.where(beside[:, None, None], placed, self.body.forward_kinematics(placed[root], motion))
+
         for _ in range(_TRIES):
-            for view in self.views.values():
-                view.replace_colours(0.0)
+            self._forget_colours()
             poses = self._fit_start(images, start, known)
             self.update_colours(images, poses, 1.0, known)
             explained, _ = self._explain_pixels(images, poses)
@@ -157,13 +159,13 @@ class RegionTracker:
                     best[arm], most[each] = fitted[arm], pixels
                 turns = exp_so3(_TRIED_RAD * self._random.normal(size=(len(arm), 3)))
                 tried[arm, :3, :3] = tried[arm, :3, :3] @ turns
-            start = self.body.forward_kinematics(placed[root], tried)
-            start[beside] = placed[beside]
+            start = at(tried)
+        self._forget_colours()
+        return at(best)
+
+    def _forget_colours(self) -> None:
         for view in self.views.values():
             view.replace_colours(0.0)
-        poses = self.body.forward_kinematics(placed[root], best)
-        poses[beside] = placed[beside]
-        return poses
 
     def _fit_start(self, images: Images, placed: Array, known: Mask) -> Array:
         """Poses (S, 4, 4) of a body that was placed by hand, by the colours of some segments (S,)."""
