@@ -178,8 +178,9 @@ class FrameAssembler:
         first_ns = min(heads_ns)
         all_there, latest_ns = True, first_ns
         for stream in self._streams.values():
-            latest_ns = max(latest_ns, stream.latest_ns or 0)
-            if stream.queue or (stream.latest_ns or 0) > first_ns + self._within_ns(stream):
+            stream_ns = stream.latest_ns or 0
+            latest_ns = max(latest_ns, stream_ns)
+            if stream.queue or stream_ns > first_ns + self._within_ns(stream):
                 continue
             if not self._has_stopped(stream):
                 return False

@@ -64,13 +64,11 @@ def test_what_urdf_cannot_carry_is_named(tmp_path: Path, caplog: pytest.LogCaptu
     ]
 
 
-@pytest.mark.parametrize("source", ["ride.yaml", "out"])
-def test_loops_are_in_the_urdf_for_those_who_read_them(ride: Walk, tmp_path: Path, source: str) -> None:
-    write_body(ride.body, tmp_path / "ride.yaml")
-    write_solved(ride, tmp_path / "out")
+def test_loops_are_in_the_urdf_for_those_who_read_them(ride: Walk, ride_source: Path, tmp_path: Path) -> None:
     output = tmp_path / "body.urdf"
-    assert main(["export", str(tmp_path / source), "--to", "urdf", "-o", str(output)]) == 0
+    assert main(["export", str(ride_source), "--to", "urdf", "-o", str(output)]) == 0
     (loop,) = read_body(output).loop_joints
+    write_body(ride.body, tmp_path / "ride.yaml")
     given = yaml.safe_load((tmp_path / "ride.yaml").read_text())["joints"]["pedal_left"]
     assert loop.name == "pedal_left" and given["sigmas"] == list(loop.sigmas or ())
     assert set(ride.body.segments) < set(yourdfpy.URDF.load(str(output), load_meshes=False).link_map)
