@@ -16,8 +16,7 @@ _IMAGE_RAD = 1.5e-3  # sigma of a registered rotation: errors of neighbouring im
 _SCALE = 0.005  # of a gyroscope's scale and axes, as a share of the turn
 _IDENTITY = np.eye(3)
 _IMAGE = _IMAGE_RAD**2 * _IDENTITY
-_LEAST_S, _LONGEST_S = 0.5, 2.0  # between two images of an update
-_FIRST_S = 0.4  # the least until images have confirmed the sensor: trackers wait for it
+_LEAST_S, _LONGEST_S = 0.4, 2.0  # between two images of an update
 _GATE = 25.0  # squared sigmas of 3 degrees of freedom
 _RECENT, _CONTRADICTIONS = 12, 3  # updates, of which so many may not contradict the images
 
@@ -77,7 +76,7 @@ class BiasFilter(SensorFilter):
     def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""
         seconds = 1e-9 * (stamp_ns - self._stamp_ns)
-        if self._R is not None and 0.0 <= seconds < (_LEAST_S if self.is_confirmed else _FIRST_S):
+        if self._R is not None and 0.0 <= seconds < _LEAST_S:
             return
         # Where time goes back, as of a bag that is played again, the bias is kept.
         is_near = self._R is not None and 0.0 < seconds < _LONGEST_S

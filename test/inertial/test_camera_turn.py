@@ -90,7 +90,7 @@ def test_the_twist_inside_an_image_is_the_gyroscopes(orientations: Array) -> Non
         pose = np.eye(4)
         pose[:3, :3] = orientations[round(1e-9 * (stamp_ns - START_NS) / STEP_S)]
         by_turn = turn.angular_velocity(stamp_ns)
-        if number > 6:
+        if number > 5:
             assert by_turn is not None
             in_image = [
                 motion.in_image(stamp_ns, stamp_ns - passed_ns, None, 0.012, measured) for measured in (by_turn, None)
