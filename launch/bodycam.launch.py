@@ -28,6 +28,9 @@ RESPAWN_DELAY_S = 2.0
 SIGTERM_AFTER_S, SIGKILL_AFTER_S = "30", "40"
 """Under load the nodes take longer to leave than launch would wait; after 60 s they end themselves."""
 
+_BLOCKED = "env --block-signal=INT,TERM "
+"""Until the node can end cleanly (``nodes/start.py``): a Ctrl-C while Python starts would end it with a traceback."""
+
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
@@ -112,6 +115,8 @@ def _action(
     return Node(
         package="bodycam_ros",
         executable=executable,
+        exec_name=executable,
+        prefix=[_BLOCKED, LaunchConfiguration("launch-prefix", default="")],
         name=name,
         parameters=[settings, _as_they_are(parameters)],
         arguments=words,

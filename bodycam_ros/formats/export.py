@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from bodycam_ros.errors import OutputError, RecordingError, SettingsError
 from bodycam_ros.formats import bvh, c3d, csv, glb, mjcf, npz, opensim, ply, trc, tum, urdf, usd
@@ -33,6 +34,7 @@ class Format:
         content: makes it.
         options: fields of ``MotionOptions`` that it uses.
         beside: end of the names of files beside it -> the mark of such a file, and what it is.
+        has_equipment: whether it contains the equipment beside the body.
     """
 
     what: str
@@ -40,31 +42,39 @@ class Format:
     content: Make
     options: frozenset[str] = frozenset()
     beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
+    has_equipment: bool = False
 
 
 def _motion(
-    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content], even: bool, with_equipment: bool = False
-) -> Make:
-    """Makes the content of the motion in a solved bag.
+    what: str,
+    mark: bytes,
+    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content],
+    even: bool,
+    options: frozenset[str],
+    beside: Mapping[str, tuple[bytes, str]] = MappingProxyType({}),
+    has_equipment: bool = False,
+) -> Format:
+    """A format of the motion in a solved bag.
 
     Args:
-        write: makes it of the sampled motion.
+        write: makes the content of the sampled motion.
         even: the file has a rate and no times.
-        with_equipment: it contains the equipment beside the body.
+        what, mark, options, beside, has_equipment: as of ``Format``.
     """
 
     def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
         motion = sample_motion(read_solved_body(source, progress), options.rate, even)
-        if not with_equipment and motion.body.equipment_segments:
+        if not has_equipment and motion.body.equipment_segments:
             logger.warning(
-                "%s: %s, which are no part of the body, are left out; csv, npz, tum and ply have them",
+                "%s: %s, which are no part of the body, are left out; %s have them",
                 source,
                 ", ".join(sorted(motion.body.equipment_segments)),
+                ", ".join(name for name, form in FORMATS.items() if form.has_equipment),
             )
         written = write(motion, options)
         return {"": written} if isinstance(written, str | bytes) else written
 
-    return _bag_only(content)
+    return Format(what, mark, _bag_only(content), options, beside, has_equipment)
 
 
 def _bag_only(make: Make) -> Make:
@@ -92,67 +102,80 @@ FORMATS: Mapping[str, Format] = {
         b"<mujoco",
         lambda source, options, progress: {"": urdf.convert_body(source, mjcf.mjcf_text)},
     ),
-    "bvh": Format(
+    "bvh": _motion(
         "the motion as bones, for Blender, MotionBuilder, Maya",
         bvh.MARK.encode(),
-        _motion(bvh.write_bvh, even=True),
+        bvh.write_bvh,
+        even=True,
         options=_FIGURE | {"up", "scale"},
     ),
-    "trc": Format(
+    "trc": _motion(
         "virtual markers, with a model (.osim) beside them, for OpenSim",
         trc.MARK.encode(),
-        _motion(trc.write_trc, even=True),
+        trc.write_trc,
+        even=True,
         options=_RATE,
         beside=_MODEL,
     ),
-    "mot": Format(
+    "mot": _motion(
         "joint angles, with the model (.osim) that they move beside them, for OpenSim",
         opensim.MOTION_MARK.encode(),
-        _motion(opensim.write_mot, even=True),
+        opensim.write_mot,
+        even=True,
         options=_RATE,
         beside=_MODEL,
     ),
-    "c3d": Format(
+    "c3d": _motion(
         "virtual markers, for the programs of motion laboratories",
         c3d.SOFTWARE.encode(),
-        _motion(c3d.write_c3d, even=True),
+        c3d.write_c3d,
+        even=True,
         options=_RATE | {"up"},
     ),
-    "glb": Format(
+    "glb": _motion(
         "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web",
         glb.MARK.encode(),
-        _motion(glb.write_glb, even=False),
+        glb.write_glb,
+        even=False,
         options=_FIGURE,
     ),
-    "csv": Format(
+    "csv": _motion(
         "positions, quaternions and joint angles, a row per frame, for spreadsheets",
         csv.MARK.encode(),
-        _motion(csv.write_csv, even=False, with_equipment=True),
+        csv.write_csv,
+        even=False,
         options=_RATE,
+        has_equipment=True,
     ),
-    "tum": Format(
+    "tum": _motion(
         "the trajectory of the root, a segment or a camera, for evo",
         tum.MARK.encode(),
-        _motion(tum.write_tum, even=False, with_equipment=True),
+        tum.write_tum,
+        even=False,
         options=_RATE | {"segment"},
         beside={".tum": (tum.MARK.encode(), "trajectory")},
+        has_equipment=True,
     ),
-    "npz": Format(
+    "npz": _motion(
         "everything as NumPy arrays",
         npz.MARK,
-        _motion(npz.write_npz, even=False, with_equipment=True),
+        npz.write_npz,
+        even=False,
         options=_RATE,
+        has_equipment=True,
     ),
     "ply": Format(
         "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare",
         ply.MARK.encode(),
         _bag_only(ply.write_ply),
         options=_RATE,
+        has_equipment=True,
     ),
-    "usd": Format(
+    "usd": _motion(
         "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya",
         usd.MARK.encode(),
-        _motion(usd.write_usd, even=True),
+        usd.write_usd,
+        even=True,
         options=_FIGURE,
     ),
 }

@@ -6,6 +6,15 @@ OpenCV is set.
 
 import os
 import signal
+
+# Until the node handles signals they end the process at once: half-loaded libraries would print a traceback. The launch
+# file starts it with both blocked, for before this line it is Python's own start that they would hit.
+ENDING = (signal.SIGINT, signal.SIGTERM)
+for _number in ENDING:
+    signal.signal(_number, lambda *_: os._exit(0))
+signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+
+# ruff: noqa: E402
 import sys
 from contextlib import suppress
 from functools import partial
@@ -17,9 +26,6 @@ GRAPH = "graph"
 
 
 def _run(name: str) -> NoReturn:
-    # Until the node handles signals they end the process at once: half-loaded libraries would print a traceback.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: os._exit(0))
     if {"--help", "-h"} & {*sys.argv[1:]} and name != GRAPH:
         print(import_module("bodycam_ros.live.node_parameters").help_text(name))
         _end(0)
