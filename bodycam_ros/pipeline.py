@@ -86,7 +86,7 @@ class SkeletonPipeline:
         self.timeline = Timeline(settings.assembler.max_wait)
         self.assembler = FrameAssembler(awaited, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
-        self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected, imus)
+        self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected)
         self._root = body.segment_index[body.root]
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():

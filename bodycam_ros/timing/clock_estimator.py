@@ -5,14 +5,13 @@ corrected by what is known so far.
 """
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_evidence import CORRELATED, MARGIN_NS, window_evidence
 from bodycam_ros.timing.clock_filter import DRIFT_SIGMA, ClockFilter
@@ -25,7 +24,6 @@ LOOKAHEAD_S = 8.0
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
 _OFF_S, _OFF_SIGMAS = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
-_LATENCY_S = 0.001  # by which a sensor's delay to its camera may differ from that of the calibration
 
 
 @dataclass
@@ -68,7 +66,6 @@ class ClockEstimator:
         settings: of clocks.
         floor: (6, 6) covariance that is added to every registration's.
         live: whether to let every image pass at once.
-        imus: camera -> samples of its inertial sensor; clocks of cameras with calibrated sensors start from theirs.
 
     Attributes:
         shared: the cameras that share their stamps; None before enough images have come.
@@ -81,13 +78,10 @@ class ClockEstimator:
         settings: ClockSettings,
         floor: Array,
         live: bool,
-        imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
-        self._imus = imus or {}
         self._body, self._sigma, self._floor, self._live = body, settings.sigma, floor, live
         self._cameras = {camera: _Camera() for camera in cameras}
         self._filter = ClockFilter(settings.sigma)
-        self._initial: dict[str, tuple[float, float]] = {}
         self._order: list[str] = []
         self._strayed: set[str] = set()
         self._first_ns = self._latest_ns = self._window_ns = self._filter_ns = -1
@@ -187,25 +181,14 @@ class ClockEstimator:
         shared = find_shared_stamps(stamps, self._body.cameras_on(self._body.root), alone=len(self._cameras) == 1)
         self.shared, self._filter, self._filter_ns = shared, ClockFilter(self._sigma), self._first_ns
         self._order, self._strayed = [], set()
-        if set(self._cameras) - shared.cameras and self._imus:
-            from bodycam_ros.timing.inertial_clocks import camera_clocks  # it loads SciPy's optimisation
-
-            clocks = camera_clocks(self._body, self._imus)
-            if (reference := clocks.get(shared.reference)) is not None:
-                self._initial = {
-                    name: (clock.offset - reference.offset, float(np.hypot(clock.sigma, reference.sigma)) + _LATENCY_S)
-                    for name, clock in clocks.items()
-                    if name != shared.reference
-                }
         for name in sorted(stamps, key=lambda name: (name != shared.reference, name)):
             self._enter(name, name in shared.cameras)
 
     def _enter(self, name: str, triggered: bool) -> None:
         self._order.append(name)
-        offset, sigma = (0.0, self._sigma) if triggered else self._initial.get(name, (0.0, self._sigma))
-        self._filter.add_camera(triggered, offset, sigma)
-        sigma = TRIGGER_SIGMA_S if triggered else sigma
-        self._cameras[name].clocks = [ClockState(0, self._first_ns, offset, 0.0, sigma, DRIFT_SIGMA)]
+        self._filter.add_camera(triggered)
+        sigma = TRIGGER_SIGMA_S if triggered else self._sigma
+        self._cameras[name].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, DRIFT_SIGMA)]
 
     def _stray(self, name: str) -> None:
         """A camera's clock is not what it was estimated to be, and not that of the others."""

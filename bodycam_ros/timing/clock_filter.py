@@ -29,22 +29,16 @@ class ClockFilter:
         self._covariance = np.zeros((0, 0))
         self.reference = 0
 
-    def add_camera(self, triggered: bool, offset: float = 0.0, sigma: float | None = None) -> None:
-        """One more camera, which shares its stamps with the reference's group or does not.
-
-        Args:
-            triggered: whether it does.
-            offset: initial estimate [s].
-            sigma: its standard deviation [s]; None: that of an unknown clock.
-        """
+    def add_camera(self, triggered: bool) -> None:
+        """One more camera, which shares its stamps with the reference's group or does not."""
         count = len(self.offsets)
-        sigmas = (TRIGGER_SIGMA_S, _TRIGGER_DRIFT_SIGMA) if triggered else (sigma or self._sigma, DRIFT_SIGMA)
+        sigmas = (TRIGGER_SIGMA_S, _TRIGGER_DRIFT_SIGMA) if triggered else (self._sigma, DRIFT_SIGMA)
         old = [*range(count), *range(count + 1, 2 * count + 1)]
         covariance = np.zeros((2 * count + 2, 2 * count + 2))
         covariance[np.ix_(old, old)] = self._covariance
         covariance[count, count], covariance[-1, -1] = np.square(sigmas if count else (_REFERENCE_S, 0.0))
         self._covariance = covariance
-        self.offsets, self.drifts = np.append(self.offsets, offset), np.append(self.drifts, 0.0)
+        self.offsets, self.drifts = np.append(self.offsets, 0.0), np.append(self.drifts, 0.0)
 
     @property
     def sigmas(self) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ them close by there is none, and the solver predicts.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,6 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_so3, log_so3
-from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.clock_estimator import ClockEstimator
@@ -40,7 +39,6 @@ class TimeSynchronizer:
         floor: (6, 6) covariance that is added to every registration's.
         live: whether images come while they are taken.
         on_corrected: called with every image, its stamp corrected.
-        imus: camera -> samples of its inertial sensor, of the whole recording.
 
     Attributes:
         clocks: of the cameras.
@@ -54,11 +52,10 @@ class TimeSynchronizer:
         floor: Array,
         live: bool,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
-        imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
         names = [name for name in cameras if name in body.mounts]
         self._body, self._rate, self._on_corrected = body, settings.rate, on_corrected
-        self.clocks = ClockEstimator(body, names, settings, floor, live, imus)
+        self.clocks = ClockEstimator(body, names, settings, floor, live)
         self._interpolators = {name: CameraInterpolator() for name in names}
         self._last_ns = self._shared_ns = -1
 
