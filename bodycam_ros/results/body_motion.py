@@ -40,18 +40,12 @@ class MotionJoiner:
         path: of the bag, for messages.
         joint_names: joints whose angles are wanted, in this order.
         of: what has these joints, for messages.
-
-    Attributes:
-        others: joints in the bag that are not wanted.
-        roots: links that odometry was published of.
     """
 
     def __init__(self, path: Path, joint_names: Sequence[str], of: str) -> None:
         self._path, self._names, self._of = path, tuple(joint_names), of
         self._angles: dict[int, Array] = {}
         self._root: dict[int, tuple[Array, Array]] = {}
-        self.others: set[str] = set()
-        self.roots: set[str] = set()
 
     def add(self, topic: str, message: Message) -> None:
         """Add a message of one of ``MOTION_TOPICS``.
@@ -62,7 +56,6 @@ class MotionJoiner:
         with wrong_message_named(self._path, topic):
             stamp = stamp_ns(message.header.stamp)
             if topic == ODOMETRY:
-                self.roots.add(message.child_frame_id)
                 self._root[stamp] = pose_and_covariance(message.pose)
                 return
             column = {name: column for column, name in enumerate(message.name)}
@@ -72,7 +65,6 @@ class MotionJoiner:
                     f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {self._of} has"
                     f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
                 )
-            self.others.update(others)
             angles = numbers(message.position, np.float64, len(message.name))
             self._angles[stamp] = angles[[column[name] for name in self._names]]
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone, body_bones
-from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.messages.poses import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.results.body_motion import MotionJoiner, nearest
-from bodycam_ros.results.topics import JOINT_STATES, MOTION_TOPICS, ODOMETRY, camera_topics, published_body
+from bodycam_ros.results.body_motion import nearest
+from bodycam_ros.results.solved_body import read_solved_body
+from bodycam_ros.results.topics import camera_topics
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # of a motion with a single state
@@ -110,64 +110,31 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         body: that it should be the motion of.
 
     Raises:
-        RecordingError: not a bag, or without joint states and odometry of the same stamps.
+        RecordingError: not a bag that a replay wrote, or of a live graph.
         BodyError: the bag is of a body with other joints or another root.
     """
-    names = JointAngles(body).names
+    solved, names = read_solved_body(path), JointAngles(body).names
+    column = {name: column for column, name in enumerate(solved.motion.joint_names)}
+    of_equipment = (joint for joint in solved.body.tree_joints if joint.child in solved.body.equipment_segments)
+    beside = {name for joint in of_equipment for name in joint.angle_names} - {*names}
+    there, here = ", ".join(sorted(column.keys() - beside - {*names})), ", ".join(sorted({*names} - column.keys()))
+    if there or here or solved.body.root != body.root:
+        raise BodyError(
+            f"{path}: is of another body than {body.name}, the one given with --body: only the bag has "
+            f"{there or 'no joint'}, only the body {here or 'no joint'}; roots are {solved.body.root} and {body.root}"
+        )
     poses: dict[str, dict[int, Array]] = defaultdict(dict)
-    unplaced_ns = set()
     with BagFile(path) as bag:
-        _check_topics(bag)
-        published = published_body(bag)
-        joints = () if published is None else published.tree_joints
-        of_equipment = (joint for joint in joints if published and joint.child in published.equipment_segments)
-        beside = tuple(name for joint in of_equipment for name in joint.angle_names if name not in names)
-        joiner = MotionJoiner(path, (*names, *beside), f"body {body.name}")
         cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
-        coupled = [EQUIPMENT] if beside and bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else []
-        for topic, _, message in bag.messages([*MOTION_TOPICS, *coupled, *cameras]):
-            if topic in MOTION_TOPICS:
-                joiner.add(topic, message)
-            elif topic in cameras:
-                poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
-            elif not message.placed:
-                unplaced_ns.add(stamp_ns(message.header.stamp))
-    motion = joiner.joined()
-    _check_body(joiner, body, path)
-    lines: list[Bone] = []
-    if published is not None and beside:
-        joint_angles = JointAngles(published)
-        columns = [motion.joint_names.index(name) for name in joint_angles.names]
-        world_T_segment = joint_angles.forward_kinematics(motion.world_T_root, motion.joint_angles[:, columns])
-        lines = [bone for bone in body_bones(published, np.moveaxis(world_T_segment, 1, 0)) if bone.is_equipment]
+        for topic, _, message in bag.messages(cameras):
+            poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
     return Motion(
-        stamps_ns=motion.stamps_ns,
-        world_T_root=motion.world_T_root,
+        stamps_ns=solved.stamps_ns,
+        world_T_root=solved.motion.world_T_root,
         angle_names=names,
-        angles=motion.joint_angles[:, : len(names)],
+        angles=solved.motion.joint_angles[:, [column[name] for name in names]],
         # Where some cameras' poses were recorded, a camera without one was never registered.
         registered={camera: in_order(poses[camera]) for camera in body.mounts} if cameras else {},
-        equipment=tuple(lines),
-        unplaced=frozenset(np.flatnonzero(np.isin(motion.stamps_ns, sorted(unplaced_ns))).tolist()),
+        equipment=tuple(bone for bone in solved.bones() if bone.is_equipment) if beside else (),
+        unplaced=frozenset(np.flatnonzero(~solved.placed).tolist()),
     )
-
-
-def _check_topics(bag: BagFile) -> None:
-    for topic, wanted in MOTION_TOPICS.items():
-        kind = bag.topics.get(topic)
-        if kind != wanted or bag.message_count(topic) == 0:
-            came = "no such topic" if kind is None else "no message on it" if kind == wanted else f"it is {kind}"
-            raise RecordingError(
-                f"{bag.path}: expected {topic} ({wanted}), {came}; OUT is a bag that 'bodycam replay' wrote, the "
-                "images that it was made from go to --recording"
-            )
-
-
-def _check_body(joiner: MotionJoiner, body: BodyModel, path: Path) -> None:
-    if joiner.others:
-        raise BodyError(
-            f"{path}: {JOINT_STATES} is of another body than the one given with --body: only the bag has "
-            f"{', '.join(sorted(joiner.others))}"
-        )
-    if others := sorted(joiner.roots - {body.root}):
-        raise BodyError(f"{path}: {ODOMETRY} is of {', '.join(others)}, but the root of the body is {body.root}")
