@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.evaluate.evaluation import Evaluation
     from bodycam_ros.evaluate.static_picture import StaticFiles
-    from bodycam_ros.verdict import Verdict
 
 _ALIGNMENTS = ("similarity", "rigid", "none")
 _FOUND, _SHARED = "found", "shared"
@@ -114,20 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
         console.print(Text(f"doubtful: {doubt}", "yellow"), soft_wrap=True)
     print_verdict(Terminal(), evaluation.verdict)
-    if recording is not None:
-        compare_lenses(evaluation.verdict, recording)
     return exit_code(evaluation.verdict)
-
-
-def compare_lenses(verdict: "Verdict", recording: Path) -> None:
-    """Print which of the cameras with findings were recorded with another lens; takes some seconds each."""
-    from bodycam_ros.lens.lens_check import find_mismatches
-
-    accused = {finding.subject for finding in verdict.findings if finding.part == "camera"}
-    with waiting("comparing lenses"):
-        remarks = [match.text for match in find_mismatches(recording, sorted(accused))]
-    for remark in remarks:
-        Terminal().print(remark, style="red", soft_wrap=True)
 
 
 def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | None":

@@ -77,7 +77,7 @@ def load_cameras(
     return cameras, faults
 
 
-def _read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, float | None, Path]:
+def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, float | None, Path]:
     """A camera's lens, its read-out time [s], None where that is not given, and the file that has them.
 
     Args:
@@ -108,7 +108,7 @@ def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, s
         video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
     else:
         video = CameraVideo.of_files(files.camera, files.paths)
-    lens, readout_s, lens_path = _read_lens(files, lens_folder)
+    lens, readout_s, lens_path = read_lens(files, lens_folder)
     facts = video.facts
     if (lens.width, lens.height) != (facts.width, facts.height):
         turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""

@@ -6,8 +6,7 @@ epipolar error is larger than with rays that lie closer together or farther apar
 """
 
 import logging
-from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
@@ -59,9 +58,6 @@ _TINY = 1e-12
 
 _BAG_IMAGES, _VIDEO_FRAMES = 300, 900  # examined per camera
 
-_RECENT = 60  # images whose registration decides whether a running camera is checked
-_REGISTERED = 0.5  # share of them; a camera registered more often has the right calibration
-
 _MODES = (
     (0.65, "so it shows much more, as in the mode 'wide' where the lens was measured in 'narrow' or with zoom"),
     (0.82, "so it shows more, as in the mode 'wide' where the lens was measured in 'linear'"),
@@ -97,11 +93,6 @@ class LensMatch:
         return self.scale == 1.0
 
     @property
-    def is_known(self) -> bool:
-        """Whether there were enough pairs."""
-        return self.pairs >= _MIN_PAIRS
-
-    @property
     def text(self) -> str:
         """The result in a sentence."""
         if self.matches:
@@ -117,7 +108,19 @@ class LensMatch:
 
 def match_lens(camera: CameraModel, pairs: Iterable[PointPair]) -> LensMatch:
     """Compare a calibration with points of image pairs that were taken some tenths of a second apart."""
-    return _match_errors(camera, [errors for pair in pairs if (errors := _errors_px(camera, pair)) is not None])
+    errors_pairs = [errors for pair in pairs if (errors := _errors_px(camera, pair)) is not None]
+    if len(errors_pairs) < _MIN_PAIRS:
+        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(errors_pairs))
+    median = np.median(errors_pairs, axis=0)
+    if not np.isfinite(median[_GIVEN]):
+        return LensMatch(camera.name, 1.0, 0.0, 0.0, 0)
+    errors, best = np.array(errors_pairs), int(np.argmin(median))
+    decreased = np.mean(errors[:, best] < errors[:, _GIVEN])
+    is_clear = median[best] < _CLEAR_SHARE * median[_GIVEN] and decreased >= _CLEAR_PAIRS
+    if not is_clear or 1.0 / _MISMATCH < _SCALES[best] < _MISMATCH:
+        best = _GIVEN
+    scale = 1.0 if best == _GIVEN else float(_SCALES[best])
+    return LensMatch(camera.name, scale, float(median[_GIVEN]), float(median[best]), len(errors))
 
 
 def match_images(camera: CameraModel, images: Iterable[Grey], most_images: int = _BAG_IMAGES) -> LensMatch:
@@ -155,61 +158,6 @@ def warn_of_mismatch(source: "MovingCamera") -> None:
         match = match_images(source.camera, images(), _VIDEO_FRAMES)
     if not match.matches:
         logger.warning("%s: %s", source.name, match.text)
-
-
-class LensMonitor:
-    """Compares the calibration of a running camera with its images, once, when the camera is rarely registered.
-
-    Args:
-        camera: from its camera_info.
-
-    Attributes:
-        match: the result; None until enough images have been compared.
-    """
-
-    def __init__(self, camera: CameraModel) -> None:
-        self._camera = camera
-        self._registered: deque[bool] = deque(maxlen=_RECENT)
-        self._points = _PairTracker()
-        self._errors: list[Array] = []
-        self.match: LensMatch | None = None
-
-    @property
-    def is_needed(self) -> bool:
-        """Whether the camera was rarely registered of late."""
-        return len(self._registered) == _RECENT and sum(self._registered) < _REGISTERED * _RECENT
-
-    @property
-    def remark(self) -> str:
-        """Description of a mismatch; empty if there is none."""
-        return "" if self.match is None or self.match.matches else self.match.text
-
-    @property
-    def state(self) -> str:
-        """Progress or result of the comparison, in a word or two."""
-        if self.match is None:
-            return "being compared" if self.is_needed else "not compared"
-        return "mismatch" if self.remark else "fits"
-
-    def add_registration(self, is_registered: bool) -> None:
-        """Count an image that was registered, or not."""
-        self._registered.append(is_registered)
-
-    def add_image(self, image: Grey) -> bool:
-        """Track points into the next image, grey (H, W); True if this image completed the comparison.
-
-        An image that completes a pair takes 70 ms; while the camera is registered, nothing is computed.
-        """
-        if self.match is not None or not self.is_needed:
-            return False
-        pair = self._points.add(image)
-        errors = None if pair is None else _errors_px(self._camera, pair)
-        if errors is not None:
-            self._errors.append(errors)
-        if len(self._errors) < _PAIRS:
-            return False
-        self.match = _match_errors(self._camera, self._errors)
-        return True
 
 
 class _PairTracker:
@@ -255,22 +203,6 @@ def _camera_images(recording: "Recording", camera: str) -> Iterator[Grey]:
             grey = decode_grey(image)
             if grey.shape == (model.height, model.width):
                 yield grey
-
-
-def _match_errors(camera: CameraModel, errors_pairs: Sequence[Array]) -> LensMatch:
-    """The scale of the focal lengths that errors (pairs, scales) [px] support."""
-    if len(errors_pairs) < _MIN_PAIRS:
-        return LensMatch(camera.name, 1.0, 0.0, 0.0, len(errors_pairs))
-    median = np.median(errors_pairs, axis=0)
-    if not np.isfinite(median[_GIVEN]):
-        return LensMatch(camera.name, 1.0, 0.0, 0.0, 0)
-    errors, best = np.array(errors_pairs), int(np.argmin(median))
-    decreased = np.mean(errors[:, best] < errors[:, _GIVEN])
-    is_clear = median[best] < _CLEAR_SHARE * median[_GIVEN] and decreased >= _CLEAR_PAIRS
-    if not is_clear or 1.0 / _MISMATCH < _SCALES[best] < _MISMATCH:
-        best = _GIVEN
-    scale = 1.0 if best == _GIVEN else float(_SCALES[best])
-    return LensMatch(camera.name, scale, float(median[_GIVEN]), float(median[best]), len(errors))
 
 
 def _errors_px(camera: CameraModel, pair: PointPair) -> Array | None:

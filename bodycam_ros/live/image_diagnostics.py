@@ -74,13 +74,13 @@ class ImageDiagnostics:
         self.tally = ImageTally()
         self.restarts = 0
 
-    def report(self, missing: MissingInput, values: Mapping[str, object], error: str = "", warning: str = "") -> Status:
+    def report(self, missing: MissingInput, values: Mapping[str, object], error: str = "") -> Status:
         """Status of the camera since the last report.
 
         Args:
             missing: why images are not processed.
             values: figures of the node.
-            error, warning: what is wrong with the results of the images that were processed.
+            error: what is wrong with the results of the images that were processed.
         """
         tally, self.tally = self.tally, ImageTally()
         arrived, self._images.arrived = self._images.arrived, 0
@@ -90,8 +90,8 @@ class ImageDiagnostics:
             level, text = self._judge_idle(arrived, lost, missing)
         elif error:
             level, text = StatusLevel.ERROR, error
-        elif warning or self._images.thinning.active:
-            level, text = StatusLevel.WARN, warning or THINNED
+        elif self._images.thinning.active:
+            level, text = StatusLevel.WARN, THINNED
         elif lost:
             level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
         figures = {

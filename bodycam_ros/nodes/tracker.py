@@ -1,7 +1,6 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from bodycam_ros.camera_pipeline import landmark_tracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
-from bodycam_ros.lens.lens_check import LensMonitor
 from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
@@ -38,10 +36,6 @@ class TrackerStage(ImageStage[TrackerParameters]):
         super().__init__(node)
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
-        self._lens: LensMonitor | None = None
-        self._is_lens_reported = False
-        self._lens_worker = ThreadPoolExecutor(1, "lens")
-        self._lens_check: Future[object] = self._lens_worker.submit(bool)
         self._readers = 0
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         self.subscription(LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH))
@@ -59,10 +53,6 @@ class TrackerStage(ImageStage[TrackerParameters]):
         """Drop the images; the first one afterwards has no predecessor."""
         self.images.clear()
         self.forget()
-
-    def finish(self) -> None:
-        """End the thread that compares the lens."""
-        self._lens_worker.shutdown(wait=False, cancel_futures=True)
 
     def forget(self) -> None:
         """Forget all images so far; the next is a keyframe without a predecessor."""
@@ -91,8 +81,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         assert self._tracker is not None
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
-            grey = decode_grey(image)
-            frame = self._tracker.track(grey, image.stamp_ns)
+            frame = self._tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.dropped.add("images unusable", str(error))
             return
@@ -102,10 +91,6 @@ class TrackerStage(ImageStage[TrackerParameters]):
         tally = self.diagnostics.tally
         tally.add_image(arrival_s)
         tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
-        lens = self._lens
-        if lens is not None and lens.is_needed and not len(self.images) and self._lens_check.done():
-            # A comparison takes 70 ms.
-            self._lens_check = self._lens_worker.submit(lens.add_image, grey)
 
     def _reset(self) -> tuple[bool, str]:
         if self._tracker is None:
@@ -114,7 +99,6 @@ class TrackerStage(ImageStage[TrackerParameters]):
         return True, f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
 
     def _set_model(self, camera: str) -> None:
-        self._lens, self._is_lens_reported = LensMonitor(self._models.models[camera]), False
         self.forget()
         self.call_later(self.process_next)
 
@@ -137,8 +121,6 @@ class TrackerStage(ImageStage[TrackerParameters]):
         # Answers to frames before a restart do not concern the current tracks.
         if self.unanswered.answer(matches.stamp_ns):
             self._tracker.add_registration(matches)
-            if self._lens is not None:
-                self._lens.add_registration(matches.world_T_camera is not None)
         self.call_later(self.process_next)
 
     def _read_sensor(self) -> ImuCalibration | None:
@@ -165,19 +147,15 @@ class TrackerStage(ImageStage[TrackerParameters]):
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
-        tally, remark = self.diagnostics.tally, "" if self._lens is None else self._lens.remark
-        if remark and not self._is_lens_reported:
-            self._is_lens_reported = True
-            self.log.warning(remark)
+        tally = self.diagnostics.tally
         values: dict[str, object] = {
             "tracks per image": tally.mean(tally.tracks),
             "keyframes": tally.keyframes,
             "camera_info changed": self._models.changes,
             "inertial sensor": self._sensor_state,
-            "lens": "unknown" if self._lens is None else self._lens.state,
         }
         error = "" if tally.tracks else "the images show nothing that can be tracked; is the lens covered?"
-        return [self.diagnostics.report(self.missing_input(), values, error, remark)]
+        return [self.diagnostics.report(self.missing_input(), values, error)]
 
 
 make = partial(StageNode, TrackerStage)

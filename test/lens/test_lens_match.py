@@ -37,7 +37,7 @@ def _pairs(camera, turn_deg=15.0, count=6, outliers=0.2, noise_px=0.3):
 @pytest.mark.parametrize("model", ["equidistant", "plumb_bob"])
 def test_the_lens_that_took_the_pictures_fits(model):
     match = match_lens(LENSES[model], _pairs(LENSES[model]))
-    assert match.is_known
+    assert match.pairs >= 4
     assert match.matches
     assert match.error_px < 1.0
     assert "images fit" in match.text
