@@ -33,7 +33,6 @@ GROUPS = {
         "study": "all steps for many recordings, on all cores",
     },
     "inspect": {
-        "map check": "measure and draw what a reference map covers",
         "body check": "count degrees of freedom with the equipment attached; list conflicting constraints",
         "evaluate": "measure and draw how good a solved recording is",
         "view": "show a body in a browser, and correct it",
@@ -45,7 +44,7 @@ GROUPS = {
 
 Each command is a module of ``bodycam_ros.cli`` with ``add_parser(subparsers)``, which sets ``run``: arguments -> exit
 code. Its import and ``add_parser`` load nothing heavy, so that help is there at once.
-A command of two words ("map check") is ``map_check``; a folder that is really named "check" is ``./check``.
+A command of two words ("map extend") is ``map_extend``; a folder that is really named "extend" is ``./extend``.
 """
 
 COMMANDS = {command: purpose for group in GROUPS.values() for command, purpose in group.items()}

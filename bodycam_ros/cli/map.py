@@ -2,12 +2,11 @@
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.map_check import add_coverage
 from bodycam_ros.cli.map_source import (
     add_source_flags,
     check_source,
@@ -15,19 +14,18 @@ from bodycam_ros.cli.map_source import (
     opened_photographs,
 )
 from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
-from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.progress import ProgressBars, shown_progress
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.build import BuiltMap
-
-_MORE = "'bodycam map check MAP' measures what a map covers; a folder that is named check is given as ./check."
+    from bodycam_ros.registration.reference_map import ReferenceMap
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("map", description=__doc__, epilog=_MORE)
+    parser = subparsers.add_parser("map", description=__doc__)
     add_source_flags(parser)
     parser.add_argument(
         "--board",
@@ -80,6 +78,23 @@ def run(arguments: argparse.Namespace) -> int:
     )
     Terminal().print("\n".join(lines), soft_wrap=True)
     return 0
+
+
+def add_coverage(
+    reference_map: "ReferenceMap", name: str, progress: ProgressBars
+) -> "tuple[ReferenceMap, Callable[[Path], None], list[str]]":
+    """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
+    from bodycam_ros.evaluate.coverage_picture import draw_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, upright_map, with_coverage
+
+    upright = upright_map(reference_map)
+    coverage = measure_coverage(upright, progress)
+
+    def draw(folder: Path) -> None:
+        draw_coverage(coverage, upright, folder / COVERAGE_FILE, name)
+
+    lines = [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]
+    return with_coverage(reference_map, coverage), draw, lines
 
 
 def _board_lines(built: "BuiltMap") -> Iterator[str]:

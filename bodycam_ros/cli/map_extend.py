@@ -2,7 +2,7 @@
 
 import argparse
 
-from bodycam_ros.cli.map_check import add_coverage
+from bodycam_ros.cli.map import add_coverage
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,

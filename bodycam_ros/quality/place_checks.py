@@ -64,7 +64,7 @@ def check_registration(registered: RegisteredSamples) -> Iterator[Finding]:
         what, remedy = "no image could be registered", "mend lenses and images first"
         if shares:
             what = "no camera is registered in the map"
-            remedy = "is it the map of this place? are the lenses right? photograph more ('bodycam map check')"
+            remedy = "is it the map of this place? are the lenses right? photograph more (coverage.png in the map)"
         yield Finding("", Level.WRONG, what, remedy=remedy, part="recording", check=check)
         return
     for camera, share in sorted(shares.items()):

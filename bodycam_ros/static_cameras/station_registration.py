@@ -118,8 +118,7 @@ _ROUNDS = 2
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open
 
 _SHOW_MORE = (
-    "photograph what it sees and build the map again, or turn it to what the map covers ('bodycam map check MAP' says "
-    "what that is)"
+    "photograph what it sees and build the map again, or turn it to what the map covers (coverage.png in it shows that)"
 )
 
 

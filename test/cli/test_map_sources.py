@@ -78,9 +78,6 @@ def test_a_map_is_made_of_the_sharp_frames_of_a_video(
     assert 0.0 <= summary["coverage"]["share"] < 0.5 and summary["coverage"]["gaps"]
     assert "photograph more too: all around" in said and "coverage.png" in said
     assert cv2.imread(str(path / "coverage.png")) is not None
-    assert main(["map", "check", str(path), "-o", str(tmp_path / "check.png")]) == 0
-    assert capsys.readouterr().out.splitlines()[0] in said
-    assert cv2.imread(str(tmp_path / "check.png")) is not None
 
 
 def test_a_source_that_is_missing_or_a_bag_is_refused(
@@ -100,18 +97,3 @@ def test_a_video_that_stands_still_or_is_none_makes_no_map(
     expect_error([tmp_path / "torn.mp4", "--camera", lens, "-o", tmp_path / "map"], capsys, "torn.mp4", "cut-off")
     expect_error(["--from-bag", tiny_bag, "-o", tmp_path / "map"], capsys, "shows anything")
     assert not (tmp_path / "map").exists()
-
-
-def test_the_coverage_of_the_sample_is_whole(sample: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["map", "check", str(sample / "map")]) == 0
-    (line,) = capsys.readouterr().out.strip().splitlines()
-    assert "100 % of all directions" in line
-
-
-def test_a_check_writes_over_nothing(sample: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    inside, elsewhere = sample / "map" / "coverage.png", tmp_path / "notes.txt"
-    expect_error(["check", sample / "map", "-o", inside], capsys, "lies within")
-    elsewhere.write_text("mine")
-    expect_error(["check", sample / "map", "-o", elsewhere, "--force"], capsys, "is no picture")
-    expect_error(["check", tmp_path / "nowhere"], capsys, "there is no map folder")
-    assert elsewhere.read_text() == "mine" and not inside.exists()
