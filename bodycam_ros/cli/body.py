@@ -229,24 +229,10 @@ def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
 
 def _measured_report(measured: "MeasuredBody") -> dict[str, object]:
     """Figures for the body file."""
-    return {
-        "source": "static cameras",
-        "instants": measured.instants,
-        "rounds": measured.rounds,
-        "converged": measured.converged,
-        "seen": round(measured.seen, 3),
-        "lengths": {
-            f"{each.name}_{each.axis}": {
-                "begun": round(each.begun, 4), "found": round(each.found, 4), "sigma": round(each.sigma, 4),
-                "told": each.told,
-            }
-            for each in measured.lengths
-        },
-        "girths": {
-            each.name: {"found": round(each.found, 3), "sigma": round(each.sigma, 3), "told": each.told}
-            for each in measured.girths
-        },
-    }  # fmt: skip
+    from bodycam_ros.evaluate.body_report import plain
+
+    figures = ("instants", "rounds", "converged", "seen", "lengths", "girths")
+    return {"source": "static cameras", **{name: plain(getattr(measured, name)) for name in figures}}
 
 
 def _measured_tables(measured: "MeasuredBody") -> Iterator[Table]:

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -15,17 +15,15 @@ from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.anthropometry import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis, CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.evaluate.page import Page, Picture, Section, Table, number, render_page
-from bodycam_ros.picture_style import FAINT, INK, QUIET, WARNING, open_picture, panel_title, side_colour
+from bodycam_ros.picture_style import INK, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.whole_file import write_whole
 
-_SIZE_INCHES = (13.0, 7.5)
+_SIZE_INCHES = (9.0, 7.5)
 _FRONT = [1, 2]
 """Axes of the N-pose (x forward, y left, z up) that are across and up on the screen."""
 
 _LABEL_ROOM_M, _NAME_ROOM_M = 0.15, 0.5
 _LABEL_STEP_M = 0.06  # between two labels of a column
-_BAR_HEIGHT = 0.2
-_BAR_SHADES = (1.0, 0.6, 0.35)
 _MM_PER_M, _MS_PER_S = 1000.0, 1000.0
 _DIGITS = 4
 
@@ -41,7 +39,7 @@ def write_html_report(body: BodyModel, diagnosis: CalibrationDiagnosis, path: Pa
 
 def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:
     """The page as an HTML 5 document."""
-    caption = "The N-pose from the front, and the range of each joint about its own three axes; red: see the warnings."
+    caption = "The N-pose from the front; red: see the warnings."
     picture = Section(pictures=(Picture(body_png(body, diagnosis), caption),))
     warnings = Section("Warnings", warnings=diagnosis.warnings)
     lines = [summary_line(diagnosis), *([] if diagnosis.warnings else ["No warnings."])]
@@ -53,8 +51,7 @@ def body_png(body: BodyModel, diagnosis: CalibrationDiagnosis) -> bytes:
     """The picture as a PNG file's content."""
     content = BytesIO()
     with open_picture(content, *_SIZE_INCHES) as figure:
-        _draw_n_pose(figure.add_axes((0.01, 0.02, 0.66, 0.9)), body, diagnosis)
-        _draw_exercise(figure.add_axes((0.76, 0.08, 0.22, 0.84)), diagnosis.joints)
+        _draw_n_pose(figure.add_axes((0.01, 0.02, 0.98, 0.9)), body, diagnosis)
     return content.getvalue()
 
 
@@ -110,24 +107,6 @@ def _label_cameras(axes: Axes, cameras: dict[str, np.ndarray], warned: set[str],
                 name.replace("_", " "), tuple(tie[1]), (3.0 * sign, 0.0), textcoords="offset points",
                 ha="left" if sign > 0.0 else "right", va="center", fontsize=8.5, color=colour,
             )  # fmt: skip
-
-
-def _draw_exercise(axes: Axes, joints: tuple[JointDiagnosis, ...]) -> None:
-    """Three bars per joint: the range about each of its principal axes, the largest on top [deg]."""
-    colours = [WARNING if joint.advice else side_colour(joint.name) for joint in joints]
-    for row, joint in enumerate(joints):
-        for index, degrees in enumerate(np.degrees(joint.exercised_rad)):
-            place = row + (index - 1) * (_BAR_HEIGHT + 0.04)
-            axes.barh(place, degrees, _BAR_HEIGHT, color=colours[row], alpha=_BAR_SHADES[index])
-    axes.set_ylim(len(joints) - 0.4, -0.6)
-    axes.set_yticks(range(len(joints)), [joint.name.replace("_", " ") for joint in joints])
-    for label, colour in zip(axes.get_yticklabels(), colours, strict=True):
-        label.set_color(colour)
-    axes.set_xlabel("[°] about its three axes")
-    axes.grid(axis="x", color=FAINT, linewidth=0.7)
-    axes.set_axisbelow(True)
-    axes.tick_params(axis="y", length=0.0)
-    panel_title(axes, "Exercised")
 
 
 def report_sections(diagnosis: CalibrationDiagnosis) -> list[Section]:
@@ -232,31 +211,18 @@ def _millimetres(length_m: float | None, decimals: int = 1, signed: bool = False
 
 
 def body_report(diagnosis: CalibrationDiagnosis) -> dict[str, Any]:
-    """Plain numbers by joint, bone and camera, in the units of their names; bones are named ``segment: start-end``."""
-    report: dict[str, Any] = {"source": "range of motion"}
-    for f in fields(diagnosis):
-        if f.name not in ("joints", "bones", "cameras"):
-            report[f.name] = _plain(getattr(diagnosis, f.name))
-    report["warnings"] = list(diagnosis.warnings)
-    report["joints"] = {joint.name: _without(_plain(joint), "name", "parent", "child") for joint in diagnosis.joints}
-    report["bones"] = {
-        f"{bone.segment}: {bone.start}-{bone.end}": _without(_plain(bone), "segment", "start", "end")
-        for bone in diagnosis.bones
-    }
-    report["cameras"] = {camera.camera: _without(_plain(camera), "camera", "segment") for camera in diagnosis.cameras}
-    return report
+    """All figures for the body file, in the units of their names."""
+    return {"source": "range of motion", "warnings": list(diagnosis.warnings), **plain(diagnosis)}
 
 
-def _without(values: dict[str, Any], *names: str) -> dict[str, Any]:
-    """The same without names that the key has, and without empty values."""
-    return {name: value for name, value in values.items() if name not in names and value not in ("", None)}
+def plain(value: Any) -> Any:
+    """Dataclasses and arrays as YAML writes them: tables, lists, and numbers of four digits."""
+    return _rounded(msgspec.to_builtins(value, enc_hook=lambda other: other.tolist()))
 
 
-def _plain(value: Any) -> Any:
-    if is_dataclass(value):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, np.ndarray | tuple | list):
-        return [_plain(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return float(f"{float(value):.{_DIGITS}g}")
-    return value
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _rounded(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(inner) for inner in value]
+    return float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
