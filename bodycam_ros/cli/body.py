@@ -231,8 +231,12 @@ def _measured_report(measured: "MeasuredBody") -> dict[str, object]:
     """Figures for the body file."""
     from bodycam_ros.evaluate.body_report import plain
 
-    figures = ("instants", "rounds", "converged", "seen", "lengths", "girths")
-    return {"source": "static cameras", **{name: plain(getattr(measured, name)) for name in figures}}
+    return {
+        "source": "static cameras",
+        **{name: plain(getattr(measured, name)) for name in ("instants", "rounds", "converged", "seen")},
+        "lengths": {f"{each.name}_{each.axis}": plain(each) for each in measured.lengths},
+        "girths": {each.name: plain(each) for each in measured.girths},
+    }
 
 
 def _measured_tables(measured: "MeasuredBody") -> Iterator[Table]:

@@ -211,8 +211,12 @@ def _millimetres(length_m: float | None, decimals: int = 1, signed: bool = False
 
 
 def body_report(diagnosis: CalibrationDiagnosis) -> dict[str, Any]:
-    """All figures for the body file, in the units of their names."""
-    return {"source": "range of motion", "warnings": list(diagnosis.warnings), **plain(diagnosis)}
+    """Figures by joint, bone and camera for the body file; bones are named ``segment: start-end``."""
+    figures = plain(diagnosis)
+    figures["joints"] = {each.pop("name"): each for each in figures["joints"]}
+    figures["bones"] = {"{segment}: {start}-{end}".format(**each): each for each in figures["bones"]}
+    figures["cameras"] = {each.pop("camera"): each for each in figures["cameras"]}
+    return {"source": "range of motion", "warnings": list(diagnosis.warnings), **figures}
 
 
 def plain(value: Any) -> Any:
