@@ -1,15 +1,12 @@
 """bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
 
 import argparse
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from bodycam_ros.cli.options import (
-    add_config,
     add_imu,
     add_map,
     add_output,
@@ -17,7 +14,6 @@ from bodycam_ros.cli.options import (
     add_surface,
     check_no_static_flags,
     given_flags,
-    pipeline_settings,
 )
 from bodycam_ros.cli.progress import waiting
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
@@ -26,8 +22,7 @@ from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
-    from bodycam_ros.evaluate.evaluation import Evaluation
-    from bodycam_ros.evaluate.static_picture import StaticFiles
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
 _ALIGNMENTS = ("similarity", "rigid", "none")
 _FOUND, _SHARED = "found", "shared"
@@ -78,7 +73,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_surface(static)
     add_map(static, required=False)
-    add_config(parser)
     parser.set_defaults(run=run)
 
 
@@ -89,6 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.overlay_picture import overlay_views
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
+    from bodycam_ros.evaluate.static_picture import static_views
     from bodycam_ros.output_place import check_output
 
     folder, recording = arguments.output, arguments.recording
@@ -103,8 +98,8 @@ def run(arguments: argparse.Namespace) -> int:
     with waiting("overlaying images"):
         overlay = overlay_views(evaluation.solved, recording) if recording is not None else ()
     with waiting("drawing"):
-        draw_outside = None if outside is None else _static_picture(evaluation, recording, outside)
-        write_report(evaluation, folder, overlay, draw_outside)
+        views = () if outside is None else static_views(evaluation.solved, recording, outside, arguments.map)
+        write_report(evaluation, folder, overlay, views)
     console = widened(Terminal())
     for section in report_sections(evaluation.figures):
         print_section(console, section)
@@ -132,34 +127,20 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
     return AgreementOptions(arguments.align or _ALIGNMENTS[0], arguments.clock == _SHARED, arguments.points)
 
 
-def _outside_files(arguments: argparse.Namespace) -> "StaticFiles | None":
+def _outside_files(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     """Files of static cameras; None without them.
 
     Raises:
         StationError: an option of static cameras is given without their poses, or without their images.
     """
-    from bodycam_ros.evaluate.static_picture import StaticFiles
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     if arguments.stations is None:
-        check_no_static_flags(arguments, "surface", "map", "config")
+        check_no_static_flags(arguments, "surface", "map")
         return None
     if arguments.recording is None:
         raise StationError("--stations: needs the images of static cameras: give the bag with --recording")
-    return StaticFiles(arguments.stations, arguments.surface, arguments.map, pipeline_settings(arguments).region)
-
-
-def _static_picture(evaluation: "Evaluation", recording: Path, files: "StaticFiles") -> Callable[[Path], None]:
-    """Writes the picture of static cameras to a path.
-
-    Raises:
-        StationError: the stations cannot be used, or the recording has no images of them while it was solved.
-        BodyError: the surface cannot be used.
-        RecordingError: not a recording, or an image that cannot be decoded.
-    """
-    from bodycam_ros.evaluate.static_picture import StaticScene, draw_static_views, static_views
-
-    scene = StaticScene(evaluation.solved, recording, files)
-    return partial(draw_static_views, static_views(scene), scene.colours)
+    return StaticCameraFiles(arguments.stations, arguments.surface, None)
 
 
 def _check_earlier(folder: Path) -> None:

@@ -1,7 +1,7 @@
 """Writes an evaluation into a folder: figures, pictures and one page with all of them, or nothing."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
@@ -11,17 +11,18 @@ from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
 from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
 from bodycam_ros.evaluate.report_sections import report_sections
 from bodycam_ros.evaluate.sensor_picture import draw_sensors
+from bodycam_ros.evaluate.static_picture import StaticView, draw_static_views
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
 
-FIGURES, PAGE, _OUTSIDE = "summary.json", "report.html", "outside.png"
+FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
     "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
-    _OUTSIDE: "Images of static cameras, with the contour of the solved body and the forces on it.",
+    "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
 WRITTEN = (*_CAPTIONS, PAGE)
 """Names of what may be written beside the figures."""
@@ -70,7 +71,7 @@ def write_report(
     evaluation: Evaluation,
     folder: Path,
     overlay: Sequence[OverlayView] = (),
-    draw_outside: Callable[[Path], None] | None = None,
+    outside: Sequence[StaticView] = (),
 ) -> None:
     """Write figures, pictures and the page; earlier ones are replaced.
 
@@ -78,7 +79,7 @@ def write_report(
         evaluation: what was found.
         folder: to write to.
         overlay: views of body cameras.
-        draw_outside: writes the picture of static cameras to a path; None without them.
+        outside: views of static cameras.
 
     Raises:
         RecordingError: the place cannot become a report folder.
@@ -95,8 +96,8 @@ def write_report(
             draw_sensors(evaluation.gyroscopes, unfinished / "sensors.png")
         if overlay:
             draw_overlays(overlay, unfinished / "overlay.png")
-        if draw_outside is not None:
-            draw_outside(unfinished / _OUTSIDE)
+        if outside:
+            draw_static_views(outside, unfinished / "outside.png")
         pictures = [
             Picture((unfinished / name).read_bytes(), caption)
             for name, caption in _CAPTIONS.items()

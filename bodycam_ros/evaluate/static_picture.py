@@ -1,12 +1,12 @@
-"""Images of static cameras with the solved body's surface, contour and forces over them: a picture, and a video."""
+"""Images of static cameras with the solved body's surface, contour and forces over them."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
@@ -23,14 +23,14 @@ from bodycam_ros.static_cameras.contour_painting import (
     INWARD,
     OUTWARD,
     SILENT,
-    Window,
     cut_out,
     paint_contour,
     square_window,
 )
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.station import Contour, Image
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.station import Image
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
@@ -41,129 +41,90 @@ _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
 
 
-@dataclass(frozen=True)
-class StaticFiles:
-    """Files of static cameras.
-
-    Attributes:
-        stations: file with their poses.
-        surface: folder of the segments' meshes; None for capsules along the bones.
-        map: that the recording was solved in; None where the stations' own frame is the world.
-        region: settings of the colour models.
-    """
-
-    stations: Path
-    surface: Path | None
-    map: Path | None
-    region: RegionSettings
-
-
-class StaticScene:
-    """A solved body in the images of static cameras, whose colour models are updated at its poses.
-
-    Args:
-        solved: the recording.
-        recording: bag with its images.
-        files: of the static cameras.
-
-    Attributes:
-        stations: that the recording has images of, by name.
-        colours: of the segments' surfaces, as ``#rrggbb``.
-
-    Raises:
-        StationError: the stations cannot be used, the recording has none of them, or their frame is not known.
-        BodyError: the surface cannot be used.
-        RecordingError: not a recording.
-        MapError, LensError: the map, or a lens, cannot be used.
-    """
-
-    def __init__(self, solved: SolvedRecording, recording: Path, files: StaticFiles) -> None:
-        self.solved, self.recording, self._region, body = solved, recording, files.region, solved.body
-        stations = read_stations(files.stations, None if files.map is None else ReferenceMap.load(files.map))
-        check_stations_frame(files.stations, solved.path, files.map)
-        with open_recording(recording) as images:
-            self.stations = {name: station for name, station in stations.items() if name in images.cameras}
-            if not self.stations:
-                raise StationError(
-                    f"{recording} has no images of the static cameras of {files.stations} ({', '.join(stations)}); it "
-                    f"has {', '.join(images.cameras)}"
-                )
-        self.colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
-        surface = BodySurface.of(body, surfaces_of(body, solved.path, files.surface))
-        self._tracker = RegionTracker(body, surface, self.stations, files.region)
-        self._counts = dict.fromkeys(self.stations, 0)
-
-    def add_image(self, image: CameraImage) -> tuple[Image, Contour]:
-        """Update the colours of a static camera by an image; its pixels (H, W, 3), and the contour of the body in it.
-
-        The first images count alike, later ones by the learning rate.
-
-        Raises:
-            RecordingError: it cannot be decoded, or has another size than the camera's lens is for.
-        """
-        pixels, poses = decode_colour(image), self.solved.segments_near(image.stamp_ns)
-        view = self._tracker.views[image.camera]
-        view.station.check_size(pixels)
-        self._counts[image.camera] += 1
-        rate = max(1.0 / self._counts[image.camera], self._region.learning_rate)
-        contour = view.find_contour(poses)
-        view.update_colours(pixels, contour, rate, np.ones(len(poses), bool))
-        return pixels, contour
-
-    def measure(self, station: str, pixels: Image, contour: Contour) -> Array:
-        """(N,) how far outward of its points the image (H, W, 3) has a contour [px]; NaN where it measures nothing."""
-        return self._tracker.views[station].measure(pixels, contour, 1).shifts
-
-
 @dataclass(frozen=True, eq=False)
 class StaticView:
-    """One image with the body's contour.
+    """A part of one image with the body painted into it.
 
     Attributes:
         station: name.
-        seconds: since the start of the recording.
-        image: (H, W, 3) blue, green, red.
-        contour: of the body in it.
-        shifts: (N,) of its points, as of ``StaticScene.measure`` [px].
+        note: when it was taken, and how well the contour of the body fits it.
+        picture: (H, W, 3) blue, green, red.
     """
 
     station: str
-    seconds: float
-    image: Image
-    contour: Contour
-    shifts: Array
-
-    @property
-    def window(self) -> Window:
-        """A square around the body; the whole image where that is not in it."""
-        window = square_window(self.image, self.contour.covered)
-        return replace(window, times=-(-_SHARP_PX // window.width))
+    note: str
+    picture: Image
 
 
-def static_views(scene: StaticScene) -> tuple[StaticView, ...]:
+def static_views(
+    solved: SolvedRecording, recording: Path, files: StaticCameraFiles, map_path: Path | None
+) -> tuple[StaticView, ...]:
     """The views of some static cameras at one time in the middle of the recording.
 
+    Args:
+        solved: the body.
+        recording: bag with the images.
+        files: of the static cameras.
+        map_path: that the recording was solved in; None where the stations' own frame is the world.
+
     Raises:
-        StationError: there is no image of them.
-        RecordingError: not a recording, or an image that cannot be decoded.
+        StationError: the stations cannot be used, the recording has no images of them, or their frame is not known.
+        BodyError: the surface cannot be used.
+        RecordingError: not a recording, or an image that cannot be decoded or is not of its lens's size.
+        MapError, LensError: the map, or a lens, cannot be used.
     """
-    solved = scene.solved
+    tracker, body, settings = _tracker(solved, recording, files, map_path), solved.body, RegionSettings()
+    colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
     at_ns, half_ns = middle_stamp(solved), solved.frame_ns // 2
-    views: dict[str, StaticView] = {}
+    shown: dict[str, StaticView] = {}
+    counts: Counter[str] = Counter()
     for image in _images_between(
-        scene.recording, pick_evenly(list(scene.stations), _CAMERAS), at_ns - round(1e9 * _COLOURS_S), at_ns + half_ns
+        recording, pick_evenly(list(tracker.views), _CAMERAS), at_ns - round(1e9 * _COLOURS_S), at_ns + half_ns
     ):
-        pixels, contour = scene.add_image(image)
+        pixels, view = decode_colour(image), tracker.views[image.camera]
+        view.station.check_size(pixels)
+        contour = view.find_contour(solved.segments_near(image.stamp_ns))
+        counts[image.camera] += 1  # the first images count alike, later ones by the learning rate
+        rate = max(1.0 / counts[image.camera], settings.learning_rate)
+        view.update_colours(pixels, contour, rate, np.ones(len(body.segments), bool))
         if image.stamp_ns >= at_ns - half_ns:
             seconds = float(solved.seconds(np.array([image.stamp_ns]))[0])
-            shifts = scene.measure(image.camera, pixels, contour)
-            views[image.camera] = StaticView(image.camera, seconds, pixels, contour, shifts)
-    if not views:
+            shifts = view.measure(pixels, contour, 1).shifts
+            window = square_window(pixels, contour.covered)
+            window = replace(window, times=-(-_SHARP_PX // window.width))
+            picture = paint_contour(cut_out(pixels, window), contour, shifts, colours, window)
+            shown[image.camera] = StaticView(image.camera, f"{seconds:.2f} s, {_note(shifts)}", picture)
+    if not shown:
         raise StationError(
-            f"{scene.recording}: has no image of its static cameras ({', '.join(scene.stations)}) in the middle of "
+            f"{recording}: has no image of its static cameras ({', '.join(tracker.views)}) in the middle of "
             f"{solved.path}; is it the recording that this was solved from?"
         )
-    return tuple(views[name] for name in scene.stations if name in views)
+    return tuple(shown[name] for name in tracker.views if name in shown)
+
+
+def _tracker(
+    solved: SolvedRecording, recording: Path, files: StaticCameraFiles, map_path: Path | None
+) -> RegionTracker:
+    """The static cameras that a recording has images of, with the solved body."""
+    stations = read_stations(files.stations, None if map_path is None else ReferenceMap.load(map_path))
+    check_stations_frame(files.stations, solved.path, map_path)
+    with open_recording(recording) as images:
+        there = {name: station for name, station in stations.items() if name in images.cameras}
+        if not there:
+            raise StationError(
+                f"{recording} has no images of the static cameras of {files.stations} ({', '.join(stations)}); it "
+                f"has {', '.join(images.cameras)}"
+            )
+    surface = BodySurface.of(solved.body, surfaces_of(solved.body, solved.path, files.surface))
+    return RegionTracker(solved.body, surface, there, RegionSettings())
+
+
+def _note(shifts: Array) -> str:
+    known = shifts[np.isfinite(shifts)]
+    if not len(shifts):
+        return "the body is not in the image"
+    note = f"{len(known)} of {len(shifts)} lines measured"
+    return f"{note}, off by {float(np.median(np.abs(known))):.2f} px (median)" if len(known) else note
 
 
 def _images_between(recording: Path, cameras: Sequence[str], from_ns: int, until_ns: int) -> Iterator[CameraImage]:
@@ -179,7 +140,7 @@ def _images_between(recording: Path, cameras: Sequence[str], from_ns: int, until
                 yield image
 
 
-def draw_static_views(views: Sequence[StaticView], colours: Sequence[str], path: Path) -> None:
+def draw_static_views(views: Sequence[StaticView], path: Path) -> None:
     """Write the picture as PNG.
 
     Raises:
@@ -189,27 +150,16 @@ def draw_static_views(views: Sequence[StaticView], colours: Sequence[str], path:
     rows = -(-len(views) // columns)
     width, height = max(2, columns) * _PANEL_INCHES, rows * (_PANEL_INCHES + _TITLE_INCHES) + _KEY_INCHES
     with open_picture(path, width, height) as figure:
-        panels = figure.subplots(rows, columns, squeeze=False)
-        for axes, view in zip(panels.flat, [*views, *[None] * panels.size], strict=False):
+        for axes, view in zip(figure.subplots(rows, columns, squeeze=False).flat, [*views, *[None] * 2], strict=False):
             axes.axis("off")
             if view is not None:
-                _draw_view(axes, view, colours)
+                axes.imshow(view.picture[..., ::-1], interpolation="lanczos")
+                panel_title(axes, view.station.replace("_", " "), view.note)
         figure.legend(handles=_key(), loc="lower center", ncols=7, labelcolor=QUIET, handlelength=1.4)
         figure.subplots_adjust(
             left=0.01, right=0.99, bottom=_KEY_INCHES / height, top=1.0 - _TITLE_INCHES / height, wspace=0.02,
             hspace=_TITLE_INCHES / _PANEL_INCHES,
         )  # fmt: skip
-
-
-def _draw_view(axes: Axes, view: StaticView, colours: Sequence[str]) -> None:
-    window = view.window
-    picture = paint_contour(cut_out(view.image, window), view.contour, view.shifts, colours, window)
-    axes.imshow(picture[..., ::-1], interpolation="lanczos")
-    lines, shifts = len(view.shifts), view.shifts[np.isfinite(view.shifts)]
-    note = f"{len(shifts)} of {lines} lines measured" if lines else "the body is not in the image"
-    if len(shifts):
-        note += f", off by {float(np.median(np.abs(shifts))):.2f} px (median)"
-    panel_title(axes, view.station.replace("_", " "), f"{view.seconds:.2f} s, {note}")
 
 
 def _key() -> list[Line2D]:
