@@ -30,8 +30,6 @@ CORRELATED = 6.0
 _RATE = 10.0  # [Hz] states of a window at which cameras are compared
 _SETTLED_S = 0.001  # shifts below this need no further turn of a window
 _MOST_TURNS = 6  # of a window with clocks that moved; each leaves a fifth of the error
-_ITERATIONS = 4
-_CONVERGED_S = 1e-5  # a hundredth of a window's standard deviation; the next step would be a tenth of that
 _OUTLIER_SIGMAS = 4.0
 _LEAST_STAMPS = 5
 
@@ -118,7 +116,7 @@ def clock_evidence(
     prior_information: Array,
     prior_delays: Array,
 ) -> ClockEvidence | None:
-    """Compare all cameras at some stamps (A eq. 3-5, 8).
+    """Compare all cameras at some stamps (A eq. 3-5, 8): one step of Gauss-Newton; ``window_evidence`` repeats it.
 
     Args:
         body: calibrated.
@@ -140,26 +138,18 @@ def clock_evidence(
         return None
     poses, twists, information, known = poses[rows], twists[rows], information[rows], known[rows]
     motion = initial_motion(body, cameras, poses, twists, known)
-    for _ in range(_ITERATIONS):
-        errors = log_se3(inverse(poses) @ motion.world_T_camera())
-        gradients = (information @ errors[..., None])[..., 0]
-        weights = distance_weights(np.einsum("tci,tci->tc", gradients, errors), known, _OUTLIER_SIGMAS)
-        eliminated = eliminate_instants(
-            motion.moving_jacobians(),
-            motion.delay_jacobians(),
-            weights[..., None, None] * information,
-            weights[..., None] * gradients,
-        )
-        hessian, gradient = eliminated.hessians.sum(axis=0), eliminated.gradients.sum(axis=0)
-        step = -np.linalg.solve(
-            hessian + prior_information, gradient + prior_information @ (motion.delays - prior_delays)
-        )
-        lasting = np.zeros(motion.lasting_count)
-        lasting[motion.delay_columns] = step
-        motion = motion.moved(eliminated.moving(step), lasting)
-        if np.abs(step).max() < _CONVERGED_S:
-            break
-    return ClockEvidence(motion.delays, 0.5 * (hessian + hessian.T))
+    errors = log_se3(inverse(poses) @ motion.world_T_camera())
+    gradients = (information @ errors[..., None])[..., 0]
+    weights = distance_weights(np.einsum("tci,tci->tc", gradients, errors), known, _OUTLIER_SIGMAS)
+    eliminated = eliminate_instants(
+        motion.moving_jacobians(),
+        motion.delay_jacobians(),
+        weights[..., None, None] * information,
+        weights[..., None] * gradients,
+    )
+    hessian, gradient = eliminated.hessians.sum(axis=0), eliminated.gradients.sum(axis=0)
+    delays = np.linalg.solve(hessian + prior_information, prior_information @ prior_delays - gradient)
+    return ClockEvidence(delays, 0.5 * (hessian + hessian.T))
 
 
 def _interpolate(tracks: Mapping[str, CameraTrack], stamps_ns: NDArray[np.int64]) -> tuple[Array, Array, Array]:

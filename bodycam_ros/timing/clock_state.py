@@ -24,12 +24,6 @@ _LEAST_JUMP_S = 0.006  # estimates of one clock before and after a break differ 
 class ClockSettings:
     """Clocks of cameras that nothing triggers together."""
 
-    rate: float = setting(
-        0.0,
-        unit="Hz",
-        limits=(0.0, 480.0),
-        reason="states of the body per second; 0: at the stamps that most cameras share, or else at the cameras' rate",
-    )
     sigma: float = setting(
         0.02,
         unit="s",

@@ -54,7 +54,7 @@ class TimeSynchronizer:
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
     ) -> None:
         names = [name for name in cameras if name in body.mounts]
-        self._body, self._rate, self._on_corrected = body, settings.rate, on_corrected
+        self._body, self._on_corrected = body, on_corrected
         self.clocks = ClockEstimator(body, names, settings, floor, live)
         self._interpolators = {name: CameraInterpolator() for name in names}
         self._last_ns = self._shared_ns = -1
@@ -82,13 +82,9 @@ class TimeSynchronizer:
         self._interpolators = {name: CameraInterpolator() for name in self._interpolators}
         self._last_ns = self._shared_ns = -1
 
-    @property
-    def _sharing(self) -> frozenset[str]:
-        return frozenset() if self._rate > 0.0 else self.clocks.sharing
-
     def _interpolate(self, corrected: Iterable[LandmarkMatches]) -> list[LandmarkMatches]:
         ready = []
-        sharing = self._sharing
+        sharing = self.clocks.sharing
         for matches in corrected:
             self._on_corrected(matches)
             for stamp_ns in self._new_stamps(matches.stamp_ns, matches.camera in sharing):
@@ -107,8 +103,8 @@ class TimeSynchronizer:
             self._last_ns = stamp_ns
             return [stamp_ns]
         shared = self.clocks.shared
-        period_ns = round(1e9 / self._rate) if self._rate > 0.0 else shared.period_ns if shared else 0
-        if not period_ns or (self._sharing and not 0 <= self._shared_ns < stamp_ns - _MISSING_NS):
+        period_ns = shared.period_ns if shared else 0
+        if not period_ns or (self.clocks.sharing and not 0 <= self._shared_ns < stamp_ns - _MISSING_NS):
             return []
         if self._last_ns < 0 or stamp_ns - self._last_ns > _LONGEST_GAP_NS:
             new = [stamp_ns // period_ns * period_ns]

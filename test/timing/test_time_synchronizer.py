@@ -12,8 +12,8 @@ from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
 DURATION_S = 8.0
 
 
-def brought(recording: Recording, rate: float = 0.0) -> list[LandmarkMatches]:
-    instants = TimeSynchronizer(BODY, CAMERAS, ClockSettings(rate=rate), FLOOR, live=False)
+def brought(recording: Recording) -> list[LandmarkMatches]:
+    instants = TimeSynchronizer(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
     said = [each for image in recording.images() for each in instants.add(image)]
     return said + instants.flush()
 
