@@ -22,7 +22,7 @@ from bodycam_ros.calibration.joint_search import FoundJoints
 from bodycam_ros.calibration.refinement import STRAIGHT_SIGMA_M, Refined
 from bodycam_ros.calibration.rest_pose import ZeroedMotion
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.strap_slip import slip_warning
+from bodycam_ros.calibration.strap_slip import lasting_change, slip_warning
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, inverse, log_se3, transform_points
@@ -51,7 +51,7 @@ class Findings:
 
     Attributes:
         rig: names.
-        found: joints by A eq. 14, virtual cameras and slips.
+        found: joints by A eq. 14, and virtual cameras.
         motion: of the cameras.
         rows: (N) rows of it that the refinement used.
         refined: motion of the body at those rows.
@@ -206,35 +206,34 @@ def _gap(findings: Findings, joint: Joint) -> float:
 def _cameras(findings: Findings) -> tuple[CameraDiagnosis, ...]:
     measured = findings.motion.world_T_camera[findings.rows]
     known = findings.motion.known[findings.rows]
-    errors = log_se3(inverse(findings.zeroed.motion.world_T_camera()) @ measured)
+    seconds, off = findings.motion.seconds[findings.rows], inverse(findings.zeroed.motion.world_T_camera()) @ measured
     cameras = []
     for c, camera in enumerate(findings.motion.cameras):
         images, registered = findings.image_counts[camera]
-        slip, segment = findings.found.slips.get(camera), findings.rig.cameras[camera]
-        slipped_s = None if slip is None else float(findings.motion.seconds[slip.row])
+        own = off[known[:, c], c]
+        slip, errors = lasting_change(own, seconds[known[:, c]]), log_se3(own)
         share = registered / max(images, 1)
-        if slip is not None and slipped_s is not None:
-            warning = slip_warning(camera, slip, slipped_s, len(findings.rig.cameras_on(segment)) == 1)
+        if slip is not None:
+            warning = slip_warning(camera, slip)
         elif share < _WARN_REGISTERED:
             warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
         else:
             warning = findings.doubts.get(camera, "")
-        own = errors[known[:, c], c]
         turned, moved = (
             float(np.median(np.linalg.norm(part, axis=1))) if len(own) else float("nan")
-            for part in (own[:, :3], own[:, 3:])
+            for part in (errors[:, :3], errors[:, 3:])
         )
         cameras.append(
             CameraDiagnosis(
                 camera=camera,
-                segment=segment,
+                segment=findings.rig.cameras[camera],
                 images=images,
                 registered=share,
                 residual_m=moved,
                 residual_rad=turned,
                 moved_m=slip.moved_m if slip else 0.0,
                 turned_rad=slip.turned_rad if slip else 0.0,
-                slipped_s=slipped_s,
+                slipped_s=slip.seconds if slip else None,
                 readout=findings.readouts.get(camera),
                 warning=warning,
                 clock_s=findings.delays_s[camera],

@@ -160,7 +160,6 @@ class BodyCalibrator:
         refined = refine(
             first,
             image_evidence(motion, rows, self._models, self._pose_fit, self._evidence),
-            found.trust[rows],
             hinges,
             self._clock,
             lambda share: on_progress("refinement", share),

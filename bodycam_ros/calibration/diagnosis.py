@@ -69,8 +69,7 @@ class CameraDiagnosis:
         images: of the recording.
         registered: share of them that were registered, 0 to 1.
         residual_m, residual_rad: median difference between where it was and where the body puts it, after refinement.
-        moved_m, turned_rad: largest lasting change of its place on the segment [m], [rad]; 0 when it held still, or
-            when it is alone on its segment.
+        moved_m, turned_rad: largest lasting change of its place on the segment [m], [rad]; 0 when it held still.
         slipped_s: when that change came, seconds after the start; None when it held still.
         readout: how long its rows are read out; None if nothing is known of it.
         warning: for the user; empty when nothing.

@@ -7,7 +7,7 @@ found, and whether as a hinge.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,7 +37,6 @@ class JointCentre:
         child_directions: (3, 3) rows: the directions in the child that belong to them; the last one of a hinge's is
             its axis.
         residuals_m: (N) distances between the joint on the parent and on the child [m], one per equation.
-        weights: (N) of the equations, 0 to 1.
     """
 
     in_parent: Array
@@ -45,7 +44,6 @@ class JointCentre:
     singular_values: Array
     child_directions: Array
     residuals_m: Array
-    weights: Array
 
     @property
     def freedoms(self) -> int:
@@ -53,24 +51,23 @@ class JointCentre:
         return int((self.singular_values > _FREE).sum())
 
 
-def find_joint_centre(parent_T_child: Array, weights: Array) -> JointCentre:
+def find_joint_centre(parent_T_child: Array) -> JointCentre:
     """Find the joint between two segments in spite of a minority of wrong poses.
 
     Args:
         parent_T_child: (N, 4, 4) poses of the child in the parent over time; of every pair of cameras on the two.
-        weights: (N) prior weights.
     """
-    robust = np.ones(len(parent_T_child))
+    weights = np.ones(len(parent_T_child))
     in_child = np.full(3, np.inf)
     for _ in range(_ITERATIONS):
         before = in_child
-        centre = _weighted_centre(parent_T_child, weights * robust)
+        centre = _weighted_centre(parent_T_child, weights)
         in_child = centre.in_child
-        sigma = max(_TO_SIGMA * _weighted_median(centre.residuals_m, weights), _RESIDUAL_FLOOR_M)
-        robust = 1.0 / (1.0 + (centre.residuals_m / (_OUTLIER_SIGMAS * sigma)) ** 2) ** 2  # Geman-McClure
+        sigma = max(_TO_SIGMA * float(np.median(centre.residuals_m)), _RESIDUAL_FLOOR_M)
+        weights = 1.0 / (1.0 + (centre.residuals_m / (_OUTLIER_SIGMAS * sigma)) ** 2) ** 2  # Geman-McClure
         if np.linalg.norm(in_child - before) < _CONVERGED_M:
             break
-    return replace(centre, weights=robust * (weights > 0))
+    return centre
 
 
 def _weighted_centre(parent_T_child: Array, weights: Array) -> JointCentre:
@@ -87,13 +84,7 @@ def _weighted_centre(parent_T_child: Array, weights: Array) -> JointCentre:
     in_child = -directions[turning].T @ ((U.T @ dt)[turning] / singular_values[turning])
     in_parent = R_mean @ in_child + t_mean
     residuals_m = np.linalg.norm(R @ in_child + t - in_parent, axis=1)
-    return JointCentre(in_parent, in_child, singular_values, directions, residuals_m, weights)
-
-
-def _weighted_median(values: Array, weights: Array) -> float:
-    order = np.argsort(values)
-    reached = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(reached, 0.5 * reached[-1])])
+    return JointCentre(in_parent, in_child, singular_values, directions, residuals_m)
 
 
 def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> dict[str, Array]:

@@ -75,7 +75,6 @@ class Refined:
 def refine(
     motion: ArticulatedMotion,
     images: ImageEvidence,
-    trust: Array,
     hinges: Mapping[str, Array],
     clock: ClockSettings,
     on_progress: Callable[[float], None] = lambda share: None,
@@ -85,7 +84,6 @@ def refine(
     Args:
         motion: where to start.
         images: the landmarks that they show.
-        trust: (T, C) weight of each camera at each instant, 0 to 1, before its residuals are looked at.
         hinges: child segment -> (3,) axis of the hinge that it hangs on, in N-pose axes.
         clock: how far clocks may be off.
         on_progress: called with the share that is done.
@@ -95,7 +93,7 @@ def refine(
         world_T_camera = motion.world_T_camera()
         images = images.with_landmarks_refined(world_T_camera, _LANDMARK_SIGMA_M)
         hessians, gradients = images.linearised(world_T_camera)
-        weights = trust * _cauchy(hessians, gradients)
+        weights = _cauchy(hessians, gradients)
         eliminated = eliminate_instants(
             *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
         )

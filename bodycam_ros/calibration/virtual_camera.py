@@ -35,41 +35,39 @@ class VirtualCamera:
         return poses
 
 
-def fuse_cameras(names: Sequence[str], world_T_camera: Array, weights: Array) -> VirtualCamera:
+def fuse_cameras(names: Sequence[str], world_T_camera: Array, known: NDArray[np.bool_]) -> VirtualCamera:
     """Fuse the cameras of one segment.
 
     Args:
         names: (K) of the cameras, for messages.
         world_T_camera: (T, K, 4, 4) their poses.
-        weights: (T, K) 1 for one that did not slip, 0 where it is unknown; the reference has the largest sum.
+        known: (T, K) whether each is; the reference is the one that is known most often.
 
     Raises:
         RangeOfMotionError: a camera is never known together with the reference camera.
     """
-    reference = int(np.argmax(weights.sum(axis=0)))
+    reference = int(np.argmax(known.sum(axis=0)))
     virtual_T_camera = {name: np.eye(4) for name in names}
     for k, name in enumerate(names):
         if k == reference:
             continue
-        together = weights[:, [reference, k]].min(axis=1)
+        together = known[:, [reference, k]].all(axis=1)
         if not together.any():
             raise RangeOfMotionError(
                 f"cameras {names[reference]} and {name} are on one segment but were never registered at the same time, "
                 "so nothing tells how they sit to each other; repeat the recording where both see the mapped place"
             )
-        # Of a strap that slipped, only the time of full weight gives the mount (A eq. 6).
-        best = together >= together.max()
-        relative = inverse(world_T_camera[best, reference]) @ world_T_camera[best, k]
-        virtual_T_camera[name] = robust_average_pose(relative)
+        relative = inverse(world_T_camera[together, reference]) @ world_T_camera[together, k]
+        virtual_T_camera[name] = robust_average_pose(relative)  # A eq. 6
     # A eq. 7: each camera gives a pose of the virtual one.
     poses = world_T_camera @ inverse(np.stack([virtual_T_camera[name] for name in names]))
-    return VirtualCamera(virtual_T_camera, _weighted_average(poses, weights), weights.max(axis=1) > 0)
+    return VirtualCamera(virtual_T_camera, _average(poses, known), np.asarray(known.any(axis=1)))
 
 
-def _weighted_average(poses: Array, weights: Array) -> Array:
-    """Average (T, 4, 4) over the K of poses (T, K, 4, 4) with weights (T, K); the identity where all are zero."""
-    total = weights.sum(axis=1)
-    share = weights / np.where(total > 0, total, 1.0)[:, None]
+def _average(poses: Array, known: NDArray[np.bool_]) -> Array:
+    """Average (T, 4, 4) over the known ones (T, K) of poses (T, K, 4, 4); the identity where none is."""
+    total = known.sum(axis=1)
+    share = known / np.maximum(total, 1)[:, None]
     R = np.einsum("tk,tkij->tij", share, poses[:, :, :3, :3])
     R[total == 0] = np.eye(3)
     return rigid(nearest_rotation(R), np.einsum("tk,tki->ti", share, poses[:, :, :3, 3]))

@@ -60,31 +60,28 @@ def test_a_joint_held_still_is_named() -> None:
         calibrated(body, registrations(range_of_motion(body, held=[held])))
 
 
-def test_a_slipped_strap_is_named_and_left_out() -> None:
-    slipping, body = "chest", known_body()
+@pytest.mark.parametrize(
+    ("slipping", "seconds", "turn", "shift"),
+    [
+        ("chest", 5.0, [0.0, 0.12, 0.0], [0.03, 0.02, 0.0]),  # one of two on its segment
+        ("foot_left", 9.0, [0.1, 0.0, 0.1], [0.02, -0.06, 0.05]),
+        ("foot_left", 5.0, [0.1, 0.0, 0.1], [0.02, -0.06, 0.05]),
+        ("forearm_left", 7.0, [0.0, 0.1, 0.1], [0.02, -0.02, 0.03]),
+    ],
+)
+def test_a_slipped_strap_is_named_and_the_body_has_it_where_it_was_for_longest(
+    slipping: str, seconds: float, turn: list[float], shift: list[float]
+) -> None:
+    body = known_body()
     mount = body.mounts[slipping]
-    slipped = mount.segment_T_camera @ rigid(exp_so3(np.array([0.0, 0.12, 0.0])), np.array([0.03, 0.02, 0.0]))
-    motion = range_of_motion(body, slip=(slipping, 5.0, slipped))
+    slipped = mount.segment_T_camera @ rigid(exp_so3(np.array(turn)), np.array(shift))
+    motion = range_of_motion(body, duration_s=12.0, slip=(slipping, seconds, slipped))
     found = calibrated(body, registrations(motion, pixel_noise=0.3))
-    diagnosis = next(camera for camera in found.diagnosis.cameras if camera.camera == slipping)
-    assert diagnosis.slipped_s == pytest.approx(5.0, abs=0.3)
+    (diagnosis,) = (camera for camera in found.diagnosis.cameras if camera.slipped_s is not None)
+    assert diagnosis.camera == slipping and diagnosis.slipped_s == pytest.approx(seconds, abs=0.3)
     assert f"{slipping} slipped" in diagnosis.warning
-    assert sum(camera.slipped_s is not None for camera in found.diagnosis.cameras) == 1
     now = replace(body, mounts={**body.mounts, slipping: CameraMount(mount.segment, slipped)})
-    assert greatest_error(found.body, now) < 0.006
-
-
-def test_a_camera_alone_on_its_segment_that_slips_is_named() -> None:
-    slipping, body = "foot_left", known_body()
-    mount = body.mounts[slipping]
-    slipped = mount.segment_T_camera @ rigid(exp_so3(np.array([0.1, 0.0, 0.1])), np.array([0.02, -0.06, 0.05]))
-    motion = range_of_motion(body, duration_s=12.0, slip=(slipping, 9.0, slipped))
-    found = calibrated(body, registrations(motion, pixel_noise=0.3))
-    diagnosis = {camera.camera: camera for camera in found.diagnosis.cameras}
-    assert diagnosis[slipping].slipped_s == pytest.approx(9.0, abs=0.3)
-    assert "repeat the recording" in diagnosis[slipping].warning
-    assert sum(camera.slipped_s is not None for camera in found.diagnosis.cameras) == 1
-    assert greatest_error(found.body, body) < 0.006
+    assert greatest_error(found.body, body if seconds > 6.0 else now) < 0.015
 
 
 def test_without_the_n_pose_there_is_no_body() -> None:

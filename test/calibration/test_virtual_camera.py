@@ -12,7 +12,7 @@ CAMERAS = SEGMENT[:, None] @ PLACES
 
 
 def test_exact() -> None:
-    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3)))
+    virtual = fuse_cameras(NAMES, CAMERAS, np.ones((90, 3), bool))
     for k, name in enumerate(NAMES):
         np.testing.assert_allclose(virtual.virtual_T_camera[name], PLACES[k], atol=1e-9)
     np.testing.assert_allclose(virtual.world_T_virtual, SEGMENT, atol=1e-9)
@@ -24,7 +24,7 @@ def test_noise_averages_and_wrong_poses_move_no_mount() -> None:
     sigmas = np.repeat([0.001, 0.005], 3)
     noisy = CAMERAS @ exp_se3(sigmas * random.normal(size=(90, 3, 6)))
     noisy[::9, 1] = rigid(np.eye(3), np.array([5.0, 5.0, 5.0]))
-    virtual = fuse_cameras(NAMES, noisy, np.ones((90, 3)))
+    virtual = fuse_cameras(NAMES, noisy, np.ones((90, 3), bool))
     mounts = np.stack([virtual.virtual_T_camera[name] for name in NAMES])
     assert np.abs(log_se3(inverse(PLACES) @ mounts)[:, 3:]).max() < 0.005
     errors, alone = (log_se3(inverse(SEGMENT) @ poses) for poses in (virtual.world_T_virtual, noisy[:, 0]))
