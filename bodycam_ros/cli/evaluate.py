@@ -63,8 +63,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--points",
         type=Path,
         metavar="POINTS.YAML",
-        help="its points as our segments, joints or cameras, where their names do not match: 'RKNE: thigh_right', or "
-        "'{segment: thigh_right, at: [x, y, z]}' in mm, or 'at: fitted', or null",
+        help="what its points are, where their names do not match: 'RKNE: thigh_right' is a marker on that segment, "
+        "'RKJC: knee_right' the centre of that joint, or of a camera; null leaves one out",
     )
     static = parser.add_argument_group("static cameras")
     add_stations(

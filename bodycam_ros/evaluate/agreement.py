@@ -286,7 +286,7 @@ def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
     segments = [segment for segment in solved.body.segments if segment in truth.world_T_segment]
     points = {segment: np.ascontiguousarray(truth.world_T_segment[segment][:, :3, 3]) for segment in segments}
     captured = CapturedMotion(truth.path, "truth", truth.stamps_ns, points)
-    places = {segment: PointSite(segment, np.zeros(3)) for segment in segments}
+    places = {segment: PointSite(segment) for segment in segments}
     return rate_shared_clock(_body_points(solved, places), captured, solved.start_ns)
 
 

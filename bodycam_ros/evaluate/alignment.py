@@ -77,9 +77,9 @@ class BodyPoints:
         return np.stack([captured.points_at(name, seconds) for name in self.places], axis=1)
 
     @property
-    def known_offsets(self) -> dict[str, Array]:
-        """Name -> offset on its link, the link's origin where it is to be fitted."""
-        return {name: np.zeros(3) if place.at is None else place.at for name, place in self.places.items()}
+    def origins(self) -> dict[str, Array]:
+        """Name -> no offset (3,) on its link, where those of markers are not fitted yet."""
+        return {name: np.zeros(3) for name in self.places}
 
     def thinned(self, count: int) -> "BodyPoints":
         """At most so many frames, evenly spread."""
@@ -112,7 +112,7 @@ def align_worlds(
     exact = np.array([not place.is_fitted for place in body.places.values()])
     cameras = np.array([place.link.endswith(CAMERA_SUFFIX) for place in body.places.values()])
     used = next((rows for rows in (exact & ~cameras, exact) if rows.sum() >= _MIN_EXACT), np.ones(len(exact), bool))
-    offsets = body.known_offsets
+    offsets = body.origins
     scale, R, t = 1.0, np.eye(3), np.zeros(3)
     for _ in range(steps):
         before = offsets
@@ -238,7 +238,7 @@ def _signals_of_both(
     body: BodyPoints, captured: CapturedMotion, with_distances: bool
 ) -> tuple[Signals, tuple[float, float], Signals, float]:
     """Arguments of ``find_clock``, by equally smooth motions."""
-    ours = body.as_captured(captured, body.known_offsets)
+    ours = body.as_captured(captured, body.origins)
     sigma_s = max(_SMOOTH_S, _smoothing_s(ours, captured))
     ours = ours.smoothed(sigma_s)
     theirs = replace(captured, points={name: captured.points[name] for name in body.places}).smoothed(sigma_s)

@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.geometry import Array
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
@@ -59,28 +56,23 @@ _WORDS = {
 _CENTRAL_WORDS = {word: kind for kind, words in _CENTRAL.items() for word in words.split()}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PointSite:
     """Position of another system's point on the solved body.
 
     Attributes:
         link: the segment, or the optical frame of a camera.
-        at: (3,) in the link's axes [m]; None: unknown, it is fitted.
+        is_fitted: whether its position on the link is unknown, and fitted; else it is the link's origin.
     """
 
     link: str
-    at: Array | None
-
-    @property
-    def is_fitted(self) -> bool:
-        """Whether the point's position on its segment is fitted."""
-        return self.at is None
+    is_fitted: bool = False
 
 
-def _known_link(
+def _known_site(
     name: str, links: Collection[str], joints: Mapping[str, str], has_rotation: bool, others: Collection[str]
-) -> tuple[str, bool] | None:
-    """The link of a well-known name, and whether the point is its origin; None of unknown names.
+) -> PointSite | None:
+    """The site of a well-known name; None of unknown names.
 
     Args:
         name: in the file.
@@ -90,20 +82,20 @@ def _known_link(
         others: all names in the file: beside an arm, the shoulder is the collar bone.
     """
     if (link := joints.get(name, name)) in links:
-        return link, True
+        return PointSite(link)
     if has_rotation and (camera := optical_frame(name)) in links:
-        return camera, True
+        return PointSite(camera)
     if on := [link for link in links if name.startswith(f"{link}_")]:
-        return max(on, key=len), False
+        return PointSite(max(on, key=len), is_fitted=True)
     word = _plain_word(name)
     if word in _CENTRAL_WORDS:
-        return (_CENTRAL_WORDS[word], False) if _CENTRAL_WORDS[word] in links else None
+        return PointSite(_CENTRAL_WORDS[word], is_fitted=True) if _CENTRAL_WORDS[word] in links else None
     side, stem = _split_side(word)
     if not side or (stem == "shoulder" and any(_split_side(_plain_word(o)) == (side, "arm") for o in others)):
         return None
     kind, is_centre = _WORDS[stem]
     segment = next((s for s in (f"{kind}_{side}", kind) if s in links), None)
-    return None if segment is None else (segment, is_centre)
+    return None if segment is None else PointSite(segment, not is_centre)
 
 
 def _plain_word(name: str) -> str:
@@ -121,18 +113,13 @@ def _split_side(word: str) -> tuple[str, str]:
     return "", ""
 
 
-_FITTED = "fitted"
-_MM_PER_M = 1000.0
-
-
 def locate_points(
     captured: CapturedMotion, links: Collection[str], joints: Mapping[str, str], names: Path | None
 ) -> dict[str, PointSite]:
     """Name of a point -> its site on the body, of all points with well-known names or in a user's file.
 
-    The file is a table: name in the other system -> our segment, joint or camera (its centre), or
-    ``{segment: S, at: [x, y, z]}`` (in the segment's axes [mm]), or ``{segment: S, at: fitted}`` (a marker at an
-    unknown position on it), or null (left out).
+    The file is a table: name in the other system -> our joint or camera, whose centre it is, or segment, on which it is
+    a marker, or null (left out).
 
     Args:
         captured: the other system's motion.
@@ -145,9 +132,7 @@ def locate_points(
     """
     found: dict[str, PointSite | None] = {}
     for name in captured.points:
-        if (known := _known_link(name, links, joints, name in captured.rotations, captured.points)) is not None:
-            link, is_centre = known
-            found[name] = PointSite(link, np.zeros(3) if is_centre else None)
+        found[name] = _known_site(name, links, joints, name in captured.rotations, captured.points)
     if names is not None:
         found |= _read_names(names, captured, links, joints)
     sites = {name: site for name, site in found.items() if site}
@@ -169,35 +154,21 @@ def _read_names(
     for name, value in document.items():
         if name not in captured.points:
             raise RecordingError(f"{path}: {captured.path.name} has no {shown(name)}; it has {_some(captured.points)}")
-        sites[str(name)] = None if value is None else _site(path, str(name), value, links, joints)
+        sites[str(name)] = None if value is None else _site(path, str(name), str(value), links, joints)
     return sites
 
 
-def _site(path: Path, name: str, value: Any, links: Collection[str], joints: Mapping[str, str]) -> PointSite:
-    table = value if isinstance(value, dict) else {"segment": value}
-    if not {"segment"} <= set(table) <= {"segment", "at"}:
-        raise RecordingError(f"{path}: {shown(name)}: expected a segment, or a table of segment and at")
-    word = str(table["segment"])
-    link = next((link for link in (joints.get(word, word), optical_frame(word)) if link in links), None)
-    if link is None:
-        raise RecordingError(
-            f"{path}: {shown(name)}: the body has no segment, joint or camera {shown(word)}; it has {_some(joints)}, "
-            f"{_some(set(links) - set(joints.values()))}"
-        )
-    return PointSite(link, None if table.get("at") == _FITTED else _position(path, name, table.get("at", [0, 0, 0])))
-
-
-def _position(path: Path, name: str, value: Any) -> Array:
-    try:
-        at = np.array(value, np.float64) / _MM_PER_M
-        if at.shape != (3,) or not np.isfinite(at).all():
-            raise ValueError
-    except (TypeError, ValueError) as error:
-        raise RecordingError(
-            f"{path}: {shown(name)}: at: expected [x, y, z] in the segment's axes [mm], or {_FITTED}, "
-            f"not {shown(value)}"
-        ) from error
-    return at
+def _site(path: Path, name: str, word: str, links: Collection[str], joints: Mapping[str, str]) -> PointSite:
+    if word in joints:
+        return PointSite(joints[word])
+    if (camera := optical_frame(word)) in links:
+        return PointSite(camera)
+    if word in links:
+        return PointSite(word, is_fitted=True)
+    raise RecordingError(
+        f"{path}: {shown(name)}: the body has no segment, joint or camera {shown(word)}; it has {_some(joints)}, "
+        f"{_some(set(links) - set(joints.values()))}"
+    )
 
 
 def _some(names: "Collection[str] | Any") -> str:
