@@ -102,16 +102,13 @@ def camera_figures(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
     figures = {}
     for record in solved.cameras:
         position_gap, rotation_gap = _pose_gaps(solved, record, poses.get(record.camera))
-        tracks = record.tracks[record.tracks >= 0]
         has_landmarks = record.landmarks.any() or not record.registered.any()  # else a slim bag
         figures[record.camera] = {
             "images": len(record.stamps_ns),
             "registered": float(record.registered.mean()),
             "sight": {sight.label: float(np.mean(record.sights == sight)) for sight in CameraSight},
             "longest_lost_s": _longest_lost_s(record, solved.frame_ns),
-            "tracks": float(tracks.mean()) if len(tracks) else np.nan,
             "landmarks": float(record.landmarks.mean()) if has_landmarks else np.nan,
-            "image_motion_px": spread(record.image_motion),
             "position_gap_mm": spread(position_gap, 1e3),
             "rotation_gap_deg": spread(rotation_gap, np.degrees(1.0)),
         }

@@ -8,7 +8,7 @@ from bodycam_ros.evaluate.page import Section, Table
 
 Rows = Mapping[str, Mapping[str, Any]]
 Columns = Sequence[tuple[str, str, str]]
-"""Heading, path of the figure ("image_motion_px.p95") and format of each column; one without figures is left out."""
+"""Heading, path of the figure ("position_gap_mm.median") and format of each column; one without figures is left out."""
 
 _SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
 _JOINTS: Columns = (
@@ -25,13 +25,13 @@ _PLANES_NOTE = (
 )
 _CAMERAS: Columns = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("lost [s]", "longest_lost_s", ".2f"),
-    ("tracks", "tracks", ".0f"), ("landmarks", "landmarks", ".0f"), ("motion [px]", "image_motion_px.p95", ".1f"),
+    ("landmarks", "landmarks", ".0f"),
     ("gap [mm]", "position_gap_mm.median", ".1f"), ("gap [deg]", "rotation_gap_deg.median", ".2f"),
     ("error [px]", "reprojection_px.median", ".2f"),
 )  # fmt: skip
 _CAMERAS_NOTE = (
-    "lost: the longest time without a pose; motion: of the picture from image to image, 95th percentile; gap: from the "
-    "registered to the solved pose, median; error: of landmarks in the solved pose, median"
+    "lost: the longest time without a pose; gap: from the registered to the solved pose; error: of landmarks in the "
+    "solved pose; medians"
 )
 _STATIONS: Columns = (
     ("images", "images", "d"), ("observed", "seen", ".1%"), ("segments", "segments", ".1f"),

@@ -11,14 +11,9 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import segment_poses
 from bodycam_ros.messages.timing import TIMING, clock_state, has_clock
-from bodycam_ros.messages.tracks import landmark_matches, track_frame
+from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.registration.landmark_matches import CameraSight, camera_sight
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
-
-TRACKS, TRACKS_TYPE = "/tracks", "bodycam_msgs/msg/FeatureTracks"
-"""End and type of a camera's topic of feature tracks."""
-
-_MIN_TRACKS = 5  # that the motion of a picture is computed of
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,20 +75,16 @@ class CameraRecord:
     Attributes:
         camera: name.
         stamps_ns: (K,) of its images, corrected by its clock, increasing [ns].
-        tracks: (K,) feature tracks; -1 in a bag without them.
         landmarks: (K,) tracks that carry a landmark of the map.
         world_T_camera: (K, 4, 4) registered pose of the optical frame [m]; NaN without one.
-        image_motion: (K,) motion of the picture since the image before, the median over tracks [px]; NaN of too few.
         sights: (K,) a ``CameraSight`` each.
         timing: its clock; None in a bag without it.
     """
 
     camera: str
     stamps_ns: NDArray[np.int64]
-    tracks: NDArray[np.int64]
     landmarks: NDArray[np.int64]
     world_T_camera: Array
-    image_motion: Array
     sights: NDArray[np.int8]
     timing: ClockHistory | None = None
 
@@ -109,22 +100,16 @@ class CameraRecord:
 
 
 class CameraMessages:
-    """Collects registrations, tracks and clocks of one camera, joined by their stamps."""
+    """Collects registrations and clocks of one camera, joined by their stamps."""
 
     def __init__(self) -> None:
         self._landmarks: dict[int, tuple[int, Array | None, CameraSight]] = {}
-        self._tracks: dict[int, tuple[int, float]] = {}
-        self._before = np.zeros(0, np.uint32), np.zeros((0, 2), np.float32)
         self._clocks: dict[int, ClockState] = {}
         self._readout = (math.nan, math.nan)
 
     def add(self, topic: str, message: Message, camera: str) -> None:
         """Add a message of the topics of a camera."""
-        if topic.endswith(TRACKS):
-            frame = track_frame(message, camera)
-            motion = self._motion(frame.track_ids, frame.pixels)
-            self._tracks[frame.stamp_ns] = len(frame.track_ids), motion
-        elif topic.endswith(TIMING):
+        if topic.endswith(TIMING):
             if has_clock(message):
                 clock = clock_state(message)
                 self._clocks[clock.since_ns] = clock
@@ -135,31 +120,20 @@ class CameraMessages:
             known = len(matches.landmark_ids), matches.world_T_camera, camera_sight(matches)
             self._landmarks[matches.stamp_ns] = known
 
-    def _motion(self, track_ids: NDArray[np.uint32], pixels: NDArray[np.float32]) -> float:
-        """Median length [px] that tracks (N,) at pixels (N, 2) moved since the image before; NaN of too few."""
-        ids, before = self._before
-        _, rows, rows_before = np.intersect1d(track_ids, ids, assume_unique=True, return_indices=True)
-        moved = np.linalg.norm(pixels[rows] - before[rows_before], axis=1)
-        self._before = track_ids, pixels
-        return float(np.median(moved)) if len(moved) >= _MIN_TRACKS else math.nan
-
     def record(self, camera: str) -> CameraRecord | None:
         """All images with a registration message; None without any."""
         if not self._landmarks:
             return None
         stamps = sorted(self._landmarks)
         landmarks, poses, sights = zip(*(self._landmarks[stamp] for stamp in stamps), strict=True)
-        tracks, motion = zip(*(self._tracks.get(stamp, (-1, math.nan)) for stamp in stamps), strict=True)
         clocks = tuple(self._clocks[since] for since in sorted(self._clocks))
         timing = ClockHistory(camera, clocks, *self._readout) if clocks else None
         given_ns, unknown = np.array(stamps, np.int64), np.full((4, 4), np.nan)
         return CameraRecord(
             camera=camera,
             stamps_ns=given_ns if timing is None else timing.corrected_ns(given_ns),
-            tracks=np.array(tracks, np.int64),
             landmarks=np.array(landmarks, np.int64),
             world_T_camera=np.array([unknown if pose is None else pose for pose in poses]),
-            image_motion=np.array(motion, np.float64),
             sights=np.array(sights, np.int8),
             timing=timing,
         )

@@ -18,8 +18,6 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.body_motion import between_neighbours
 from bodycam_ros.results.camera_record import (
-    TRACKS,
-    TRACKS_TYPE,
     CameraMessages,
     CameraRecord,
     StationMessages,
@@ -137,7 +135,7 @@ def read_solved(path: Path) -> SolvedRecording:
         static = camera_topics(bag, SEGMENT_POSES, SEGMENT_POSES_TYPE)
         if not any(map(bag.message_count, landmarks | static)):
             raise missing_topic(bag, f"no topic /<camera>{LANDMARKS} ({LANDMARKS_TYPE}) with messages")
-        worn = landmarks | camera_topics(bag, TRACKS, TRACKS_TYPE) | camera_topics(bag, TIMING, TIMING_TYPE)
+        worn = landmarks | camera_topics(bag, TIMING, TIMING_TYPE)
         judged = [VERDICT] if bag.topics.get(VERDICT) == VERDICT_TYPE else []
         cameras: dict[str, CameraMessages] = defaultdict(CameraMessages)
         stations, verdict = StationMessages(), None
