@@ -7,7 +7,7 @@ import argparse
 import math
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_config, add_output, given_flags, read_settings
+from bodycam_ros.cli.options import add_output, given_flags
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.export import FORMATS, export
@@ -72,7 +72,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="YAML",
         help=f"links of the robot and their segments, as in config/robot ({ROBOT})",
     )
-    add_config(parser, "robot.retargeting:RobotSettings")
     parser.set_defaults(run=run)
 
 
@@ -90,9 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     if arguments.to == ROBOT:
         return _export_robot(arguments, options)
-    given = given_flags(arguments, "urdf", "mapping", "config")
-    given += [f"--{group}.{name}" for group, values in arguments.settings.items() for name in values]
-    if given:
+    if given := given_flags(arguments, "urdf", "mapping"):
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
     check_output(output, sources, makes_folders=len(sources) > 1)
     with shown_progress() as progress:
@@ -110,7 +107,6 @@ def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     """
     import numpy as np
 
-    from bodycam_ros.robot.retargeting import RobotSettings
     from bodycam_ros.robot.robot_recording import write_robot
 
     if lacking := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is None]:
@@ -123,15 +119,13 @@ def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
         )
     if len(arguments.sources) > 1:
         raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
-    check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping, arguments.config))
-    settings = read_settings(arguments, RobotSettings)
+    check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping))
     with shown_progress() as progress:
         summary = write_robot(
             arguments.sources[0],
             arguments.urdf,
             arguments.mapping,
             arguments.output,
-            settings.retarget,
             arguments.force,
             progress,
         )

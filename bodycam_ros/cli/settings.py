@@ -33,11 +33,10 @@ def all_groups() -> dict[str, type]:
     from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.pipeline_settings import PipelineSettings
-    from bodycam_ros.robot.retargeting import RobotSettings
     from bodycam_ros.static_cameras.body_shape import MeasureSettings
     from bodycam_ros.static_cameras.station_registration import StationsSettings
 
-    every = (PipelineSettings, CalibrationSettings, MapSettings, MeasureSettings, StationsSettings, RobotSettings)
+    every = (PipelineSettings, CalibrationSettings, MapSettings, MeasureSettings, StationsSettings)
     return {name: group for settings in every for name, group in settings.groups().items()}
 
 

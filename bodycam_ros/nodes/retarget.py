@@ -17,7 +17,7 @@ from bodycam_ros.messages.factory import MAP_FRAME, Message
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import Retargeting, RobotSettings, RobotState
+from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
 _DROPPED = "frames dropped"
@@ -27,12 +27,10 @@ _NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 class RetargetStage(Stage[RetargetParameters]):
     """Publishes ``robot_description``, ``joint_states`` and the root's transform of a robot, in its own namespace."""
 
-    name, parameters_type, groups = "retarget", RetargetParameters, ("retarget",)
-    settings_types = (RobotSettings,)
+    name, parameters_type, groups = "retarget", RetargetParameters, ()
 
     def __init__(self, node: StageNode[RetargetParameters]) -> None:
         super().__init__(node)
-        self._retarget = node.parameters.of(RobotSettings).retarget
         of = self.parameters
         # Without a namespace the robot would publish on its input topics.
         if not _NAMESPACE.fullmatch(of.robot):
@@ -63,13 +61,13 @@ class RetargetStage(Stage[RetargetParameters]):
         self._input.clear()
         self._followed_ns = -1
         if self._body is not None:
-            self._following = Retargeting(self._body, self._robot, self._retarget)
+            self._following = Retargeting(self._body, self._robot)
 
     def _set_body(self, message: Message) -> None:
         try:
             body = body_from_urdf(message.data)
             if self._following is None:
-                self._following = Retargeting(body, self._robot, self._retarget)
+                self._following = Retargeting(body, self._robot)
             else:
                 self._following.set_person(body)
         except BodyError as error:
@@ -86,7 +84,7 @@ class RetargetStage(Stage[RetargetParameters]):
             self.dropped.add(_DROPPED, f"the frame {stamp_ns} ns was received twice; do two solvers publish?")
             return
         if stamp_ns < self._followed_ns:
-            self._following = Retargeting(self._body, self._robot, self._retarget)
+            self._following = Retargeting(self._body, self._robot)
         self._followed_ns = stamp_ns
         world_T_segment = JointAngles(self._body).forward_kinematics(world_T_root, angles)
         self._publish(self._following.follow(stamp_ns, world_T_segment))

@@ -15,35 +15,16 @@ from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 from bodycam_ros.robot.robot_model import FLOATING, JointBounds, Robot
 from bodycam_ros.robot.scaled_person import LinkTarget, ScaledPerson
 from bodycam_ros.robot.self_collision import SelfCollisionLimit
-from bodycam_ros.settings import SettingsGroups, setting
 
 _SOLVER = "daqp"
 _DAMPING = 1e-6  # of all speeds, so that the program is convex
 _PLACE, _END_PLACE, _TURN, _POSTURE = 0.5, 10.0, 0.2, 1e-2  # costs: of a metre, of a radian
 _SHARES = (1.0, 0.5, 0.25, 0.1)
+_CLEARANCE_M = 0.01  # least distance between the robot's own links
 _TOUCH_M = 0.002  # links nearer than this touch
 REACH = 0.98  # share of the robot's limbs that scaled motion uses: a stretched knee can only buckle
 _ROUNDS = 2  # of inverse kinematics a frame; each starts where the one before ended
 _FIRST_ROUNDS = 60  # from the N-pose, where any way is allowed
-
-
-@dataclass(frozen=True)
-class RetargetSettings:
-    """Settings of inverse kinematics."""
-
-    clearance: float = setting(
-        0.01,
-        unit="m",
-        limits=(0.0, 0.1),
-        reason="least distance between the robot's own links; raise it for hulls that are too thin",
-    )
-
-
-@dataclass(frozen=True)
-class RobotSettings(SettingsGroups):
-    """Settings of robots."""
-
-    retarget: RetargetSettings = RetargetSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +56,12 @@ class Retargeting:
     Args:
         body: the person.
         robot: that follows.
-        settings: clearance.
 
     Raises:
         BodyError: as of ``ScaledPerson``.
     """
 
-    def __init__(self, body: BodyModel, robot: Robot, settings: RetargetSettings) -> None:
+    def __init__(self, body: BodyModel, robot: Robot) -> None:
         import pink
         import pinocchio
         from pink.tasks import PostureTask
@@ -89,7 +69,7 @@ class Retargeting:
         self._pink, self._pin = pink, pinocchio
         self._robot = robot
         self.set_person(body)
-        self._bounds, self._collisions = JointBounds(robot), SelfCollisionLimit(robot, settings.clearance)
+        self._bounds, self._collisions = JointBounds(robot), SelfCollisionLimit(robot, _CLEARANCE_M)
         self._posture = PostureTask(cost=_POSTURE)
         self._posture.set_target(robot.n_pose)
         self._tasks: dict[str, Any] = {}

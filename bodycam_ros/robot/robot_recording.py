@@ -16,7 +16,7 @@ from bodycam_ros.recording.bag_writer import check_replaceable, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
 _COMMAND = "bodycam export --to robot"
@@ -56,7 +56,6 @@ def write_robot(
     urdf: Path,
     mapping_path: Path,
     output: Path,
-    settings: RetargetSettings,
     force: bool,
     progress: Progress,
 ) -> RobotSummary:
@@ -67,7 +66,6 @@ def write_robot(
         urdf: of the robot.
         mapping_path: its mapping, YAML.
         output: ros2 bag folder to be, with ``/robot_description``, ``/joint_states`` and ``/tf`` of the robot.
-        settings: of inverse kinematics.
         force: replace an earlier output of a robot.
         progress: of messages, then of states.
 
@@ -80,7 +78,7 @@ def write_robot(
         check_replaceable(force, output, _COMMAND)
     robot = Robot(urdf, read_mapping(mapping_path))
     solved = read_solved_body(source, progress)
-    following = Retargeting(solved.body, robot, settings)
+    following = Retargeting(solved.body, robot)
     poses = JointAngles(solved.body).forward_kinematics(solved.motion.world_T_root, solved.motion.joint_angles)
     summary, make = RobotSummary(following.scale), recorded_messages()
     stamps_ns = solved.motion.stamps_ns.tolist()

@@ -97,15 +97,9 @@ def turned(xyzw: list[float], vector: Array) -> Array:
         ([], "needs --urdf and --mapping"),
         (["again", "--urdf", "r.urdf", "--mapping", "m.yaml"], "takes one recording a call, not 2"),
         (["--urdf", "r.urdf", "--mapping", "m.yaml", "--rate", "30"], "--rate has no effect on robot"),
-        (
-            ["--urdf", "r.urdf", "--mapping", "m.yaml", "--retarget.clearance", "99"],
-            "clearance = 99: Expected float <=",
-        ),
         (["--urdf", "r.urdf", "--mapping", "nothing.yaml"], "nothing.yaml"),
         (["--urdf", "nothing.urdf", "--mapping", str(MAPPING)], "nothing.urdf"),
         (["--to", "bvh", "--mapping", "m.yaml"], "--mapping: has no effect on bvh, only on robot"),
-        (["--to", "bvh", "--retarget.clearance", "0.02"], "--retarget.clearance: has no effect on bvh"),
-        (["--to", "bvh", "--config", "c.yaml"], "--config: has no effect on bvh"),
     ],
 )
 def test_what_cannot_be_is_refused_and_leaves_nothing(
@@ -125,15 +119,12 @@ def test_only_robots_are_replaced(
     capsys: pytest.CaptureFixture[str], solved: Path, written: Path, tmp_path: Path
 ) -> None:
     there = Path(shutil.copytree(written, tmp_path / "talos"))
-    before = contents(there)
+    before, times = contents(there), {path.name: path.stat().st_mtime_ns for path in there.iterdir()}
     assert exported(solved, *robot_flags(), "-o", there) == 1
     assert "exists already" in capsys.readouterr().err
     assert contents(there) == before
-    config = tmp_path / "settings.yaml"
-    for clearance, code in ((0.2, 1), (0.02, 0)):
-        config.write_text(f"/**:\n  ros__parameters:\n    retarget:\n      clearance: {clearance}\n")
-        assert exported(solved, *robot_flags(), "--config", config, "-o", there, "--force") == code
-    assert contents(there) != before
+    assert exported(solved, *robot_flags(), "-o", there, "--force") == 0
+    assert {path.name: path.stat().st_mtime_ns for path in there.iterdir()} != times
     capsys.readouterr()
 
     person = Path(shutil.copytree(solved, tmp_path / "person"))

@@ -16,7 +16,7 @@ from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers, stamp_ns
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
 
 INSTANTS = slice(0, 30, 5)
@@ -41,7 +41,7 @@ def robot() -> Robot:
 @pytest.fixture(scope="module")
 def states(robot: Robot, solved: SolvedBody) -> list[RobotState]:
     """What the robot does offline."""
-    following = Retargeting(solved.body, robot, RetargetSettings())
+    following = Retargeting(solved.body, robot)
     motion = solved.motion
     poses = solved.body.forward_kinematics(
         motion.world_T_root[INSTANTS], JointAngles(solved.body).poses(motion.joint_angles[INSTANTS])

@@ -15,7 +15,7 @@ from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
-from bodycam_ros.robot.retargeting import REACH, Retargeting, RetargetSettings, RobotState
+from bodycam_ros.robot.retargeting import REACH, Retargeting, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot
 from bodycam_ros.robot.scaled_person import ScaledPerson
 
@@ -42,7 +42,7 @@ def poses(solved: SolvedBody) -> Array:
 
 @pytest.fixture(scope="module")
 def states(robot: Robot, solved: SolvedBody, poses: Array) -> list[RobotState]:
-    following = Retargeting(solved.body, robot, RetargetSettings())
+    following = Retargeting(solved.body, robot)
     return [following.follow(*each) for each in zip(solved.motion.stamps_ns.tolist(), poses, strict=True)]
 
 
@@ -100,14 +100,14 @@ def test_legs_that_would_cross_are_kept_apart(robot: Robot, solved: SolvedBody, 
     for row, share in zip(together, np.linspace(0.0, 0.5, len(together)), strict=True):
         row[left, :3, 3] += share * across
         row[right, :3, 3] -= share * across
-    following = Retargeting(solved.body, narrow, RetargetSettings())
+    following = Retargeting(solved.body, narrow)
     states = [following.follow(33_333_333 * k, pose) for k, pose in enumerate(together)]
     assert min(state.nearest_m for state in states) > 0.0
     assert max(states[-1].errors_m[foot] for foot in FEET) > 0.02  # where it cannot be, it is not
 
 
 def test_who_stands_in_the_n_pose_lets_the_robot_stand_so(robot: Robot, solved: SolvedBody) -> None:
-    state = Retargeting(solved.body, robot, RetargetSettings()).follow(0, at_rest(solved.body))
+    state = Retargeting(solved.body, robot).follow(0, at_rest(solved.body))
     joints = dict(zip(robot.joint_names, state.positions - robot.n_pose[FLOATING:], strict=True))
     turned = {name: angle for name, angle in joints.items() if abs(angle) > 0.5}
     # Limbs that reach less than their lengths bend a little; all else is as it stands.
@@ -155,7 +155,7 @@ def _share() -> Path:
 def test_a_robot_that_stands_on_its_head_is_refused(robot: Robot, solved: SolvedBody) -> None:
     upside_down = {side: limb[::-1] for side, limb in robot.mapping.legs.items()}
     with pytest.raises(BodyError, match=r"talos.yaml: in the N-pose the ankles of the robot are not below its hips"):
-        Retargeting(solved.body, Robot(talos_urdf(), replace(robot.mapping, legs=upside_down)), RetargetSettings())
+        Retargeting(solved.body, Robot(talos_urdf(), replace(robot.mapping, legs=upside_down)))
 
 
 def test_what_all_links_hang_on_is_placed_even_if_another_follows_the_pelvis(
@@ -170,9 +170,7 @@ def test_what_all_links_hang_on_is_placed_even_if_another_follows_the_pelvis(
     path.write_text(talos_urdf().read_text().replace("</robot>", hung).replace("package://", f"{_share()}/"))
     other = Robot(path, robot.mapping)
     assert (robot.tree_root, other.tree_root) == ("base_link", "footprint")
-    base, under = (
-        Retargeting(solved.body, of, RetargetSettings()).follow(0, poses[0]).world_T_root for of in (robot, other)
-    )
+    base, under = (Retargeting(solved.body, of).follow(0, poses[0]).world_T_root for of in (robot, other))
     footprint_T_base = rigid(exp_so3(np.array([0.0, 0.0, 0.5])), np.array([0.1, 0.0, 1.0]))
     np.testing.assert_allclose(under @ footprint_T_base, base, atol=1e-6)
 
@@ -183,4 +181,4 @@ def test_a_person_without_an_arm_is_refused(robot: Robot, solved: SolvedBody) ->
     mounts = {camera: mount for camera, mount in solved.body.mounts.items() if mount.segment != "forearm_left"}
     body = BodyModel("r", solved.body.root, kept, joints, mounts)
     with pytest.raises(BodyError, match="has no forearm_left"):
-        Retargeting(body, robot, RetargetSettings())
+        Retargeting(body, robot)
