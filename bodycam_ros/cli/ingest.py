@@ -14,6 +14,7 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
+    from bodycam_ros.ingest.camera_offsets import Offsets
     from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
 
 
@@ -69,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.camera_offsets import find_offsets
     from bodycam_ros.ingest.ingest import find_cameras, ingest, lens_remarks
-    from bodycam_ros.ingest.timing_file import read_offsets, synchronous_offsets, timing_table, write_timing_report
+    from bodycam_ros.ingest.timing_file import read_offsets, synchronous_offsets, write_timing_report
 
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)
@@ -98,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
         faults += lens_remarks(cameras, lambda done, total: progress.show("comparing lenses", done / max(1, total)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
-    console.print(timing_table(offsets))
+    console.print(_clock_table(offsets))
     console.print(_table(summary))
     for remark in [*faults, *summary.faults, *offsets.remarks, *(r for c in summary.cameras for r in c.remarks)]:
         console.print(remark, style="red", soft_wrap=True)
@@ -122,6 +123,24 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     check_output(report, (*inputs, arguments.output))
     if report.exists() and not (report.is_dir() and arguments.force):
         raise OutputError(f"{report}: exists already; choose another BAG, or replace it with --force")
+
+
+def _clock_table(offsets: "Offsets") -> Table:
+    """A row per camera, in the order in which they started."""
+    columns = ("camera", "by", "start [s]", "sigma [ms]", "drift [ppm]", "sigma [ppm]", "confidence")
+    rows = [
+        (
+            name,
+            "reference" if name == offsets.reference else time.source,
+            f"{time.start_s:+.4f}",
+            f"{1e3 * time.start_sigma_s:.1f}",
+            f"{1e6 * time.drift:+.1f}",
+            f"{1e6 * time.drift_sigma:.1f}",
+            f"{offsets.confidence[name]:.2f}",
+        )
+        for name, time in sorted(offsets.times.items(), key=lambda item: item[1].start_s)
+    ]
+    return make_table(columns, rows, text_columns=2, title="clocks of the cameras")
 
 
 def _table(summary: "IngestSummary") -> Table:

@@ -5,9 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from rich.text import Text
 
 from bodycam_ros.cli.options import (
     PIPELINE,
@@ -75,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # What solves takes a second to load; --help does without.
     from bodycam_ros.body.equipment_yaml import equipment_path
-    from bodycam_ros.cli.progress import ProgressBars
+    from bodycam_ros.cli.progress import shown_progress
     from bodycam_ros.cli.tables import exit_code
     from bodycam_ros.lens.lens_check import find_mismatches
     from bodycam_ros.offline.measure_body import doubted_cameras
@@ -91,16 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
-        duration_s = recording.duration_s
-    columns = (TextColumn("{task.description}"), BarColumn(), _RealTime(), TimeRemainingColumn())
-    with Progress(*columns, console=Terminal(stderr=True), transient=True) as bars:
-        task = bars.add_task("replay", total=duration_s, start=False, visible=False, recorded=True)
-
-        def on_progress(seconds: float) -> None:
-            if not bars.tasks[task].started:
-                bars.start_task(task)
-            bars.update(task, completed=seconds, visible=True)
-
+        duration_s = max(recording.duration_s, 1e-9)
+    with shown_progress() as progress:
         summary = replay(
             arguments.recording,
             arguments.map,
@@ -110,8 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             passes=arguments.passes,
             force=arguments.force,
-            on_step=ProgressBars(bars).show,
-            on_progress=on_progress,
+            on_step=progress.show,
+            on_progress=lambda seconds: progress.show(f"replay of {duration_s:.1f} s", seconds / duration_s),
             equipment=equipment,
             outside=outside,
             slim=arguments.slim,
@@ -197,11 +187,3 @@ def _table(summary: "ReplaySummary") -> Table:
         caption="registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
         "read-out: time of all rows, 0 for a global shutter",
     )
-
-
-class _RealTime(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        if not task.fields.get("recorded"):
-            return Text(f"{task.percentage:.0f} %")
-        factor = task.completed / task.elapsed if task.elapsed else 0.0
-        return Text(f"{task.completed:.1f} of {task.total or 0:.1f} s recorded, {factor:.2f} x real time")

@@ -9,19 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from bodycam_ros.cli.options import add_config, add_jobs
-from bodycam_ros.cli.tables import STYLES
 from bodycam_ros.shown import printable
-from bodycam_ros.terminal import Terminal, widened
+from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
 
 if TYPE_CHECKING:
     from bodycam_ros.study.done_steps import DoneSteps
     from bodycam_ros.study.step_runner import StepEnd
     from bodycam_ros.study.study import Step
-    from bodycam_ros.study.study_report import RecordingResult
 
 _END = """
 STUDY.yaml lists who was recorded where, as docs/study.md describes. The commands
@@ -35,8 +32,6 @@ DIR/study.html is the page to look at first; DIR/logs has what each step printed
 Exit code: 0 if all is done, 3 if a result should not be used, 1 if a recording
 failed, 128 + the number of the signal that ended it.
 """
-
-_STYLES = {level.word: style for level, style in STYLES.items()} | {"failed": "bold red"}
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -71,8 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     results = read_results(study, steps, notes, failures)
     write_study_report(path.stem, results, folder)
-    terminal = widened(Terminal())
-    terminal.print(_table(results))
+    terminal = Terminal()
     for result in results:
         if result.failure is not None:
             line = f"{result.recording.name}: {result.failure.step.name}: {result.failure.failure}"
@@ -130,14 +124,3 @@ def run_steps(
                 failures[event.step.name] = event
                 terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red", soft_wrap=True)
     return notes, failures
-
-
-def _table(results: "Sequence[RecordingResult]") -> Table:
-    from bodycam_ros.study.study_report import known_columns
-
-    columns = known_columns(results)
-    table = Table("recording", "subject", "place", "verdict", *(column.heading for column in columns))
-    for result in results:
-        cells = (column.cell(result) for column in columns)
-        table.add_row(*result.names, *cells, style=_STYLES.get(result.verdict))
-    return table

@@ -1,4 +1,4 @@
-"""Clocks of all cameras as a file, written and read, and as a table; clocks of genlocked cameras.
+"""Clocks of all cameras as a file, written and read; clocks of genlocked cameras.
 
 reference: waist_front           camera whose media time is the recording's
 cameras:
@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import Offsets
@@ -28,7 +26,7 @@ from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_files, write_whole
 from bodycam_ros.yaml_file import read_yaml
 
-_PPM, _MS = 1e6, 1e3
+_PPM = 1e6
 
 _FILE_SIGMA_S, _FILE_DRIFT_SIGMA = 0.001, 20e-6  # of an offset without a sigma in the file
 _LARGEST_S = 1e6
@@ -91,32 +89,6 @@ def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
         1e-6 * values["drift_sigma_ppm"],
         "given",
     )
-
-
-def timing_table(offsets: Offsets) -> Table:
-    """A row per camera, in the order in which they started."""
-    table = Table(title="clocks of the cameras", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    table.add_column("camera", overflow="fold")
-    for column in ("start\n[s]", "sigma\n[ms]", "drift\n[ppm]", "sigma\n[ppm]"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("by", overflow="fold")
-    table.add_column("confi-\ndence", justify="right", no_wrap=True)
-    for name, time in sorted(offsets.times.items(), key=lambda item: item[1].start_s):
-        if name == offsets.reference:
-            table.add_row(name, "0.0000", "", "0.0", "", "reference", "")
-            continue
-        table.add_row(
-            name,
-            f"{time.start_s:+.4f}",
-            f"{_MS * time.start_sigma_s:.1f}",
-            f"{_PPM * time.drift:+.1f}",
-            f"{_PPM * time.drift_sigma:.1f}",
-            time.source,
-            f"{offsets.confidence[name]:.2f}",
-        )
-    for name, why in offsets.unplaced.items():
-        table.add_row(name, "unknown", "", "", "", why, "", style="red")
-    return table
 
 
 def write_timing_report(offsets: Offsets, folder: Path) -> None:
