@@ -6,7 +6,7 @@ twice integrated accelerometer, with a free start and velocity in each window: i
 """
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
+from bodycam_ros.inertial.preintegration import MotionSums
 
 logger = logging.getLogger(__name__)
 
@@ -24,7 +25,10 @@ _WRONG_M_S2 = 2.0  # bias of an accelerometer; larger, it reads in g, or without
 _WINDOW_S, _SHORT_S = 2.0, 1.0  # of rotations, and of positions, whose errors grow faster
 _ROTATION_RAD, _POSITION_M = 6e-4, 3e-3  # sigmas of a registration, of which a part is shared by neighbours
 _KERNEL = 3.0  # sigmas from which on a registration counts less (Cauchy)
-_STEPS = 12
+_STEPS, _CONVERGED = 12, 1e-7
+_SMALL = 1e-5  # [rad], [s], [m] of a difference quotient: stamps are rounded to 1e-9 s
+_GYROSCOPE_PRIOR = np.repeat([1e3, 0.1, 0.01], [4, 3, 3])  # of rotation and time offset, bias, scale
+_ACCELEROMETER_PRIOR = np.repeat([0.015, 0.3, 0.006], 3)  # of place, bias, scale
 _LEAST_IMAGES = 60
 _OFFSETS_S = np.arange(-0.06, 0.0601, 0.002)  # first search of the time offset
 _LEAST_TURN = 0.03  # [rad/s] root mean square of the angular velocity about each of two axes, to find the rotation
@@ -117,20 +121,126 @@ def calibrate_imu(
             f"camera {camera}: its inertial sensor has samples at {int(inside.sum())} of {len(stamps_ns)} registered "
             f"images; a calibration needs {_LEAST_IMAGES}. Do the clocks of images and sensor agree?"
         )
-    seconds, poses = 1e-9 * (stamps_ns[inside] - stamps_ns[0]), world_T_camera[inside]
-    initial = _initial(camera, seconds, poses[:, :3, :3], samples, int(stamps_ns[0]))
-    rotated, rms = _fit_rotations(initial, seconds, poses[:, :3, :3], samples, int(stamps_ns[0]))
-    placed = _fit_positions(rotated, seconds, poses, samples, int(stamps_ns[0]))
-    return CalibratedImu(placed, rms)
+    images = _Images(stamps_ns[inside], world_T_camera[inside], samples)
+    initial = _initial(camera, images)
+    rotated = _fit(lambda x: images.rotation_errors(_turned(initial, x)) / _ROTATION_RAD, _GYROSCOPE_PRIOR)
+    turned = replace(
+        _turned(initial, rotated.values),
+        rotation_sigma=float(rotated.sigmas[:3].max()),
+        time_offset_sigma=float(rotated.sigmas[3]),
+        gyro_bias_sigma=float(rotated.sigmas[4:7].max()),
+        gyro_scale_sigma=float(rotated.sigmas[7:].max()),
+    )
+    placed = _fit(lambda x: images.position_errors(_placed(turned, x)) / _POSITION_M, _ACCELEROMETER_PRIOR)
+    calibration = replace(
+        _placed(turned, placed.values),
+        position_sigma=float(placed.sigmas[:3].max()),
+        accelerometer_bias_sigma=float(placed.sigmas[3:6].max()),
+    )
+    return CalibratedImu(calibration, _ROTATION_RAD * rotated.rms)
 
 
-def _initial(camera: str, seconds: Array, R: Array, samples: ImuSamples, start_ns: int) -> ImuCalibration:
+def _turned(calibration: ImuCalibration, x: Array) -> ImuCalibration:
+    """A calibration whose rotation, time offset, bias and scale of the gyroscope differ by x (10)."""
+    return replace(
+        calibration,
+        camera_R_imu=calibration.camera_R_imu @ exp_so3(x[:3]),
+        time_offset=calibration.time_offset + float(x[3]),
+        gyro_bias=calibration.gyro_bias + x[4:7],
+        gyro_scale=calibration.gyro_scale + x[7:],
+    )
+
+
+def _placed(calibration: ImuCalibration, x: Array) -> ImuCalibration:
+    """A calibration whose place, and bias and scale of the accelerometer, differ by x (9)."""
+    return replace(
+        calibration,
+        camera_p_imu=calibration.camera_p_imu + x[:3],
+        accelerometer_bias=calibration.accelerometer_bias + x[3:6],
+        accelerometer_scale=calibration.accelerometer_scale + x[6:],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Images:
+    """Registered images (T,) of a camera, and the samples of its sensor."""
+
+    stamps_ns: NDArray[np.int64]
+    world_T_camera: Array
+    samples: ImuSamples
+
+    @property
+    def seconds(self) -> Array:
+        """(T,) since the first [s]."""
+        return np.asarray(1e-9 * (self.stamps_ns - self.stamps_ns[0]), np.float64)
+
+    def rotation_errors(self, calibration: ImuCalibration) -> Array:
+        """(T, 3) rotations from the integrated gyroscope, in windows that begin anywhere [rad]."""
+        world_R_sums, sums_R_camera, _ = self._integrated(calibration, _WINDOW_S)
+        return log_so3(np.swapaxes(world_R_sums @ sums_R_camera, 1, 2) @ self.world_T_camera[:, :3, :3])
+
+    def position_errors(self, calibration: ImuCalibration) -> Array:
+        """(T, 3) places from the twice integrated accelerometer, in windows of free start and velocity [m]."""
+        world_R_sums, _, twice = self._integrated(calibration, _SHORT_S)
+        errors = self.world_T_camera[:, :3, 3] + self.world_T_camera[:, :3, :3] @ calibration.camera_p_imu
+        errors = errors - (world_R_sums @ twice[:, 9:, None])[..., 0]
+        seconds = self.seconds
+        errors[:, 2] += 0.5 * GRAVITY * seconds**2
+        for rows in self._windows(_SHORT_S):
+            basis = np.linalg.qr(np.column_stack([np.ones(len(rows)), seconds[rows]]))[0]
+            errors[rows] -= basis @ (basis.T @ errors[rows])
+        return errors
+
+    def _integrated(self, calibration: ImuCalibration, window_s: float) -> tuple[Array, Array, Array]:
+        """At each image world_R_sums (T, 3, 3) of its window, the sums' orientation and twice integrals (T, 12)."""
+        motion = MotionSums(calibration)
+        motion.add(self.samples)
+        sums_R_camera, _, twice = motion.at(self.stamps_ns)
+        world_R_sums = self.world_T_camera[:, :3, :3] @ np.swapaxes(sums_R_camera, 1, 2)
+        for rows in self._windows(window_s):
+            world_R_sums[rows] = nearest_rotation(world_R_sums[rows].mean(axis=0))
+        return world_R_sums, sums_R_camera, twice
+
+    def _windows(self, window_s: float) -> list[NDArray[np.intp]]:
+        numbers = (self.seconds // window_s).astype(int)
+        return [np.flatnonzero(numbers == number) for number in np.unique(numbers)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Values (K) and their sigmas, and the residuals' root mean square."""
+
+    values: Array
+    sigmas: Array
+    rms: float
+
+
+def _fit(residuals: Callable[[Array], Array], prior: Array) -> _Fit:
+    """Robust Gauss-Newton (Cauchy) over values (K) around zero, of sigmas ``prior``; residuals (T, 3) in sigmas."""
+    x, information = np.zeros(len(prior)), np.diag(prior**-2.0)
+    for _ in range(_STEPS):
+        r = residuals(x)
+        J = np.stack([(residuals(x + step) - r) / _SMALL for step in _SMALL * np.eye(len(x))], axis=-1)
+        weights = 1.0 / (1.0 + (r**2).sum(axis=1) / (3.0 * _KERNEL**2))
+        weighted = weights[:, None, None] * J
+        information = np.tensordot(weighted, J, axes=([0, 1], [0, 1])) + np.diag(prior**-2.0)
+        step = -np.linalg.solve(information, np.tensordot(weighted, r, axes=([0, 1], [0, 1])) + x / prior**2)
+        x = x + step
+        if np.abs(step).max() < _CONVERGED:
+            break
+    sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
+    return _Fit(x, sigmas, float(np.sqrt(np.average((r**2).mean(axis=1), weights=weights))))
+
+
+def _initial(camera: str, images: _Images) -> ImuCalibration:
     """Rotation and time offset by angular velocities: the offset of the best alignment (Kabsch 1976)."""
+    seconds, R = images.seconds, images.world_T_camera[:, :3, :3]
     dt = np.diff(seconds)
     near = dt < 0.2
     w_camera = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:])[near] / dt[near, None]
-    times = np.asarray(1e-9 * (samples.stamps_ns - start_ns), np.float64)
-    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(_trapezoid(samples.angular_velocity, times), axis=0)])
+    times = np.asarray(1e-9 * (images.samples.stamps_ns - images.stamps_ns[0]), np.float64)
+    steps = 0.5 * np.diff(times)[:, None] * (images.samples.angular_velocity[1:] + images.samples.angular_velocity[:-1])
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
     best: tuple[float, float, Array] | None = None
     for offset in _OFFSETS_S:
         ends = np.column_stack([np.interp(seconds + offset, times, column) for column in turned.T])
@@ -148,168 +258,3 @@ def _initial(camera: str, seconds: Array, R: Array, samples: ImuSamples, start_n
             f"{_LEAST_TURN}), so the rotation of its inertial sensor is not determined; move its limb more freely"
         )
     return ImuCalibration(camera_R_imu=best[2], time_offset=best[1])
-
-
-def _trapezoid(values: Array, times: Array) -> Array:
-    """Integrals (N - 1, ...) of samples (N, ...) between neighbours."""
-    dt = np.diff(times).reshape(-1, *([1] * (values.ndim - 1)))
-    return np.asarray(0.5 * dt * (values[1:] + values[:-1]))
-
-
-def _cumulative(values: Array, times: Array) -> Array:
-    """Integrals (N, ...) from the first sample on."""
-    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(_trapezoid(values, times), axis=0)])
-
-
-def _interpolated(at: Array, times: Array, values: Array) -> Array:
-    """Values (T, ...) at other times, linear between samples."""
-    row = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    share = ((at - times[row]) / (times[row + 1] - times[row])).reshape(-1, *([1] * (values.ndim - 1)))
-    return np.asarray(values[row] * (1.0 - share) + values[row + 1] * share)
-
-
-@dataclass(frozen=True, eq=False)
-class _Integrated:
-    """The corrected samples in the sensor's frame, and their orientation (N, 3, 3) in a fixed frame."""
-
-    times: Array
-    w: Array
-    a: Array
-    R: Array
-
-    @staticmethod
-    def by(calibration: ImuCalibration, samples: ImuSamples, start_ns: int) -> "_Integrated":
-        times = np.asarray(1e-9 * (samples.stamps_ns - start_ns), np.float64)
-        w = (samples.angular_velocity - calibration.gyro_bias) / calibration.gyro_scale
-        a = (samples.acceleration - calibration.accelerometer_bias) / calibration.accelerometer_scale
-        R = np.empty((len(times), 3, 3))
-        R[0] = np.eye(3)
-        for row, turn in enumerate(exp_so3(_trapezoid(w, times))):
-            R[row + 1] = R[row] @ turn
-        return _Integrated(times, w, a, nearest_rotation(R))
-
-    def orientation(self, at: Array) -> Array:
-        """(T, 3, 3) at times (T,)."""
-        row = np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 1)
-        turns = exp_so3(np.asarray((at - self.times[row])[:, None] * self.w[row], np.float64))
-        return np.asarray(self.R[row] @ turns)
-
-
-def _fit_rotations(
-    calibration: ImuCalibration, seconds: Array, R: Array, samples: ImuSamples, start_ns: int
-) -> tuple[ImuCalibration, float]:
-    """Rotation, time offset, bias and scale of the gyroscope, by Gauss-Newton; and the residuals' root mean square."""
-    windows = (seconds // _WINDOW_S).astype(int)
-    windows = np.unique(windows, return_inverse=True)[1]
-    window_count = int(windows.max()) + 1
-    count = 10 + 3 * window_count
-    world_R_sums = np.zeros((0, 3, 3))
-    for step in range(_STEPS):
-        integrated = _Integrated.by(calibration, samples, start_ns)
-        at, C = seconds + calibration.time_offset, calibration.camera_R_imu
-        sums_R_camera = integrated.orientation(at) @ C.T
-        if step < 3:
-            # Sums start anew with each bias: each window's orientation is that of its images.
-            apart = R @ np.swapaxes(sums_R_camera, 1, 2)
-            world_R_sums = nearest_rotation(np.array([apart[windows == w].mean(axis=0) for w in range(window_count)]))
-        W = world_R_sums[windows]
-        r = log_so3(np.swapaxes(W @ sums_R_camera, 1, 2) @ R) / _ROTATION_RAD
-        camera_R_sums = np.swapaxes(sums_R_camera, 1, 2)
-        by_bias = _cumulative(integrated.R / calibration.gyro_scale, integrated.times)
-        by_scale = _cumulative(integrated.R * (integrated.w / calibration.gyro_scale)[:, None, :], integrated.times)
-        J = np.zeros((len(seconds), 3, count))
-        J[..., :3] = -C
-        J[..., 3] = _interpolated(at, integrated.times, integrated.w) @ C.T
-        for columns, sums in ((slice(4, 7), by_bias), (slice(7, 10), by_scale)):
-            since = _interpolated(at, integrated.times, sums)
-            starts = np.array([since[windows == w][0] for w in range(window_count)])
-            J[..., columns] = -camera_R_sums @ (since - starts[windows])
-        for row, w in enumerate(windows):
-            J[row, :, 10 + 3 * w : 13 + 3 * w] = camera_R_sums[row]
-        J /= _ROTATION_RAD
-        weights = 1.0 / (1.0 + (r**2).sum(axis=1) / (3.0 * _KERNEL**2))
-        weighted = J.transpose(2, 0, 1) * weights[:, None]
-        information = np.tensordot(weighted, J, axes=([1, 2], [0, 1]))
-        # Sensors are known to be about right: the scale of what hardly turns stays one, and so on.
-        prior = np.zeros(count)
-        prior[4:7], prior[7:10] = 0.1**-2, 0.01**-2
-        pull = np.zeros(count)
-        pull[4:7], pull[7:10] = -calibration.gyro_bias, 1.0 - calibration.gyro_scale
-        information[np.diag_indices(count)] += prior + 1e-6
-        x = np.linalg.solve(information, np.tensordot(weighted, r, axes=([1, 2], [0, 1])) + prior * pull)
-        calibration = replace(
-            calibration,
-            camera_R_imu=nearest_rotation(C @ exp_so3(np.asarray(x[:3], np.float64))),
-            time_offset=calibration.time_offset + float(x[3]),
-            gyro_bias=calibration.gyro_bias + x[4:7],
-            gyro_scale=calibration.gyro_scale + x[7:10],
-        )
-        world_R_sums = world_R_sums @ exp_so3(np.asarray(x[10:].reshape(-1, 3), np.float64))
-        if np.abs(x[:10]).max() < 1e-7:
-            break
-    sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
-    rms = _ROTATION_RAD * float(np.sqrt(np.average((r**2).mean(axis=1), weights=weights)))
-    calibration = replace(
-        calibration,
-        rotation_sigma=float(sigmas[:3].max()),
-        time_offset_sigma=float(sigmas[3]),
-        gyro_bias_sigma=float(sigmas[4:7].max()),
-        gyro_scale_sigma=float(sigmas[7:10].max()),
-    )
-    return calibration, rms
-
-
-def _fit_positions(
-    calibration: ImuCalibration, seconds: Array, poses: Array, samples: ImuSamples, start_ns: int
-) -> ImuCalibration:
-    """Lever arm, bias and scale of the accelerometer, by linear least squares."""
-    windows = np.unique((seconds // _SHORT_S).astype(int), return_inverse=True)[1]
-    integrated = _Integrated.by(calibration, samples, start_ns)
-    at, times = seconds + calibration.time_offset, integrated.times
-    # One orientation of the sums in the world for each window, by all of its images.
-    per_image = poses[:, :3, :3] @ calibration.camera_R_imu @ np.swapaxes(integrated.orientation(at), 1, 2)
-    force, turned = integrated.R @ integrated.a[..., None], integrated.R
-    scaled = integrated.R * integrated.a[:, None, :]
-    twice = _twice(np.concatenate([force, turned, scaled], axis=2), times)
-    count = 9 + 6 * (int(windows.max()) + 1)
-    J, r = np.zeros((len(seconds), 3, count)), np.zeros((len(seconds), 3))
-    for w in range(int(windows.max()) + 1):
-        rows = np.flatnonzero(windows == w)
-        W, since = nearest_rotation(per_image[rows].mean(axis=0)), at[rows] - at[rows[0]]
-        once, both = (_interpolated(at[rows], times, each) for each in twice)
-        moved = W @ (both - both[0] - since[:, None, None] * once[0])
-        r[rows] = poses[rows, :3, 3] - moved[..., 0]
-        r[rows, 2] += 0.5 * GRAVITY * since**2
-        # residual = start + velocity t - by_bias b - by_scale s - R lever
-        J[rows, :, :3] = -poses[rows, :3, :3]
-        J[rows, :, 3:6], J[rows, :, 6:9] = -moved[..., 1:4], -moved[..., 4:7]
-        column = 9 + 6 * w
-        J[rows, :, column : column + 3] = np.eye(3)
-        J[rows, :, column + 3 : column + 6] = since[:, None, None] * np.eye(3)
-    J, r = J / _POSITION_M, r / _POSITION_M
-    prior = np.zeros(count)
-    prior[:3], prior[3:6], prior[6:9] = 0.015**-2, 0.3**-2, 0.006**-2
-    weights = np.ones(len(seconds))
-    for _ in range(5):
-        weighted = J.transpose(2, 0, 1) * weights[:, None]
-        information = np.tensordot(weighted, J, axes=([1, 2], [0, 1])) + np.diag(prior + 1e-9)
-        x = np.linalg.solve(information, np.tensordot(weighted, r, axes=([1, 2], [0, 1])))
-        left = r - J @ x
-        weights = 1.0 / (1.0 + (left**2).sum(axis=1) / (3.0 * _KERNEL**2))
-    sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
-    return replace(
-        calibration,
-        camera_p_imu=np.asarray(x[:3], np.float64),
-        accelerometer_bias=calibration.accelerometer_bias + x[3:6],
-        accelerometer_scale=calibration.accelerometer_scale + x[6:9],
-        position_sigma=float(sigmas[:3].max()),
-        accelerometer_bias_sigma=float(sigmas[3:6].max()),
-    )
-
-
-def _twice(rates: Array, times: Array) -> tuple[Array, Array]:
-    """Integrals (N, ...) of samples (N, ...), once and twice, linear between samples."""
-    once = _cumulative(rates, times)
-    dt = np.diff(times).reshape(-1, *([1] * (rates.ndim - 1)))
-    steps = dt * once[:-1] + dt**2 * (2.0 * rates[:-1] + rates[1:]) / 6.0
-    return once, np.concatenate([np.zeros((1, *rates.shape[1:])), np.cumsum(steps, axis=0)])

@@ -127,6 +127,7 @@ class MotionSums:
 
     def at(self, stamps_ns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Orientations (T, 3, 3), and integrals (T, 12) of R and R a, once and twice, at covered stamps (T,) [ns]."""
+        self._integrate()
         sums = sums_at(self._stamps_ns, self._sums, self._nodes(stamps_ns), stamps_ns)
         return sums[:, :9].reshape(-1, 3, 3), sums[:, 9:21], sums[:, 21:33]
 
