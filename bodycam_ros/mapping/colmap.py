@@ -257,11 +257,11 @@ def complete(
     workers: int,
     advance: Callable[[], None],
 ) -> pycolmap.Reconstruction:
-    """Triangulate all that photographs match, register those that the coarse model lacks, and adjust everything.
+    """Triangulate all that the photographs of the coarse model match, and adjust everything.
 
     Args:
-        database: with all features, and verified matches.
-        coarse: has the poses of most of its photographs, by their names.
+        database: with all features of its photographs, and verified matches.
+        coarse: has their poses, by their names.
         min_views: of a point; others are dropped.
         min_angle_deg: least angle between two rays of a point.
         workers: threads.
@@ -273,16 +273,13 @@ def complete(
     model.load(cache)
     poses = {image.name: image.cam_from_world() for image in coarse.images.values() if image.has_pose}
     for image in list(model.images.values()):
-        if image.name in poses:
-            model.frames[image.frame_id].rig_from_world = poses[image.name]
-            model.register_frame(image.frame_id)
+        model.frames[image.frame_id].rig_from_world = poses[image.name]
+        model.register_frame(image.frame_id)
     mapper = pycolmap.IncrementalMapper(cache)
     mapper.begin_reconstruction(model)
     triangulation = pycolmap.IncrementalTriangulatorOptions(random_seed=_RANDOM_SEED)
     for image_id in sorted(model.reg_image_ids()):
         mapper.triangulate_image(triangulation, image_id)
-    if model.num_reg_images() < model.num_images():
-        _register_others(mapper, triangulation)
     mapper.complete_and_merge_tracks(triangulation)
     mapper.end_reconstruction(False)
     # They would cost a third of the adjustment.
@@ -295,20 +292,3 @@ def complete(
     adjust(model, workers, _FINAL_OUTLIER_PX, _FINAL_TOLERANCE)
     advance()
     return model
-
-
-def _register_others(
-    mapper: pycolmap.IncrementalMapper, triangulation: pycolmap.IncrementalTriangulatorOptions
-) -> None:
-    """Register the photographs that have no pose, those that see most first, as long as one succeeds."""
-    options = pycolmap.IncrementalMapperOptions(
-        random_seed=_RANDOM_SEED, abs_pose_refine_focal_length=False, abs_pose_refine_extra_params=False
-    )
-    joined = True
-    while joined:
-        joined = False
-        for image_id in mapper.find_next_images(options, False):
-            if mapper.register_next_image(options, image_id):
-                mapper.triangulate_image(triangulation, image_id)
-                joined = True
-                break

@@ -24,6 +24,7 @@ from bodycam_ros.whole_file import scratch_folder
 _LOG = logging.getLogger(__name__)
 
 _REGISTERING_FEATURES = 700  # largest of each photograph that find the poses; with all it takes five times as long
+_MOST = 0.9  # of the photographs that these must register, or all features are used; the others are left out
 _MAX_ERROR_PX = 1.0  # reprojection error of a landmark, A section 4.1
 _MIN_ANGLE_DEG = 2.0  # between two rays of a landmark, A section 4.1
 _MIN_VIEWS = 3  # photographs: two rays always nearly meet, the third reveals a wrong match
@@ -61,7 +62,7 @@ def reconstruct(
             model = _coarse_model(features, camera_of_name, pairs, count, scratch, workers, progress)
             if model is not None and model.num_reg_images() > registered:
                 coarse, registered = model, model.num_reg_images()
-            if 2 * registered > len(features):
+            if registered >= _MOST * len(features):
                 break
         if coarse is None or registered < 2:
             raise MapError(
@@ -119,31 +120,22 @@ def _match_in_full(
     workers: int,
     progress: Progress,
 ) -> Path:
-    """A database of all features with the matches of all pairs, along epipolar lines where both poses are known."""
-    database = scratch / "database.db"
-    colmap.write_database(database, camera_of_name, features)
-    poses = colmap.poses_of(coarse)
+    """A database of all features of the posed photographs, with the matches of all pairs along epipolar lines."""
+    database, poses = scratch / "database.db", colmap.poses_of(coarse)
     posed = [image for image in features if image.name in poses]
     row_of = {image.name: row for row, image in enumerate(posed)}
-    names = _names(features, pairs)
-    known = [pair for pair in names if pair[0] in row_of and pair[1] in row_of]
-    unknown = [pair for pair in names if not (pair[0] in row_of and pair[1] in row_of)]
-    with progress.step("matching in full", len(pairs)) as advance:
+    known = [(row_of[a], row_of[b]) for a, b in _names(features, pairs) if a in row_of and b in row_of]
+    colmap.write_database(database, camera_of_name, posed)
+    with progress.step("matching in full", len(known)) as advance:
         matches = match_known_poses(
             posed,
             [camera_of_name[image.name] for image in posed],
             np.array([poses[image.name] for image in posed]),
-            [(row_of[first], row_of[second]) for first, second in known],
+            known,
             workers,
             advance,
         )
-        colmap.write_verified(database, known, matches)
-        if unknown:
-            wanted = {name for pair in unknown for name in pair}
-            described = {i.name: i.descriptors.astype(np.float32) for i in features if i.name in wanted}
-            matches = [mutual_matches(described[first], described[second]) for first, second in unknown]
-            colmap.write_and_verify(database, unknown, matches)
-            advance(len(unknown))
+        colmap.write_verified(database, _names(posed, known), matches)
     return database
 
 
