@@ -255,6 +255,45 @@ def articulated(
     return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations, delays, twists, triggered)
 
 
+def motion_of_cameras(
+    body: BodyModel,
+    cameras: tuple[str, ...],
+    poses: Array,
+    twists: Array,
+    known: NDArray[np.bool_],
+    triggered: NDArray[np.bool_],
+) -> ArticulatedMotion:
+    """A motion whose segments turn as their cameras do (A 4.2), the root at the median of its places by all cameras.
+
+    Args:
+        body: calibrated.
+        cameras: (C) names.
+        poses: (T, C, 4, 4) world_T_camera.
+        twists: (T, C, 6).
+        known: (T, C) which of the poses are.
+        triggered: (C) whether a camera's stamps are those of the others.
+    """
+    camera_R_segment = np.stack([body.mounts[camera].segment_T_camera[:3, :3].T for camera in cameras])
+    world_R_carrier = poses[..., :3, :3] @ camera_R_segment
+    rotations = np.broadcast_to(np.eye(3), (len(poses), len(body.segments), 3, 3)).copy()
+    order = [(body.root, None), *((joint.child, joint.parent) for joint in body.tree_joints)]
+    for segment, parent in order:
+        row = body.segment_index[segment]
+        if parent is not None:
+            rotations[:, row] = rotations[:, body.segment_index[parent]]
+        columns = [c for c, camera in enumerate(cameras) if body.mounts[camera].segment == segment]
+        if known[:, columns].any():
+            # On average over the cameras that are known, or as at the nearest stamp at which one is.
+            stamps = np.flatnonzero(known[:, columns].any(axis=1))
+            seen = known[stamps][:, columns].astype(np.float64)
+            mean = np.einsum("tk,tkij->tij", seen, world_R_carrier[stamps][:, columns])
+            nearest = np.argmin(np.abs(np.arange(len(poses))[:, None] - stamps), axis=1)
+            rotations[:, row] = nearest_rotation(mean)[nearest]
+    motion = articulated(body, cameras, np.zeros((len(poses), 3)), rotations, twists, triggered)
+    shifts = np.where(known[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
+    return replace(motion, root_positions=np.nanmedian(shifts, axis=1))
+
+
 def _turn(row: int) -> slice:
     """Where a segment's rotation stands among the unknowns of an instant."""
     return slice(3 + 3 * row, 6 + 3 * row)

@@ -52,9 +52,6 @@ from bodycam_ros.kinematics.joint import LONG_AXIS_Z, Joint, JointType, default_
 from bodycam_ros.yaml_file import yaml_document
 
 _MOST_PARTS = 1000  # joints, segments, cameras
-_Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1e9)]
-
-
 _Offset = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]  # a larger one is no delay of a sensor
 _NUMBERS = ("gyro_bias", "gyro_scale", "accelerometer_bias", "accelerometer_scale")
 _SIGMAS = ("rotation", "position", "time_offset", "gyro_bias", "gyro_scale", "accelerometer_bias")

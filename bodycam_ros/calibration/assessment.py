@@ -25,7 +25,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.calibration.strap_slip import lasting_change, slip_warning
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array, inverse, log_se3, transform_points
+from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.settings import setting
 
@@ -178,29 +178,10 @@ def _joint(findings: Findings, joint: Joint, covariance: Array) -> JointDiagnosi
         child=joint.child,
         freedom="ball" if axis is None else "hinge",
         exercised_rad=motion.exercised(joint.child),
-        gap_m=_gap(findings, joint),
+        gap_m=float(np.median(findings.found.centres[joint.child].residuals_m)),
         sigma_m=sigma_m,
         advice=advice if by_motion.max() > _WARN_SIGMA_M else "",
     )
-
-
-def _gap(findings: Findings, joint: Joint) -> float:
-    """Median distance [m] between a joint's places by pairs of cameras on its two segments; NaN without any."""
-    motion, rows = findings.motion, findings.rows
-
-    def places(camera: str, joint_on_segment: Array) -> Array:
-        camera_T_segment = inverse(findings.body.mounts[camera].segment_T_camera)
-        place = transform_points(camera_T_segment, joint_on_segment[None])
-        return transform_points(motion.poses(camera)[rows], place)[:, 0]
-
-    gaps = [np.zeros(0)]
-    for a in findings.rig.cameras_on(joint.parent):
-        for b in findings.rig.cameras_on(joint.child):
-            both = motion.known[rows][:, motion.columns((a, b))].all(axis=1)
-            apart = places(a, joint.parent_T_joint[:3, 3]) - places(b, joint.child_T_joint[:3, 3])
-            gaps.append(np.linalg.norm(apart[both], axis=1))
-    together = np.concatenate(gaps)
-    return float(np.median(together)) if len(together) else float("nan")
 
 
 def _cameras(findings: Findings) -> tuple[CameraDiagnosis, ...]:

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bodycam_ros.body.articulation import ArticulatedMotion
+from bodycam_ros.body.articulation import ArticulatedMotion, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
 from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, assess
 from bodycam_ros.calibration.camera_motion import CameraLog, MotionLogSettings, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.calibration.first_body import first_body, first_motion
+from bodycam_ros.calibration.first_body import first_body
 from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
@@ -154,7 +154,9 @@ class BodyCalibrator:
         body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15
         body = place_hinges(body, hinges)  # A eq. 16-17
         rows = np.union1d(motion.spread(MAX_ROWS), rest.some_instants)
-        first = first_motion(body, motion, found.virtual, rest_T_virtual, rows)
+        first = motion_of_cameras(
+            body, motion.cameras, motion.world_T_camera[rows], motion.twists[rows], motion.known[rows], motion.triggered
+        )
         on_progress("joint centres", 1.0)
 
         refined = refine(

@@ -1,4 +1,4 @@
-"""A first body from joint centres, virtual cameras and the N-pose (A eq. 15), and its first motion, before refinement.
+"""A first body from joint centres, virtual cameras and the N-pose (A eq. 15), before refinement.
 
 In the N-pose all segments have the same axes, x forward, y left, z up, and each begins at the joint that it hangs on
 (DESIGN 3); this fixes every frame.
@@ -10,14 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion, articulated
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.calibration.anthropometry import LEFT, SegmentName, mirrored
-from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.calibration.virtual_camera import VirtualCamera
-from bodycam_ros.geometry import inverse, rigid
+from bodycam_ros.geometry import rigid
 from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
@@ -57,34 +54,6 @@ def first_body(
         segment_T_virtual = rigid(segment_R_virtual, -segment_R_virtual @ origins[segment])
         mounts[camera] = CameraMount(segment, segment_T_virtual @ virtual_T_camera[camera])
     return BodyModel(name, rig.root, rig.segments, tuple(joints), mounts)
-
-
-def first_motion(
-    body: BodyModel,
-    motion: CameraMotion,
-    virtual: Mapping[str, VirtualCamera],
-    rest_T_virtual: Mapping[str, Array],
-    rows: NDArray[np.intp],
-) -> ArticulatedMotion:
-    """Follow the virtual cameras with a body (A 4.2); where one is not known, as it was at the nearest instant.
-
-    The root is where its cameras are; the other segments follow by their rotations alone.
-
-    Args:
-        body: whose zero is the N-pose.
-        motion: of the cameras.
-        virtual: segment -> its virtual camera.
-        rest_T_virtual: segment -> (4, 4) pose of its virtual camera in the N-pose; the rotation in the N-pose's axes.
-        rows: instants to take.
-    """
-    rotations = np.stack(
-        [virtual[segment].filled()[rows, :3, :3] @ rest_T_virtual[segment][:3, :3].T for segment in body.segments],
-        axis=1,
-    )
-    camera = body.cameras_on(body.root)[0]
-    root_T_virtual = body.mounts[camera].segment_T_camera @ inverse(virtual[body.root].virtual_T_camera[camera])
-    root_positions = (virtual[body.root].filled()[rows] @ inverse(root_T_virtual))[:, :3, 3]
-    return articulated(body, motion.cameras, root_positions, rotations, motion.twists[rows], motion.triggered)
 
 
 def root_at_hips(body: BodyModel) -> BodyModel:

@@ -27,13 +27,6 @@ class VirtualCamera:
     world_T_virtual: Array
     known: NDArray[np.bool_]
 
-    def filled(self) -> Array:
-        """Its poses (T, 4, 4), where it is unknown that of the nearest known row."""
-        rows = np.flatnonzero(self.known)
-        nearest = np.abs(np.arange(len(self.known))[:, None] - rows).argmin(axis=1)
-        poses: Array = self.world_T_virtual[rows[nearest]]
-        return poses
-
 
 def fuse_cameras(names: Sequence[str], world_T_camera: Array, known: NDArray[np.bool_]) -> VirtualCamera:
     """Fuse the cameras of one segment.

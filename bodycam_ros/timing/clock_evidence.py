@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion, articulated, distance_weights, eliminate_instants
+from bodycam_ros.body.articulation import distance_weights, eliminate_instants, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -137,7 +137,7 @@ def clock_evidence(
     if len(rows) < _LEAST_STAMPS:
         return None
     poses, twists, information, known = poses[rows], twists[rows], information[rows], known[rows]
-    motion = initial_motion(body, cameras, poses, twists, known)
+    motion = motion_of_cameras(body, cameras, poses, twists, known, np.zeros(len(cameras), bool))
     errors = log_se3(inverse(poses) @ motion.world_T_camera())
     gradients = (information @ errors[..., None])[..., 0]
     weights = distance_weights(np.einsum("tci,tci->tc", gradients, errors), known, _OUTLIER_SIGMAS)
@@ -165,36 +165,3 @@ def _interpolate(tracks: Mapping[str, CameraTrack], stamps_ns: NDArray[np.int64]
         poses[rows, column], twists[rows, column] = points.poses, points.twists
         information[rows, column] = np.linalg.inv(track.covariances[points.nearest])
     return poses, twists, information
-
-
-def initial_motion(
-    body: BodyModel, cameras: tuple[str, ...], poses: Array, twists: Array, known: NDArray[np.bool_]
-) -> ArticulatedMotion:
-    """A motion whose segments turn as their cameras do, the root at the median of its places by all cameras.
-
-    Args:
-        body: calibrated.
-        cameras: (C) names.
-        poses: (T, C, 4, 4) world_T_camera.
-        twists: (T, C, 6).
-        known: (T, C) which of the poses are.
-    """
-    camera_R_segment = np.stack([body.mounts[camera].segment_T_camera[:3, :3].T for camera in cameras])
-    world_R_carrier = poses[..., :3, :3] @ camera_R_segment
-    rotations = np.broadcast_to(np.eye(3), (len(poses), len(body.segments), 3, 3)).copy()
-    order = [(body.root, None), *((joint.child, joint.parent) for joint in body.tree_joints)]
-    for segment, parent in order:
-        row = body.segment_index[segment]
-        if parent is not None:
-            rotations[:, row] = rotations[:, body.segment_index[parent]]
-        columns = [c for c, camera in enumerate(cameras) if body.mounts[camera].segment == segment]
-        if known[:, columns].any():
-            # Of the first camera that is known, or as at the nearest stamp at which one is.
-            first = world_R_carrier[np.arange(len(poses)), np.take(columns, np.argmax(known[:, columns], axis=1))]
-            stamps = np.flatnonzero(known[:, columns].any(axis=1))
-            nearest = stamps[np.argmin(np.abs(np.arange(len(poses))[:, None] - stamps), axis=1)]
-            rotations[:, row] = first[nearest]
-    untriggered = np.zeros(len(cameras), bool)
-    motion = articulated(body, cameras, np.zeros((len(poses), 3)), rotations, twists, untriggered)
-    shifts = np.where(known[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
-    return replace(motion, root_positions=np.nanmedian(shifts, axis=1))

@@ -4,10 +4,11 @@ import numpy as np
 from range_of_motion import START_NS
 from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
 
+from bodycam_ros.body.articulation import motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.timing.camera_path import CameraPath
-from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_evidence, initial_motion
+from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_evidence
 
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
 STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)
@@ -40,7 +41,9 @@ def evidence(recording: Recording, prior_s: float = 0.05, body: BodyModel = BODY
 def test_delay_columns_are_what_errors_change_by() -> None:
     points = [track.path.interpolate(STAMPS_NS) for track in tracks(Recording(noise=0.1)).values()]
     poses, twists = np.stack([p.poses for p in points], axis=1), np.stack([p.twists for p in points], axis=1)
-    motion = initial_motion(BODY, CAMERAS, poses, twists, np.ones(poses.shape[:2], bool))
+    motion = motion_of_cameras(
+        BODY, CAMERAS, poses, twists, np.ones(poses.shape[:2], bool), np.zeros(len(CAMERAS), bool)
+    )
     analytic = motion.delay_jacobians()
     step = 1e-6
     for column, camera in enumerate(CAMERAS):
