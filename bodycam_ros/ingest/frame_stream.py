@@ -18,10 +18,10 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, optical_frame, time_message
-from bodycam_ros.messages.images import camera_info_message
+from bodycam_ros.messages.images import COMPRESSED_VIDEO, camera_info_message
 from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.recording.image_folder import ImageFolder
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.recording.video_encoder import h264_packets
 from bodycam_ros.recording.video_file import TimedPacket
 

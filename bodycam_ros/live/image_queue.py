@@ -10,12 +10,11 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.stamp_order import Ordered, StampOrder
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.images import compressed_image, compressed_video, image_stamp_ns, raw_image
+from bodycam_ros.messages.images import TRANSPORTS, image_stamp_ns
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.recording.video_decoder import VideoDecoder
 from bodycam_ros.tracking.every_second_image import EverySecondImage
 
-_CONVERTERS = {"compressed": compressed_image, "raw": raw_image}
 _RECOVERY_S = 5.0
 """All images are used again after so long without one that waited a quarter of the longest wait."""
 
@@ -99,7 +98,7 @@ class ImageQueue:
         self._append(self._order.poll())
 
     def add(self, message: Message, transport: str) -> None:
-        """Add an image of a transport of ``camera_topics.TRANSPORTS``."""
+        """Add an image of a transport of ``TRANSPORTS``."""
         self.arrived += 1
         now_s, stamp = time.monotonic(), image_stamp_ns(message)
         self._moments.note(Moment.IMAGE_HEARD, self._camera, stamp)
@@ -115,12 +114,10 @@ class ImageQueue:
         A malformed image raises its error when it is decoded.
         """
         try:
-            if transport in _CONVERTERS:
-                return [_CONVERTERS[transport](message, self._camera)]
-            image = compressed_video(message, self._camera)
+            image = TRANSPORTS[transport].convert(message, self._camera)
         except RecordingError as error:
             image = CameraImage(self._camera, image_stamp_ns(message), error)
-        return [image] if transport in _CONVERTERS else self._decoder.feed(image)
+        return self._decoder.feed(image)
 
     def _reject_stray(self, reason: str) -> None:
         self._dropped.add("images out of time", f"camera {self._camera}: {reason}")

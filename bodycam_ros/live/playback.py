@@ -12,19 +12,19 @@ from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.factory import Message, header_message, optical_frame
-from bodycam_ros.messages.images import compressed_video, image_stamp_ns
+from bodycam_ros.messages.images import COMPRESSED_VIDEO, INFO, TRANSPORTS, compressed_video, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
+from bodycam_ros.messages.timing import TIMING
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import sensor_topics
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages, recording_typestore
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.recording.video_decoder import VideoDecoder
 
-INFO, TIMING = "/camera_info", "/timing"
 LATCHED = (INFO, TIMING)
 """Topics of which those that come later still get the latest messages."""
 
-IMAGES = ("/image_raw/compressed", "/image_raw", "/image_raw/compressed_video", "/image_raw/foxglove")
-_RAW = "sensor_msgs/msg/Image"
+IMAGES = tuple(transport.ending for transport in TRANSPORTS.values())
+_RAW = TRANSPORTS["raw"].kind
 
 
 def camera_of(topic: str) -> str:

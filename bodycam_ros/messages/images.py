@@ -1,5 +1,8 @@
 """Images and intrinsics from a camera driver (sensor_msgs)."""
 
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,6 +88,29 @@ def _sixteen_bits(rows: NDArray[np.uint8], is_bigendian: bool) -> NDArray[np.uin
     return np.ascontiguousarray(rows).view(">u2" if is_bigendian else "<u2").astype(np.uint16, copy=False)
 
 
+class Transport(NamedTuple):
+    """A way of sending images: end of a camera's topic, type, and what makes a camera image of a message."""
+
+    ending: str
+    kind: str
+    convert: Callable[[Message, str], CameraImage]
+
+
+COMPRESSED_VIDEO = "foxglove_msgs/msg/CompressedVideo"
+
+TRANSPORTS: Mapping[str, Transport] = {
+    "compressed": Transport("/image_raw/compressed", "sensor_msgs/msg/CompressedImage", compressed_image),
+    "raw": Transport("/image_raw", "sensor_msgs/msg/Image", raw_image),
+    "video": Transport("/image_raw/compressed_video", COMPRESSED_VIDEO, compressed_video),
+    # As foxglove_compressed_video_transport names it.
+    "foxglove": Transport("/image_raw/foxglove", COMPRESSED_VIDEO, compressed_video),
+}
+"""By name; where a camera has several, the first is read."""
+
+INFO, INFO_TYPE = "/camera_info", "sensor_msgs/msg/CameraInfo"
+"""End and type of a camera's topic of intrinsics."""
+
+
 def camera_model(message: Message, camera: str) -> CameraModel:
     """Camera model of a sensor_msgs/CameraInfo.
 
@@ -100,7 +126,7 @@ def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int
     """sensor_msgs/CameraInfo of a lens; the rectification is the identity."""
     k = np.array(camera.k)
     return make(
-        "sensor_msgs/msg/CameraInfo",
+        INFO_TYPE,
         header=header_message(make, stamp_ns, make.frame(optical_frame(camera.name))),
         width=camera.width,
         height=camera.height,

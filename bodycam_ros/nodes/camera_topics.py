@@ -12,22 +12,12 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message, stamp_ns
-from bodycam_ros.messages.images import camera_model
+from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
 from bodycam_ros.nodes.parameters import best_effort, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.timing.clock_state import ClockHistory
-
-_INFO = "sensor_msgs/msg/CameraInfo"
-TRANSPORTS = {
-    "compressed": ("image_raw/compressed", "sensor_msgs/msg/CompressedImage"),
-    "raw": ("image_raw", "sensor_msgs/msg/Image"),
-    "video": ("image_raw/compressed_video", COMPRESSED_VIDEO),
-    "foxglove": ("image_raw/foxglove", COMPRESSED_VIDEO),
-}
-"""Transports of images: topic of a camera, and type."""
 
 _INFO_DEPTH = 10
 _SENSOR_DEPTH = 1000  # 1 s of a fast one
@@ -114,7 +104,7 @@ class ImageSource:
         if transport not in TRANSPORTS:
             known = ", ".join(TRANSPORTS)
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
-        if not is_installed(TRANSPORTS[transport][1]):
+        if not is_installed(TRANSPORTS[transport].kind):
             raise SettingsError(f"the transport '{transport}' needs the ROS package foxglove_msgs, which is missing")
         self._stage, self._camera, self._depth, self._on_image = stage, camera, depth, on_image
         self._source = self._subscribe(transport)
@@ -135,9 +125,9 @@ class ImageSource:
         return f"no image: no node publishes {topic}"
 
     def _subscribe(self, transport: str) -> DriverTopic:
-        ending, kind = TRANSPORTS[transport]
-        receive = partial(self._receive, transport)
-        return DriverTopic(self._stage, kind, f"{self._camera}/{ending}", receive, self._depth, overridable=True)
+        of, receive = TRANSPORTS[transport], partial(self._receive, transport)
+        topic = f"{self._camera}{of.ending}"
+        return DriverTopic(self._stage, of.kind, topic, receive, self._depth, overridable=True)
 
     def _receive(self, transport: str, message: Message) -> None:
         self._latest_s = time.monotonic()
@@ -147,10 +137,10 @@ class ImageSource:
         """Adapt to what is published while no image arrives."""
         if self.quiet_s < _QUIET_S or self._source.adapt() or time.monotonic() - self._started_s < _PATIENCE_S:
             return
-        for transport, (ending, kind) in TRANSPORTS.items():
+        for transport, of in TRANSPORTS.items():
             # A bag of videos plays as raw images.
-            topic = f"{self._camera}/{ending}"
-            if is_installed(kind) and topic != self._source.topic and offered_qualities(self._stage, topic):
+            topic = f"{self._camera}{of.ending}"
+            if is_installed(of.kind) and topic != self._source.topic and offered_qualities(self._stage, topic):
                 self._stage.log.info(f"no node publishes {self._source.topic}; reads {topic}")
                 self._source.close()
                 self._source = self._subscribe(transport)
@@ -189,7 +179,7 @@ class CameraModels:
         self._sources = {
             # While a node is inactive, too: a driver may publish it only once.
             camera: DriverTopic(
-                stage, _INFO, f"{camera}/camera_info", partial(self._update, camera), _INFO_DEPTH, even_inactive=True
+                stage, INFO_TYPE, f"{camera}{INFO}", partial(self._update, camera), _INFO_DEPTH, even_inactive=True
             )
             for camera in cameras
         }

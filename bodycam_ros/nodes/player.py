@@ -21,6 +21,7 @@ from bodycam_ros.live.node_parameters import PlayerParameters
 from bodycam_ros.live.playback import IMAGES, LATCHED, Playback, camera_of
 from bodycam_ros.messages.diagnostics import few
 from bodycam_ros.messages.factory import time_message
+from bodycam_ros.messages.images import COMPRESSED_VIDEO
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.nodes.parameters import (
     STAGE_DEPTH,
@@ -33,7 +34,6 @@ from bodycam_ros.nodes.parameters import (
 )
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 
 _CLOCK = "rosgraph_msgs/msg/Clock"
 

@@ -15,31 +15,15 @@ from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.messages.images import (
-    camera_model,
-    compressed_image,
-    compressed_video,
-    image_stamp_ns,
-    raw_image,
-)
+from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
-from bodycam_ros.messages.timing import CameraTiming, camera_timing
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, camera_timing
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
 
 logger = logging.getLogger(__name__)
 
-_IMAGE_TOPICS = {
-    "/image_raw/compressed": ("sensor_msgs/msg/CompressedImage", compressed_image),
-    "/image_raw": ("sensor_msgs/msg/Image", raw_image),
-    "/image_raw/compressed_video": (COMPRESSED_VIDEO, compressed_video),
-    "/image_raw/foxglove": (COMPRESSED_VIDEO, compressed_video),  # as foxglove_compressed_video_transport names it
-}
-"""End of an image topic -> its type and its converter; where a camera has both, the first is read."""
-
-_INFO_TOPIC, _INFO_TYPE = "/camera_info", "sensor_msgs/msg/CameraInfo"
-_TIMING_TOPIC, _TIMING_TYPE = "/timing", "bodycam_msgs/msg/CameraTiming"
+_CONVERTERS = {each.ending: each.convert for each in TRANSPORTS.values()}
 
 
 @contextmanager
@@ -103,9 +87,9 @@ class Recording:
             LensError: there is none, it is malformed, or its distortion model is unknown.
         """
         self._topic_of(camera)
-        topic = f"/{camera}{_INFO_TOPIC}"
-        if self._bag.topics.get(topic, _INFO_TYPE) != _INFO_TYPE:
-            raise LensError(f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {_INFO_TYPE}")
+        topic = f"/{camera}{INFO}"
+        if self._bag.topics.get(topic, INFO_TYPE) != INFO_TYPE:
+            raise LensError(f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {INFO_TYPE}")
         for _, _, message in self._bag.messages([topic]):
             return camera_model(message, camera)
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
@@ -117,8 +101,8 @@ class Recording:
             RecordingError: a value is impossible.
         """
         self._topic_of(camera)
-        topic = f"/{camera}{_TIMING_TOPIC}"
-        if self._bag.topics.get(topic) != _TIMING_TYPE:
+        topic = f"/{camera}{TIMING}"
+        if self._bag.topics.get(topic) != TIMING_TYPE:
             return None
         for _, _, message in self._bag.messages([topic]):
             try:
@@ -187,7 +171,7 @@ class Recording:
         for topic, _, message in self._bag.messages(source, start_ns, stop_ns):
             camera = source[topic]
             found[camera] += 1
-            convert = _IMAGE_TOPICS[topic.removeprefix(f"/{camera}")][1]
+            convert = _CONVERTERS[topic.removeprefix(f"/{camera}")]
             try:
                 image = convert(message, camera)
             except RecordingError as error:
@@ -226,10 +210,10 @@ class Recording:
 def _image_topics(topics: dict[str, str]) -> dict[str, str]:
     """Camera -> the topic to read its images from."""
     found: dict[str, str] = {}
-    for suffix, (wanted_type, _) in _IMAGE_TOPICS.items():
+    for transport in TRANSPORTS.values():
         for topic, message_type in topics.items():
-            camera = topic.removeprefix("/").removesuffix(suffix)
-            if topic.endswith(suffix) and message_type == wanted_type and camera:
+            camera = topic.removeprefix("/").removesuffix(transport.ending)
+            if topic.endswith(transport.ending) and message_type == transport.kind and camera:
                 found.setdefault(camera, topic)
     return found
 

@@ -11,11 +11,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from bodycam_ros.messages.factory import Message, MessageFactory
+from bodycam_ros.messages.images import COMPRESSED_VIDEO
 
 _IDENTITY_W = ("geometry_msgs/msg/Quaternion", "w", 1.0)
 """The one default value in the standard messages that is not zero; rosbags' definitions lack it."""
 
-COMPRESSED_VIDEO = "foxglove_msgs/msg/CompressedVideo"
 _COMPRESSED_VIDEO_FIELDS = """\
 # A frame of a video: h264 or h265 in the form of Annex B, without B-frames, with the parameters before each keyframe.
 builtin_interfaces/Time timestamp

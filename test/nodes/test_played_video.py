@@ -11,10 +11,11 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns
+from bodycam_ros.messages.images import COMPRESSED_VIDEO
 from bodycam_ros.nodes.parameters import is_installed
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recording_typestore
+from bodycam_ros.recording.typestore import recording_typestore
 
 pytestmark = pytest.mark.skipif(is_installed(COMPRESSED_VIDEO), reason="foxglove_msgs is there: nothing is decoded")
 

@@ -9,10 +9,11 @@ from made_video import make_video, number_in, write_lens
 from bodycam_ros.camera.camera_image import VideoPacket, decode_grey
 from bodycam_ros.cli.main import main
 from bodycam_ros.messages.factory import time_message
+from bodycam_ros.messages.images import COMPRESSED_VIDEO
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.recording.typestore import COMPRESSED_VIDEO, recorded_messages
+from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.viewer import footage as footage_module
 from bodycam_ros.viewer.footage import read_footage
 
