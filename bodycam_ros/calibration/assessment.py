@@ -27,22 +27,10 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.settings import setting
 
+_MAX_SIGMA_M = 0.03  # a joint known less well is not known: limbs would be of any length, and no body is written
 _WARN_SIGMA_M = 0.006  # a joint known less well is named with what to repeat
 _WARN_REGISTERED = 0.5  # a camera registered in a smaller share of its images measures little of its segment
-
-
-@dataclass(frozen=True)
-class AssessmentSettings:
-    """When a calibration is refused."""
-
-    max_sigma: float = setting(
-        0.03,
-        unit="m",
-        limits=(0.001, 1.0),
-        reason="a joint known less well than this is not known: no body is written, since limbs would be of any length",
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +91,18 @@ class Findings:
         return np.asarray(in_motion + covariance_along)
 
 
-def assess(findings: Findings, settings: AssessmentSettings) -> CalibrationDiagnosis:
-    """Assess a calibration.
-
-    Args:
-        findings: of its steps.
-        settings: when to refuse it.
+def assess(findings: Findings) -> CalibrationDiagnosis:
+    """Assess a calibration by the findings of its steps.
 
     Raises:
         RangeOfMotionError: a joint is not known well enough, however much it was moved.
     """
     covariance = findings.offset_covariance()
     joints = tuple(_joint(findings, joint, covariance) for joint in findings.body.tree_joints)
-    if unknown := [joint for joint in joints if not joint.sigma_m.max() <= settings.max_sigma]:
+    if unknown := [joint for joint in joints if not joint.sigma_m.max() <= _MAX_SIGMA_M]:
         lines = [
             f"joint {joint.name} is known to {1e3 * joint.sigma_m.max():.0f} mm only (at most "
-            f"{1e3 * settings.max_sigma:.0f} will do): {SegmentName(joint.child).exercise}"
+            f"{1e3 * _MAX_SIGMA_M:.0f} will do): {SegmentName(joint.child).exercise}"
             for joint in unknown
         ]
         raise RangeOfMotionError(

@@ -8,7 +8,7 @@ import numpy as np
 from bodycam_ros.body.articulation import ArticulatedMotion, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
-from bodycam_ros.calibration.assessment import AssessmentSettings, Findings, assess
+from bodycam_ros.calibration.assessment import Findings, assess
 from bodycam_ros.calibration.camera_motion import CameraLog, MotionLogSettings, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body
@@ -30,31 +30,18 @@ from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_time import ReadoutLog
-from bodycam_ros.settings import SettingsGroups, setting
+from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.timing.clock_state import ClockSettings
 
 _PERCENTILE = 0.5  # [%] of the states beyond each limit: one wrong state must not open a joint
-
-
-@dataclass(frozen=True)
-class JointLimitSettings:
-    """Limits of joints, in URDF and for the solver."""
-
-    margin: float = setting(
-        0.09,
-        unit="rad",
-        limits=(0.0, 3.2),
-        reason="added to the range that was exercised: people go a little further another day",
-    )
+_MARGIN_RAD = 0.09  # of limits beyond what was exercised: people go a little further another day
 
 
 @dataclass(frozen=True)
 class CalibrationSettings(SettingsGroups):
-    """Settings of every step of a calibration."""
+    """Settings of a calibration."""
 
     motion_log: MotionLogSettings = MotionLogSettings()
-    joint_limits: JointLimitSettings = JointLimitSettings()
-    assessment: AssessmentSettings = AssessmentSettings()
 
 
 @dataclass(frozen=True)
@@ -71,7 +58,6 @@ class BodyCalibrator:
     Args:
         rig: which camera is on which segment, and how the segments hang together.
         cameras: models of the cameras, by name.
-        settings: of all steps.
         pose_fit, evidence: noise of landmarks and registrations, those of the solver.
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
@@ -85,7 +71,6 @@ class BodyCalibrator:
         self,
         rig: Rig,
         cameras: Mapping[str, CameraModel],
-        settings: CalibrationSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
@@ -97,7 +82,6 @@ class BodyCalibrator:
             )
         self._rig = rig
         self._models = cameras
-        self._settings = settings or CalibrationSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
@@ -129,10 +113,8 @@ class BodyCalibrator:
             MapError: no person has bones of this size, so the map's scale is wrong.
         """
         findings = self._found(name, on_progress)
-        body = self._with_readouts(
-            _limited_body(findings.zeroed.motion, self._settings.joint_limits), findings.readouts
-        )
-        return CalibratedBody(body, assess(findings, self._settings.assessment))
+        body = self._with_readouts(_limited_body(findings.zeroed.motion), findings.readouts)
+        return CalibratedBody(body, assess(findings))
 
     def _found(self, name: str, on_progress: Callable[[str, float], None]) -> Findings:
         """Body and motion."""
@@ -187,12 +169,12 @@ class BodyCalibrator:
         return replace(body, mounts=mounts)
 
 
-def _limited_body(motion: ArticulatedMotion, settings: JointLimitSettings) -> BodyModel:
+def _limited_body(motion: ArticulatedMotion) -> BodyModel:
     """The body of a motion, its joints limited to what they did and the N-pose."""
     tracker = JointAngleTracker(motion.body)
     angles = np.stack([tracker.angles(poses) for poses in motion.world_T_segment()])
     low, high = np.percentile(angles, [_PERCENTILE, 100.0 - _PERCENTILE], axis=0)
-    low, high = np.minimum(low, 0.0) - settings.margin, np.maximum(high, 0.0) + settings.margin
+    low, high = np.minimum(low, 0.0) - _MARGIN_RAD, np.maximum(high, 0.0) + _MARGIN_RAD
     limit_of = {name: (float(low[column]), float(high[column])) for column, name in enumerate(tracker.names)}
     joints = tuple(
         replace(joint, limits=tuple(limit_of[name] for name in joint.angle_names)) for joint in motion.body.joints

@@ -10,7 +10,7 @@ from pathlib import Path
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody, CalibrationSettings
+from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
@@ -77,15 +77,12 @@ class LiveCalibration:
         """Whether a body is being made."""
         return self._run is not None
 
-    def start(
-        self, cameras: Mapping[str, CameraModel], settings: PipelineSettings, calibration: CalibrationSettings
-    ) -> None:
+    def start(self, cameras: Mapping[str, CameraModel], settings: PipelineSettings) -> None:
         """Start to collect; raises RangeOfMotionError if the model of one of the rig's cameras is missing."""
         self._collected = 0
         self._calibrator = BodyCalibrator(
             self._rig,
             cameras,
-            calibration,
             settings.pose_fit,
             settings.evidence,
             self._facing,

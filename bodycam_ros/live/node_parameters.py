@@ -10,7 +10,7 @@ REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
 REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
     *("clock", "assembler", "smoother", "motion", "contact", "evidence"),
-    *("coupling", "inertial", "region", "pose_fit", "motion_log", "joint_limits", "assessment"),
+    *("coupling", "inertial", "region", "pose_fit"),
 )
 """The groups of settings that each node uses."""
 
@@ -264,7 +264,7 @@ GROUPS: Final = frozenset(
     """
     keypoints registrar growth extend direct pose_fit
     clock assembler smoother motion contact evidence coupling inertial region
-    motion_log joint_limits assessment frames features shape
+    motion_log frames features shape
     """.split()
 )
 """Groups of settings of all nodes and commands: one file serves all of them."""

@@ -57,6 +57,3 @@ class ExtensionSettings:
     rounds: int = setting(
         5, limits=(1, 20), reason="most rounds, as in A section 4.1; extension stops where a round registers no more"
     )
-    capacity: int = setting(
-        40000, unit="landmarks", limits=(100, 1_000_000), reason="most landmarks that are added to the map"
-    )

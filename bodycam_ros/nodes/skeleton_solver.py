@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
-from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_body import LiveBody, read_static_cameras
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
@@ -25,7 +24,6 @@ from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscri
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
-from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 if TYPE_CHECKING:
@@ -43,7 +41,6 @@ class SolverStage(Stage[SolverParameters]):
     """
 
     name, parameters_type, groups = "skeleton_solver", SolverParameters, SOLVER_GROUPS
-    settings_types = PipelineSettings, CalibrationSettings
 
     def __init__(self, node: StageNode[SolverParameters]) -> None:
         super().__init__(node)
@@ -144,8 +141,7 @@ class SolverStage(Stage[SolverParameters]):
 
     def _collect(self) -> None:
         if self._calibration is not None and not self._calibration.is_running:
-            settings = self.node.parameters.of(CalibrationSettings)
-            self._calibration.start(self._cameras.models, self.settings, settings)
+            self._calibration.start(self._cameras.models, self.settings)
 
     def _solve(self) -> None:
         if self._live.start(self._cameras.models) and self._live.body is not None:

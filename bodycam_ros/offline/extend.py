@@ -42,6 +42,7 @@ logger = logging.getLogger(__name__)
 
 _MIN_GAIN = 0.001  # share of all images that a round must add for another to follow
 _KEYPOINTS = KeypointSettings(image_scale=1.0, max_keypoints=1200)  # at full size features are twice as exact
+_CAPACITY = 40000  # most landmarks that are added to the map
 _PARTNERS = 12  # images that each is matched with
 _JPEG_QUALITY = 75  # of images that the map keeps
 
@@ -100,7 +101,7 @@ def extend_map(
             if _is_complete([each.share for each in rounds]):
                 break
             # 2D-2D matches between all registered images, triangulated (A 4.1).
-            mapper = LocalMapper(make_extendable(reference_map, settings.extend.capacity), models, partners=_PARTNERS)
+            mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), models, partners=_PARTNERS)
             chosen = record.choose_keyframes()
             total, images = sum(map(len, chosen.values())), []
             for keyframe, jpeg in _keyframes(recording_path, reference_map, models, settings, chosen, jobs):

@@ -180,7 +180,6 @@ def calibrate(
     calibrator = BodyCalibrator(
         rig,
         models,
-        settings,
         pipeline.pose_fit,
         pipeline.evidence,
         facing_rad,

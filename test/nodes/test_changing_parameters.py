@@ -11,7 +11,6 @@ import yaml
 from driven_camera import DrivenCamera
 from two_cameras import write_map
 
-from bodycam_ros.calibration.body_calibrator import CalibrationSettings
 from bodycam_ros.cli.settings import all_groups
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.live.node_parameters import GROUPS
@@ -130,7 +129,6 @@ def test_what_is_in_config_and_then_dumped_loads_back(make: Callable[..., Any], 
     assert own.items() <= values.items()
     if name == "skeleton_solver":
         assert node.parameters.of(PipelineSettings) == PipelineSettings()
-        assert node.parameters.of(CalibrationSettings) == CalibrationSettings()
     assert _same(_values(make(name, {}, _dump(values, name, tmp_path / f"{name}.yaml"))), values)
 
 
