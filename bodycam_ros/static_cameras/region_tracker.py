@@ -20,7 +20,7 @@ from bodycam_ros.static_cameras.limb_search import LimbSearch, chains_of, colour
 from bodycam_ros.static_cameras.region_settings import LINES_ALIKE, RegionSettings
 from bodycam_ros.static_cameras.segment_support import (
     CONFIRMED,
-    SUPPORT_RATE,
+    CameraSupport,
     SegmentSupport,
     measure_support,
     surface_variances,
@@ -46,16 +46,11 @@ _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their 
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 _PULL_M = 0.008
-"""Move of an elbow without the lines of its upper arm, from which on both fits are made: an eighth of all frames."""
+"""Move of an elbow without the lines of its upper arm, from which on both fits are made: of one arm in four at most."""
 _GAIN = 0.06
 """Share of an arm's pixels that a fit without lines must explain more; 98 % of fits differ by less than 0.04."""
 
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
-
-_CAMERA_RATIO = 0.6
-"""Share of lines that measure something, over the median of the other cameras: a camera 24 cm off had 0.41, a good one
-before a cluttered wall 0.85."""
-_MIN_CAMERAS = 3  # needed to identify a wrong one
 
 Images = Mapping[str, Image]
 
@@ -105,7 +100,7 @@ class RegionTracker:
         self._support = SegmentSupport(body)
         kinds = [SegmentName(segment).kind for segment in body.segments]
         self._arms = [(a, b) for a, b in body.joint_ends.tolist() if (kinds[a], kinds[b]) == ("upper_arm", "forearm")]
-        self._camera_confidence: dict[str, float] = {}
+        self._cameras = CameraSupport()
         self._all = np.ones(len(body.segments), bool)
         self._excluded = ~self._all
         self._random = np.random.default_rng(_SEED)
@@ -283,8 +278,8 @@ class RegionTracker:
                 for name, view in self.views.items():
                     view.replace_colours(colours[name])
         self._excluded = self._support.unconfirmed
-        self._judge_cameras(fit.measured)
-        misplaced = self.misplaced
+        self._cameras.update(fit.measured)
+        misplaced = self._cameras.misplaced
         seen = {
             name: self._is_seen(regions) & ~(self._excluded | borrowed) & (name not in misplaced)
             for name, regions in fit.measured.items()
@@ -307,25 +302,6 @@ class RegionTracker:
             frozenset(np.flatnonzero(self._support.false & ~on_body).tolist()),
             misplaced,
             surface_variances(self.body),
-        )
-
-    def _judge_cameras(self, measured: Mapping[str, RegionEvidence]) -> None:
-        """Smooth the share of each camera's lines that measure something."""
-        for name, regions in measured.items():
-            share = float(regions.lines.sum()) / max(int(regions.asked.sum()), 1)
-            before = self._camera_confidence.get(name, share)
-            self._camera_confidence[name] = before + SUPPORT_RATE * (share - before)
-
-    @property
-    def misplaced(self) -> frozenset[str]:
-        """Cameras whose images do not show the body where the others have it."""
-        known = self._camera_confidence
-        if len(known) < _MIN_CAMERAS:
-            return frozenset()
-        return frozenset(
-            name
-            for name, share in known.items()
-            if share < _CAMERA_RATIO * np.median([other for each, other in known.items() if each != name])
         )
 
     def _fit_frame(self, images: Images, predicted: PredictedBody, known: Collection[SegmentPose]) -> tuple[_Fit, Mask]:
@@ -374,7 +350,7 @@ class RegionTracker:
         self, measured: Mapping[str, RegionEvidence], poses: Array, known: Collection[SegmentPose]
     ) -> tuple[Array, Array]:
         """Normal equations (S, 6, 6), (S, 6) of all cameras and known segments, at poses (S, 4, 4)."""
-        misplaced = self.misplaced
+        misplaced = self._cameras.misplaced
         used = [regions for name, regions in measured.items() if name not in misplaced]
         information = sum((each.information for each in used), np.zeros((len(poses), 6, 6))) / LINES_ALIKE
         vector = sum((each.vector for each in used), np.zeros((len(poses), 6))) / LINES_ALIKE

@@ -1,6 +1,6 @@
-"""How well images support each segment of a body where it is, and how wrong its surface may be."""
+"""How well images support each segment of a body where it is, and each camera; how wrong a surface may be."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 CONFIRMED = 0.62
 """Support from which on a segment that was searched for is confirmed."""
 
-SUPPORT_RATE = 0.1
+_RATE = 0.1
 """Share of a frame in a smoothed support."""
 
 _MIN_SUPPORT, _MIN_HEAD_SUPPORT, _MIN_OUTER_SUPPORT = 0.4, 0.33, 0.5
@@ -27,6 +27,11 @@ _OUTER = {"hand": "forearm", "foot": "shin"}
 
 _MIN_LINES, _MIN_PIXELS = 4, 60  # of fewer lines, or pixels at half the resolution, no share can be computed
 _PAUSE = 30  # frames between two searches; twice as many after each failure
+
+_CAMERA_RATIO = 0.6
+"""Share of lines that measure something, over the median of the other cameras: a camera 24 cm off had 0.41, a good one
+before a cluttered wall 0.85."""
+_MIN_CAMERAS = 3  # needed to identify a wrong one
 
 _LIMB_SIGMAS = (0.05, 0.05, 0.12, 0.01, 0.01, 0.01)
 _SURFACE_SIGMAS = {
@@ -89,7 +94,7 @@ class SegmentSupport:
     def update(self, support: Array) -> None:
         """Add the support (S,) in a frame."""
         before = np.where(np.isnan(self._smoothed), support, self._smoothed)
-        self._smoothed = np.where(np.isnan(support), before, before + SUPPORT_RATE * (support - before))
+        self._smoothed = np.where(np.isnan(support), before, before + _RATE * (support - before))
         self.unconfirmed = self.unconfirmed & ~(self._smoothed >= CONFIRMED)
 
     @property
@@ -122,3 +127,29 @@ class SegmentSupport:
         """Forget what images before showed of segments (S,) that a search has found elsewhere."""
         self._smoothed[found] = np.nan
         self.unconfirmed = self.unconfirmed & ~found
+
+
+class CameraSupport:
+    """The share of each camera's lines that measure something, smoothed over frames."""
+
+    def __init__(self) -> None:
+        self._smoothed: dict[str, float] = {}
+
+    def update(self, measured: Mapping[str, RegionEvidence]) -> None:
+        """Add a frame, by camera."""
+        for name, regions in measured.items():
+            share = float(regions.lines.sum()) / max(int(regions.asked.sum()), 1)
+            before = self._smoothed.get(name, share)
+            self._smoothed[name] = before + _RATE * (share - before)
+
+    @property
+    def misplaced(self) -> frozenset[str]:
+        """Cameras whose images do not show the body where the others have it."""
+        known = self._smoothed
+        if len(known) < _MIN_CAMERAS:
+            return frozenset()
+        return frozenset(
+            name
+            for name, share in known.items()
+            if share < _CAMERA_RATIO * np.median([other for each, other in known.items() if each != name])
+        )
