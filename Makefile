@@ -16,7 +16,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 UV := uv==0.13.9
-SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(BIN)/uv sync --quiet --frozen --inexact
+# Compiled at once: where Python may not write bytecode, every start of a process would compile numpy and all others.
+SYNC := UV_PROJECT_ENVIRONMENT=$(VENV) $(BIN)/uv sync --quiet --frozen --inexact --compile-bytecode
 # What CMake needs to find ROS 2's wheels.
 FOR_ROS = VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" CMAKE_PREFIX_PATH="$(CURDIR)/$(VENV)" \
 	PATH="$(CURDIR)/$(BIN):$$PATH"
@@ -94,6 +95,7 @@ $(VENV)/python.stamp:
 
 $(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py
 	$(SYNC)
+	$(BIN)/python -m compileall -q bodycam_ros
 	$(BIN)/python -m bodycam_ros.kernels
 	@touch $@
 

@@ -71,12 +71,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    # What solves takes a second to load; --help does without.
+    # What solves takes a second to load, here and in the workers at once; --help does without.
+    from bodycam_ros.offline.worker_process import warm_up
+
+    warm_up()
     from bodycam_ros.body.equipment_yaml import equipment_path
     from bodycam_ros.cli.progress import shown_progress
     from bodycam_ros.cli.tables import exit_code
-    from bodycam_ros.lens.lens_check import find_mismatches
-    from bodycam_ros.offline.measure_body import doubted_cameras
     from bodycam_ros.offline.replay import replay
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
@@ -107,9 +108,17 @@ def run(arguments: argparse.Namespace) -> int:
             slim=arguments.slim,
             imu_paths=arguments.imu,
         )
-    lenses = find_mismatches(arguments.recording, doubted_cameras(summary))
-    _print(summary, (*summary.remarks, *(match.text for match in lenses)), arguments.output)
+    _print(summary, (*summary.remarks, *_lens_remarks(arguments.recording, summary.doubted_cameras)), arguments.output)
     return exit_code(summary.verdict)
+
+
+def _lens_remarks(recording: Path, doubted: Sequence[str]) -> Sequence[str]:
+    """Which of the doubted cameras seem to have another lens, a line each."""
+    if not doubted:
+        return ()
+    from bodycam_ros.lens.lens_check import find_mismatches
+
+    return tuple(match.text for match in find_mismatches(recording, doubted))
 
 
 def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":

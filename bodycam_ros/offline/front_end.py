@@ -1,20 +1,15 @@
 """All cameras at once: one process per core, their results merged in order of time."""
 
-import multiprocessing
-import os
 import queue
 import signal
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from multiprocessing import forkserver, resource_tracker
-from multiprocessing.context import ForkServerContext, ForkServerProcess
+from multiprocessing.context import ForkServerProcess
 from multiprocessing.queues import Queue
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.offline.camera_worker import (
     AwaitedUpdate,
     RegisteredImage,
@@ -25,24 +20,13 @@ from bodycam_ros.offline.camera_worker import (
     run_camera_worker,
 )
 from bodycam_ros.offline.map_updates import MapUpdate, MapUpdateSource
+from bodycam_ros.offline.worker_process import ready_to_start, warm_up
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-_QUEUE_LENGTH = 64
+_QUEUE_LENGTH = 256
 """Results a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""
 
 _POLL_S = 1.0
-_WARM = "bodycam_ros.offline.warm_worker"
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-
-
-def warm_up() -> None:
-    """Start to load what the processes need, in the background; compile missing kernels first."""
-    prepare_kernels()
-    context = _context()
-    if context.get_start_method() == "forkserver":
-        with _one_thread_each(), _signals_for_us_alone():
-            context.set_forkserver_preload([_WARM])
-            forkserver.ensure_running()
 
 
 def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int) -> Iterator[Result]:
@@ -97,10 +81,9 @@ def _update_source(
 
 @contextmanager
 def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Iterator[list["_Worker"]]:
-    context = _context()
     workers: list[_Worker] = []
     try:
-        with _one_thread_each(), _signals_for_us_alone():
+        with ready_to_start() as context:
             for cameras in shares:
                 own = replace(task, turns={camera: task.turns[camera] for camera in cameras if camera in task.turns})
                 outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
@@ -118,63 +101,6 @@ def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Itera
             # A worker that has ended reads no more; without this we would wait for it to do so.
             worker.inbox.cancel_join_thread()
             worker.process.join()
-
-
-def _context() -> ForkServerContext:
-    return multiprocessing.get_context("forkserver")
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """The processes share the cores; more threads inside them would compete."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
-
-
-@contextmanager
-def _signals_for_us_alone() -> Iterator[None]:
-    """Processes that are started in this block never receive the signals that end us, not even while they start.
-
-    Ctrl-C and a closed terminal signal a whole group of processes; the parent alone handles them, and kills the others.
-    Signals that are blocked here stay blocked there; here they are delivered when the block ends.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
-    try:
-        with _handled_later():
-            resource_tracker.ensure_running()  # it would unblock the others
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-            yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _handled_later() -> Iterator[None]:
-    """Signals that end us are handled when the block is over.
-
-    A mask holds for a thread, and a library's other threads may receive the signal: Python would still handle it in
-    this one, and leave a process that is half started.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    received: list[int] = []
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)}
-    handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
-    for number in handlers:
-        signal.signal(number, lambda number, frame: received.append(number))
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        for first in received[:1]:
-            signal.raise_signal(first)
 
 
 @dataclass(frozen=True)

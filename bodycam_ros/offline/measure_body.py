@@ -17,9 +17,9 @@ from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableCount
-from bodycam_ros.offline.front_end import register_recording, warm_up
-from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.offline.static_input import read_recorded_stations
+from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
@@ -209,17 +209,3 @@ def calibrate(
     body = calibrated.body
     mounts = {camera: replace(mount, imu=imus.get(camera)) for camera, mount in body.mounts.items()}
     return replace(calibrated, body=replace(body, mounts=mounts))
-
-
-_WELL_REGISTERED = 0.6
-"""Share of its images that a camera with the right lens is registered on, unless it is covered."""
-
-
-def doubted_cameras(summary: ReplaySummary) -> tuple[str, ...]:
-    """Cameras that were registered so seldom, or contradict so much, that their lens may be another's."""
-    accused = {finding.subject for finding in summary.verdict.findings if finding.part == "camera"}
-    return tuple(
-        camera
-        for camera, images in sorted(summary.images.items())
-        if camera in accused or summary.registered[camera] < _WELL_REGISTERED * images
-    )

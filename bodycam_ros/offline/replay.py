@@ -30,10 +30,11 @@ from bodycam_ros.offline.camera_worker import (
     UnusableCount,
 )
 from bodycam_ros.offline.extend import extend_map
-from bodycam_ros.offline.front_end import register_recording, warm_up
+from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.offline.static_input import make_image_measurement, read_recorded_stations
+from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.camera_poses import CameraPoseLog

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.mapping.body_keyframe import ExtensionRound
+from bodycam_ros.quality.causes import WELL_REGISTERED
 from bodycam_ros.timing.clock_state import ClockHistory
 from bodycam_ros.verdict import Verdict
 
@@ -58,6 +59,16 @@ class ReplaySummary:
     verdict: Verdict = field(default_factory=lambda: Verdict.from_findings(()))
     equipment: EquipmentRecord | None = None
     rounds: tuple[ExtensionRound, ...] = ()
+
+    @property
+    def doubted_cameras(self) -> tuple[str, ...]:
+        """Cameras that were registered so seldom, or contradict so much, that their lens may be another's."""
+        accused = {finding.subject for finding in self.verdict.findings if finding.part == "camera"}
+        return tuple(
+            camera
+            for camera, images in sorted(self.images.items())
+            if camera in accused or self.registered[camera] < WELL_REGISTERED * images
+        )
 
     @property
     def real_time_factor(self) -> float:

@@ -15,7 +15,6 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -99,6 +98,9 @@ def make_image_measurement(
     Raises:
         BodyError: the body's surface, or the start, cannot be used.
     """
+    # Here, as formats of others take a tenth of a second to load, and body cameras do without.
+    from bodycam_ros.formats.read_captured import read_start
+
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region)
     placed = None if given.start is None else read_start(given.start, given.stations, stations, body)

@@ -1,4 +1,4 @@
-"""Imports of every camera worker, loaded once: workers are forked from a process that imports this and does no more.
+"""What every camera worker needs, loaded once: workers are forked from a process that imports this and does no more.
 
 So a worker starts at once, and shares the memory of libraries and kernels with the others.
 """
@@ -10,7 +10,9 @@ import cv2
 import bodycam_ros.offline.camera_worker
 import bodycam_ros.registration.relocalisation  # noqa: F401
 from bodycam_ros.kernels import load_kernels
+from bodycam_ros.recording.typestore import recording_typestore
 
 cv2.setNumThreads(1)  # threads do not survive a fork
 load_kernels()
+recording_typestore()
 gc.freeze()  # a collection would write to all that is shared

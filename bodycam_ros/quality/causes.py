@@ -29,8 +29,10 @@ off as 0.06; good lenses as 0.0027 and 0.005 at most."""
 _CLOCK_ERROR_S = 0.008
 """A camera whose poses fit the body better this much earlier or later is off, as far as stamps are one time."""
 
+WELL_REGISTERED = 0.6
+"""Share of its images that a camera with the right lens is registered on, unless it is covered."""
+
 _MAX_STRAP_M = 0.6  # no strap moves a camera farther
-_WELL_REGISTERED = 0.6  # share of the images of a camera with the right lens, unless it is covered
 _MIN_SCALE = 0.03  # a map that is larger or smaller by less is no cause
 _SCALE_EXPLAINS = 0.9  # share of the cameras' distances
 _CLOCK_EXPLAINS = 0.35  # share of the gaps; on good recordings no clock of 5 ms explains more than 0.25
@@ -76,7 +78,7 @@ def _find_cause(poses: CameraPoses, found: Contradiction, camera: str, places: d
         why = f"its strap slipped at {seconds:.1f} s, by {1e3 * moved_m:.0f} mm"
         return Cause(why, "use the recording up to then, or record again")
     far_m = max((float(np.linalg.norm(view.offset)) for view in views), default=np.inf)
-    is_registered = poses.counts[camera].share > _WELL_REGISTERED
+    is_registered = poses.counts[camera].share > WELL_REGISTERED
     if is_registered and far_m < _MAX_STRAP_M and all(view.is_steady for view in views):
         return Cause(
             f"it sits {1e3 * far_m:.0f} mm from where the body has it, all the time: strapped anew, or the body of "

@@ -118,7 +118,7 @@ class DirectRegistration:
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
         self._trust = LandmarkTrust(len(reference_map.landmark_ids))
         self._points = as_rows(reference_map.points_world)
-        self._sizes = reference_map.landmark_sizes
+        self._surfaces = reference_map.surfaces
 
     def add_image(self, image: NDArray[np.uint8]) -> None:
         """The next image (H, W)."""
@@ -178,8 +178,7 @@ class DirectRegistration:
             as_rows(near),
             *_twist_and_time(near, motion),
             self._points,
-            photographs.normals,
-            self._sizes,
+            self._surfaces,
             self._trust.values,
             self._per_cell,
         )

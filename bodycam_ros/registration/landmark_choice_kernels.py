@@ -28,7 +28,7 @@ _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale
 
 
 @kernel(
-    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, f8[:, ::1], f4[:, ::1], f4[::1], f4[::1], i8)",
+    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, f8[:, ::1], f4[:, ::1], f4[::1], i8)",
 )
 def choose_landmarks(
     lens: Array,
@@ -37,8 +37,7 @@ def choose_landmarks(
     twist: Array,
     readout_time: float,
     points_world: Array,
-    normals: NDArray[np.float32],
-    sizes: NDArray[np.float32],
+    surfaces: NDArray[np.float32],
     trust: NDArray[np.float32],
     per_cell: int,
 ) -> Whole:
@@ -49,8 +48,7 @@ def choose_landmarks(
         world_T_camera: (4, 4) its pose.
         twist, readout_time: (6,) its motion [rad/s, m/s], and the read-out time of its rows [s].
         points_world: (L, 3) [m]; of two equal ones the first is taken.
-        normals: (L, 3) of their surfaces.
-        sizes: (L,) of their features [m].
+        surfaces: (7, L) their places, the normals of their surfaces and the sizes of their features [m].
         trust: (L,) see ``LandmarkTrust``.
         per_cell: landmarks of each cell, the most trusted.
     """
@@ -58,16 +56,10 @@ def choose_landmarks(
     best = np.full((CELLS * CELLS, per_cell), -1, np.int64)
     score = np.full((CELLS * CELLS, per_cell), -math.inf)
     T = world_T_camera
-    for i in range(len(normals)):
-        dx, dy, dz = points_world[i, 0] - T[0, 3], points_world[i, 1] - T[1, 3], points_world[i, 2] - T[2, 3]
-        # Most landmarks are too far to be seen, and need no root.
-        squared = dx * dx + dy * dy + dz * dz
-        if lens[3] * lens[3] * sizes[i] * sizes[i] < LEAST_SIGMA_PX * LEAST_SIGMA_PX * squared or squared < 1e-12:
-            continue
-        distance = math.sqrt(squared)
-        if T[0, 2] * dx + T[1, 2] * dy + T[2, 2] * dz < _LEAST_AXIS_COSINE * distance:
-            continue
-        if -(normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz) < _LEAST_COSINE * distance:
+    sizes, may_be_seen = surfaces[6], np.empty(len(trust), np.bool_)
+    _mark_near_and_facing(T, lens[3], surfaces, may_be_seen)
+    for i in range(len(trust)):
+        if not may_be_seen[i]:
             continue
         x, y, z, dx, dy, dz = in_camera(T, points_world[i, 0], points_world[i, 1], points_world[i, 2])
         u, v = _project_by_table(lens, gains, x, y, z)
@@ -81,7 +73,7 @@ def choose_landmarks(
         merit, k = trust[i], per_cell - 1
         if merit <= score[cell, k]:
             continue
-        merit -= 0.05 * abs(math.log2(0.5 * lens[3] * sizes[i] / distance))
+        merit -= 0.05 * abs(math.log2(0.5 * lens[3] * sizes[i] / math.sqrt(dx * dx + dy * dy + dz * dz)))
         if merit <= score[cell, k]:
             continue
         while k > 0 and merit > score[cell, k - 1]:
@@ -96,6 +88,34 @@ def choose_landmarks(
                 rows[count] = best[cell, k]
                 count += 1
     return rows[:count].copy()
+
+
+@kernel()
+def _mark_near_and_facing(
+    world_T_camera: Array, focal_px: float, surfaces: NDArray[np.float32], marks: NDArray[np.bool_]
+) -> None:
+    """Mark (L,) which landmarks are large enough, in front of a camera, and on surfaces that face it.
+
+    Without roots and branches, and in single precision, so that eight are tested at once: most are out of view.
+    """
+    single = np.float32
+    T = world_T_camera
+    x, y, z = single(T[0, 3]), single(T[1, 3]), single(T[2, 3])
+    axis_x, axis_y, axis_z = single(T[0, 2]), single(T[1, 2]), single(T[2, 2])
+    reach = single((focal_px / LEAST_SIGMA_PX) ** 2)
+    least_axis, least_facing, zero = single(_LEAST_AXIS_COSINE**2), single(_LEAST_COSINE**2), single(0.0)
+    for i in range(len(marks)):
+        dx, dy, dz = surfaces[0, i] - x, surfaces[1, i] - y, surfaces[2, i] - z
+        squared = dx * dx + dy * dy + dz * dz
+        along = axis_x * dx + axis_y * dy + axis_z * dz
+        away = surfaces[3, i] * dx + surfaces[4, i] * dy + surfaces[5, i] * dz
+        marks[i] = (
+            (reach * surfaces[6, i] * surfaces[6, i] >= squared)
+            & (along > zero)
+            & (along * along >= least_axis * squared)
+            & (away < zero)
+            & (away * away >= least_facing * squared)
+        )
 
 
 @kernel(

@@ -93,6 +93,18 @@ class ReferenceMap:
         return sizes
 
     @cached_property
+    def surfaces(self) -> NDArray[np.float32]:
+        """(7, L) float32 place [m], normal and size [m] of the landmarks, as ``choose_landmarks`` takes them.
+
+        Raises:
+            ValueError: the map has no photographs, and so no normals.
+        """
+        if self.photographs is None:
+            raise ValueError("a map without photographs has no normals")
+        columns = (self.points_world.T, self.photographs.normals.T, self.landmark_sizes[None])
+        return np.ascontiguousarray(np.concatenate(columns), np.float32)
+
+    @cached_property
     def visual_index(self) -> VisualIndex:
         """Search by descriptors alone, for all cameras."""
         return VisualIndex(self.descriptors, self.descriptor_landmark, self.index_words(len(self.descriptors)))

@@ -192,10 +192,10 @@ class Registrar:
     def _estimate_readout(self) -> None:
         """Add the image before the latest to the read-out time; both of its neighbours give its motion."""
         self._until_readout -= 1
-        motion = self._motion.in_middle_image(self.readout.seconds, self.readout.sigma)
-        if self._until_readout > 0 or motion is None or len(self._recent) < 2:
+        if self._until_readout > 0 or len(self._recent) < 2:
             return
-        if np.linalg.norm(motion.turning) < LEAST_TURN:
+        motion = self._motion.in_middle_image(self.readout.seconds, self.readout.sigma)
+        if motion is None or np.linalg.norm(motion.turning) < LEAST_TURN:
             return
         self._until_readout = EVERY
         pose, points_world, pixels = self._recent[0]

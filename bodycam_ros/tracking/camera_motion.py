@@ -98,16 +98,19 @@ class CameraMotion:
 
     def __init__(self) -> None:
         self.world_T_camera: Array | None = None
-        self._velocity = np.zeros(6)
         self._poses: deque[tuple[int, Array]] = deque(maxlen=3)  # of consecutive registered images
+        self._twists: deque[Array] = deque(maxlen=2)  # mean twists between these
 
     def add(self, stamp_ns: int, world_T_camera: Array, previous_stamp_ns: int) -> None:
         """The pose of a registered image, and the stamp of the image before it, registered or not [ns]."""
         if self._poses and self._poses[-1][0] != previous_stamp_ns:
             self._poses.clear()
+            self._twists.clear()
+        if self._poses:
+            before_ns, before = self._poses[-1]
+            self._twists.append(camera_velocity(before, world_T_camera, stamp_ns - before_ns))
         self._poses.append((stamp_ns, world_T_camera))
         self.world_T_camera = world_T_camera
-        self._velocity = _twist(*list(self._poses)[-2:]) if len(self._poses) > 1 else np.zeros(6)
 
     def add_unregistered(self, world_T_camera: Array | None) -> None:
         """An image without registration: the pose predicted for it, or None where the camera is lost."""
@@ -117,7 +120,8 @@ class CameraMotion:
         """The pose (4, 4) some time after the latest, its rotation replaced by a measured one (3, 3) if given."""
         if self.world_T_camera is None:
             return None
-        return predict_pose(self.world_T_camera, self._velocity, passed_ns, later_R_camera)
+        velocity = self._twists[-1] if self._twists else np.zeros(6)
+        return predict_pose(self.world_T_camera, velocity, passed_ns, later_R_camera)
 
     def in_image(
         self,
@@ -137,7 +141,7 @@ class CameraMotion:
             return None
         dt_s = 1e-9 * (stamp_ns - previous_stamp_ns)
         poses = list(self._poses) if self._poses and self._poses[-1][0] == previous_stamp_ns else []
-        before = _twist(poses[-2], poses[-1]) if len(poses) > 1 else None
+        before = self._twists[-1] if len(poses) > 1 else None
         turning = np.zeros(3) if before is None else before[:3]
         if later_R_camera is not None:
             turning = log_so3(later_R_camera.T) / dt_s
@@ -164,15 +168,10 @@ class CameraMotion:
         """
         if len(self._poses) < 3:
             return None
-        before, middle, after = self._poses
-        first_s, second_s = 1e-9 * (middle[0] - before[0]), 1e-9 * (after[0] - middle[0])
+        before_ns, middle_ns, after_ns = (stamp_ns for stamp_ns, _ in self._poses)
+        first_s, second_s = 1e-9 * (middle_ns - before_ns), 1e-9 * (after_ns - middle_ns)
         # The parabola through all three; the image's own error cancels where the steps are equally long.
-        first, second = _twist(before, middle), _twist(middle, after)
+        first, second = self._twists
         twist = (second_s * first + first_s * second) / (first_s + second_s)
         sigmas = _BOTH_SIDES * TWIST_SIGMAS + _UNEVEN * np.abs(second - first)
         return ImageMotion(readout_time, readout_sigma, np.eye(4), np.zeros(6), twist, sigmas, twist[:3])
-
-
-def _twist(earlier: tuple[int, Array], later: tuple[int, Array]) -> Array:
-    """Mean twist (6,) between two stamped poses."""
-    return camera_velocity(earlier[1], later[1], later[0] - earlier[0])

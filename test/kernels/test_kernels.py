@@ -97,6 +97,28 @@ def test_every_file_with_kernels_is_known() -> None:
     assert holding == set(KERNEL_FILES)
 
 
+REGISTRATION = """
+import queue, sys
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from bodycam_ros.offline.camera_worker import RegistrationTask, register_images
+from bodycam_ros.pipeline_settings import PipelineSettings
+bags, settings = Path(sys.argv[1]), PipelineSettings()
+settings = replace(settings, growth=replace(settings.growth, enabled=False))  # which waits for another process
+task = RegistrationTask(bags / "sample/bag", bags / "map", settings)
+images = list(islice(register_images(task, ("head", "foot_left"), queue.Queue()), 6))
+print([image.matches.world_T_camera is not None for image in images], "numba" in sys.modules)
+"""
+
+
+def test_no_kernel_of_an_image_is_compiled_while_it_waits(sample: Path) -> None:
+    """An array that is not as a kernel states it would go to numba, which takes seconds."""
+    command = [sys.executable, "-c", REGISTRATION, str(sample)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert run.stdout.split("\n")[0] == f"{[True] * 6} False"
+
+
 def test_what_the_library_does_not_take_goes_to_numba() -> None:
     prepare_kernels()
     xi = np.array([0.1, -0.2, 0.3, 1.0, 2.0, 3.0])

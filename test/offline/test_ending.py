@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from bodycam_ros.offline.front_end import _signals_for_us_alone
+from bodycam_ros.offline.worker_process import ready_to_start
 from bodycam_ros.whole_file import SCRATCH_PREFIX, write_whole
 
 TIME_S = 120.0
@@ -98,7 +98,7 @@ def test_ctrl_c_within_an_import_gives_the_same_code(tmp_path: Path) -> None:
 def test_what_ends_us_is_answered_when_the_workers_have_started() -> None:
     """The signal comes on another thread than the one that has it blocked, as on a library's."""
     started = []
-    with pytest.raises(KeyboardInterrupt), _signals_for_us_alone():
+    with pytest.raises(KeyboardInterrupt), ready_to_start():
         sender = threading.Thread(target=lambda: os.kill(os.getpid(), signal.SIGINT))
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         sender.start()

@@ -39,11 +39,14 @@ def landmarks(count: int, seed: int = 0) -> tuple[NDArray[np.float64], NDArray[n
 @pytest.mark.parametrize(("twist", "readout_time"), [(STILL, 0.0), (TWIST, 0.012), (TWIST, -0.02)])
 def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float64], readout_time: float) -> None:
     points, normals, sizes = landmarks(3000)
+    surfaces = np.concatenate([points.T, normals.T, sizes[None]]).astype(np.float32)
     trust = np.random.default_rng(1).uniform(0.0, 1.0, len(points)).astype(np.float32)
     for per_cell in (1, 2, 5):
-        arguments = (POSE, twist, readout_time, points, normals, sizes, trust, per_cell)
-        rows = choose_landmarks(camera.parameters, radial_gains(camera), *arguments)
-        np.testing.assert_array_equal(rows, choose_in_numpy(camera, *arguments))
+        rows = choose_landmarks(
+            camera.parameters, radial_gains(camera), POSE, twist, readout_time, points, surfaces, trust, per_cell
+        )
+        expected = choose_in_numpy(camera, POSE, twist, readout_time, points, normals, sizes, trust, per_cell)
+        np.testing.assert_array_equal(rows, expected)
         assert len(rows) > 8
 
 
