@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from bodycam_ros.cli.options import add_imu, given_flags
 from bodycam_ros.errors import MapError
 from bodycam_ros.progress import Progress
-from bodycam_ros.recording.bag_file import METADATA
+from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
     from bodycam_ros.registration.reference_map import ReferenceMap
-
-_BAG_SUFFIXES = {".mcap", ".db3"}
 
 
 def add_source_flags(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +77,7 @@ def check_source(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
         raise MapError(
             f"{source}: no such folder or file; expected a folder with photographs and camera.yaml, or a video"
         )
-    if source.suffix.lower() in _BAG_SUFFIXES or (source / METADATA).is_file():
+    if is_bag(source):
         raise MapError(f"{source}: is a bag; give it with --from-bag")
     return ()
 

@@ -79,7 +79,7 @@ def _motion(
 
 def _bag_only(make: Make) -> Make:
     def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
-        if source.is_file() and not urdf.is_bag(source):
+        if source.is_file() and urdf.is_body_file(source):
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
         return make(source, options, progress)
 

@@ -10,13 +10,11 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import BODY, body_from_urdf, urdf_text
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint import Joint, default_sigmas
-from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_file import BagFile, is_bag
 from bodycam_ros.results.topics import ROBOT, ROBOT_TYPE, published_robot
 from bodycam_ros.static_cameras.person_model import person_masses
 
 logger = logging.getLogger(__name__)
-
-_BAG_SUFFIXES = (".mcap", ".db3")
 
 
 def robot_description(source: Path, mass_kg: float | None = None) -> str:
@@ -32,7 +30,7 @@ def robot_description(source: Path, mass_kg: float | None = None) -> str:
         BodyError: a body file that is missing or describes no body, or a body without a person's segments.
         RecordingError: a bag that cannot be read, or that was not solved.
     """
-    if is_bag(source):
+    if not is_body_file(source):
         text = _published(source)
         with _source_named(source):
             body = body_from_urdf(text) if mass_kg is not None or f"<{BODY}>" in text else None
@@ -50,15 +48,15 @@ def robot_description(source: Path, mass_kg: float | None = None) -> str:
 
 def convert_body(source: Path, write: Callable[[BodyModel], str]) -> str:
     """The text of the body of a bag or a body file; raises as ``robot_description`` does."""
-    body = None if is_bag(source) else read_body(source)
+    body = read_body(source) if is_body_file(source) else None
     text = _published(source) if body is None else ""
     with _source_named(source):
         return write(body or body_from_urdf(text))
 
 
-def is_bag(source: Path) -> bool:
-    """Whether a source is a bag, and not a body file."""
-    return source.is_dir() or source.suffix in _BAG_SUFFIXES
+def is_body_file(source: Path) -> bool:
+    """Whether a source is a body file, and not a bag."""
+    return not source.is_dir() and not is_bag(source)
 
 
 def _text(body: BodyModel, mass_kg: float | None) -> str:

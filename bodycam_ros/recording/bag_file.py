@@ -24,6 +24,11 @@ METADATA = "metadata.yaml"
 """Of a bag folder: its topics, and how many messages each has."""
 
 
+def is_bag(path: Path) -> bool:
+    """Whether a path is that of a bag: a folder with metadata, or a file of a bag's kind."""
+    return path.suffix.lower() in _STORAGE_SUFFIXES or (path / METADATA).is_file()
+
+
 def check_files(path: Path) -> None:
     """Refuse what would keep a reader waiting, or fill its memory, before it is opened.
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-_BAG_FILE, _BAG_SUFFIXES = "metadata.yaml", (".mcap", ".db3")
+from bodycam_ros.recording.bag_file import is_bag
+
 _SERIAL = ("evaluate", "export")  # commands without --jobs
 
 
@@ -27,8 +28,8 @@ def find_source(path: Path) -> Source | None:
     """The recording at a path; None if there is none, or it is hidden."""
     if not path.exists() or path.name.startswith("."):
         return None
-    is_bag = path.suffix in _BAG_SUFFIXES or (path / _BAG_FILE).is_file()
-    return Source(path.stem if path.is_file() else path.name, path, is_bag) if is_bag or path.is_dir() else None
+    name = path.stem if path.is_file() else path.name
+    return Source(name, path, is_bag(path)) if is_bag(path) or path.is_dir() else None
 
 
 @dataclass(frozen=True)
