@@ -45,8 +45,8 @@ _START_ROUNDS = 6  # of updating colours and fitting in the first image
 _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their joints about the placed ones
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
-_PULL_M = 0.008
-"""Move of an elbow without the lines of its upper arm, from which on both fits are made: of one arm in four at most."""
+_PULL_M = 0.01
+"""Move of an elbow without the lines of its upper arm, from which on both fits are made: of 4 to 26 % of arms."""
 _GAIN = 0.06
 """Share of an arm's pixels that a fit without lines must explain more; 98 % of fits differ by less than 0.04."""
 
