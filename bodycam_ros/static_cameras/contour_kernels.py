@@ -24,9 +24,10 @@ _NEAREST_M = 0.1  # of a vertex before the camera
 _LONGEST_PX = 200.0  # an edge, or a face, that is longer is too near to be a body's
 _INWARD, _OUTWARD = 1.0, 1.5  # [pixels of the labels] from the contour, where its own segment, and nobody, must be
 
-POINT = 11
+POINT = 13
 """Numbers of a contour point: pixel (2), outward normal in the image (2), point in the segment's frame (3), derivative
-of the pixel along that normal by the point, in the segment's frame (3) [px/m], row of its edge."""
+of the pixel along that normal by the point, in the segment's frame (3) [px/m], pixel where it was found (2), row of its
+edge."""
 
 
 @kernel(
@@ -101,7 +102,7 @@ def find_contour(
                 for axis in range(3):
                     point[4 + axis] = vertices[a, axis] + share * (vertices[b, axis] - vertices[a, axis])
                 if _place(lens, camera_T_segment[segment], point):
-                    point[10] = edge
+                    point[10], point[11], point[12] = point[0], point[1], edge
                     segments[count] = segment
                     count += 1
             at += spacing_px
@@ -209,6 +210,30 @@ def _lies_towards(pixels: Array, faces: Whole, face: int, a: int, normal_x: floa
         vertex = faces[face, corner]
         side += normal_x * (pixels[vertex, 0] - pixels[a, 0]) + normal_y * (pixels[vertex, 1] - pixels[a, 1])
     return side > 0.0
+
+
+@kernel("(f8[::1], f8[:, :, ::1], f8[:, ::1], i8[::1])")
+def carry_contour(lens: Array, camera_T_segment: Array, points: Array, segments: Whole) -> tuple[Array, Whole]:
+    """Contour points where their segments have moved a little since they were found, along the normals they had.
+
+    The contour then runs along other points of the surface, but these lie across the line of sight from the same.
+
+    Args:
+        lens: of the camera.
+        camera_T_segment: (S, 4, 4) where the segments are now.
+        points, segments: (N, POINT), (N,) of ``find_contour``.
+
+    Returns:
+        Points and segments, without those that have left the lens.
+    """
+    carried, remaining = points.copy(), segments.copy()
+    count = 0
+    for n in range(len(points)):
+        carried[count] = points[n]
+        if _place(lens, camera_T_segment[segments[n]], carried[count]):
+            remaining[count] = segments[n]
+            count += 1
+    return carried[:count].copy(), remaining[:count].copy()
 
 
 @kernel()

@@ -59,7 +59,7 @@ def count_colours(
     Args:
         image: (H, W, 3) blue, green, red.
         labels, shrink: which segment was in front where the contour was found, at a part of the resolution.
-        points, segments: of ``find_contour``.
+        points, segments: of ``find_contour``, or carried on from there.
         stands_out: (S, S) whether one segment differs from another that is behind it.
         inward, outward: [px] from the contour.
     """
@@ -67,16 +67,17 @@ def count_colours(
     outside = np.zeros((len(stands_out), COLOURS), np.float32)
     for n in range(len(points)):
         x, y, normal_x, normal_y = points[n, 0], points[n, 1], points[n, 2], points[n, 3]
+        found_x, found_y = points[n, 10], points[n, 11]
         segment = segments[n]
         for step in range(_GAP, inward):
             colour = _colour(image, x - step * normal_x, y - step * normal_y)
-            label = label_at(labels, x - step * normal_x, y - step * normal_y, shrink)
+            label = label_at(labels, found_x - step * normal_x, found_y - step * normal_y, shrink)
             if colour < 0 or label != segment:
                 break
             inside[segment, colour] += 1.0
         for step in range(_GAP, outward):
             colour = _colour(image, x + step * normal_x, y + step * normal_y)
-            label = label_at(labels, x + step * normal_x, y + step * normal_y, shrink)
+            label = label_at(labels, found_x + step * normal_x, found_y + step * normal_y, shrink)
             if colour < 0 or not is_beside(stands_out, segment, label):
                 break
             outside[segment, colour] += 1.0
@@ -100,7 +101,7 @@ def measure_lines(
     Args:
         image: (H, W, 3) blue, green, red.
         labels, shrink: which segment was in front where the contour was found, at a part of the resolution.
-        points, segments: (N, POINT), (N,) of ``find_contour``.
+        points, segments: (N, POINT), (N,) of ``find_contour``, or carried on from there.
         stands_out: (S, S) whether one segment differs from another that is behind it.
         log_odds: (S, COLOURS) logarithm of how much more likely a colour is on the segment than beside it.
         stride: pixels of a line that are one sample.
@@ -171,7 +172,7 @@ def _read_line(
             odds = 0.0
             middle = direction * sample * stride
             if abs(middle) > shrink and is_told:
-                label = label_at(labels, point[0] + middle * point[2], point[1] + middle * point[3], shrink)
+                label = label_at(labels, point[10] + middle * point[2], point[11] + middle * point[3], shrink)
                 is_told = label == segment if direction < 0 else label < 0 or is_beside(stands_out, segment, label)
             if is_told:
                 for within in range(stride):

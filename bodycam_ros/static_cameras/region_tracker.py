@@ -287,7 +287,7 @@ class RegionTracker:
         by_any = np.any([*seen.values()], axis=0)
         for name, image in images.items():
             view = self.views[name]
-            contour = view.find_contour(fit.poses)
+            contour = view.propagate_contour(fit.contours[name], fit.poses)
             view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
         together = sum(
             (regions.information * seen[name][:, None, None] for name, regions in fit.measured.items()),
@@ -338,7 +338,9 @@ class RegionTracker:
             stride = max(1, _COARSE_STRIDE >> turn)
             for name, image in images.items():
                 view = self.views[name]
-                contours[name] = view.find_contour(poses)
+                contours[name] = (
+                    view.propagate_contour(contours[name], poses) if name in contours else view.find_contour(poses)
+                )
                 measured[name] = view.measure(image, contours[name], stride)
             before = poses
             poses = self._step.apply(poses, *self._equations(measured, poses, known), predicted)

@@ -103,7 +103,7 @@ class ShapeEvidence:
 
     def _growth_at(self, points: Array) -> Array:
         """(N, K, 3) how points of a contour move in their segments with the shares."""
-        first, second = self.surface.edges[points[:, 10].astype(np.int64)].T
+        first, second = self.surface.edges[points[:, 12].astype(np.int64)].T
         start, end = self.surface.vertices[first], self.surface.vertices[second]
         along = np.linalg.norm(points[:, 4:7] - start, axis=1) / np.linalg.norm(end - start, axis=1)
         growth: Array = self._growth[first] + along[:, None, None] * (self._growth[second] - self._growth[first])

@@ -68,7 +68,7 @@ def one_line(
 ) -> tuple[float, float] | None:
     """Mean and sigma [px] of a line across a pixel, if it knows something."""
     point = np.zeros((1, POINT))
-    point[0, :4], point[0, 7] = [*pixel, *normal], 1.0
+    point[0, :4], point[0, 7], point[0, 10:12] = [*pixel, *normal], 1.0, pixel
     front = front or behind(pixel, normal)
     information, vector, lines, _, _ = asked(image, front, point, np.zeros(1, np.int64), odds, stride)
     if not lines[0]:

@@ -37,7 +37,7 @@ class KnowingView:
 
     def measure(self, image: NDArray[np.uint8], contour: Contour, stride: int) -> RegionEvidence:
         points, segments = contour.points, contour.segments
-        first, second = self.now.surface.edges[points[:, 10].astype(int)].T
+        first, second = self.now.surface.edges[points[:, 12].astype(int)].T
         start, end = self.now.surface.vertices[first], self.now.surface.vertices[second]
         share = ((points[:, 4:7] - start) * (end - start)).sum(axis=1) / ((end - start) ** 2).sum(axis=1)
         np.testing.assert_allclose(start + share[:, None] * (end - start), points[:, 4:7], atol=1e-9)
