@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
-from launch.actions import DeclareLaunchArgument, GroupAction, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, GroupAction, OpaqueFunction
 from launch.events.process import ProcessExited
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import ExecutableInPackage
 
 from bodycam_ros.live.graph import USER_ERROR, GraphArguments, GraphNode, graph
 from bodycam_ros.settings import SettingDescription, describe
@@ -60,6 +61,12 @@ def generate_launch_description() -> LaunchDescription:
                         choices=TRUTH,
                         description=f"start a node that crashed again after {RESPAWN_DELAY_S:g} s; not the player",
                     ),
+                    DeclareLaunchArgument(
+                        "viewer", default_value="false", choices=TRUTH, description="also start bodycam view --live"
+                    ),
+                    DeclareLaunchArgument(
+                        "viewer_port", default_value="8080", description="of this machine: where the page of viewer is"
+                    ),
                     PushRosNamespace(LaunchConfiguration("namespace")),
                     OpaqueFunction(function=_nodes),
                 ]
@@ -88,6 +95,8 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         for node in nodes:
             may_respawn = respawn and node.executable != "player"
             actions.append(_action(node.executable, node, node.parameters, given["params_file"], may_respawn, []))
+    if given["viewer"] == "true":
+        actions.append(_viewer(given))
     return actions
 
 
@@ -136,3 +145,16 @@ def _as_they_are(parameters: Any) -> dict[str, Any]:
         name: ParameterValue(value, value_type=types[type(value)]) if type(value) in types else value
         for name, value in parameters.items()
     }
+
+
+def _viewer(given: dict[str, str]) -> ExecuteProcess:
+    values = {"--map": given["map"], "--namespace": given.get("ros_namespace", ""), "--port": given["viewer_port"]}
+    return ExecuteProcess(
+        cmd=[
+            ExecutableInPackage(executable="bodycam", package="bodycam_ros"),
+            *("view", "--live"),
+            *(word for flag, value in values.items() if value for word in (flag, value)),
+        ],
+        name="viewer",
+        output="screen",
+    )

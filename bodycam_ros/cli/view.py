@@ -1,6 +1,9 @@
 """bodycam view: map, body and recording in a browser, to inspect them and to correct mounts and joints (A 4.2)."""
 
 import argparse
+from contextlib import suppress
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,12 +53,25 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_start(parser, "with --place: where the body is at first")
     add_height(parser, "with --place, instead of --body:")
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="show what the running graph publishes (needs ROS 2); --map, --namespace and --port apply",
+    )
+    parser.add_argument("--namespace", default="", metavar="NAME", help="with --live: of the person's graph, as anna")
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
     parser.set_defaults(run=run, usage_error=parser.error)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    if arguments.live:
+        # It has no end of its own: to be stopped, by a launch file for instance, is no failure.
+        with suppress(KeyboardInterrupt):
+            _view_live(arguments)
+        return 0
+    if arguments.namespace:
+        raise ViewError(f"--namespace {shown(arguments.namespace)}: is for --live")
     if arguments.place is not None:
         _place(arguments)
         return 0
@@ -107,9 +123,7 @@ def _check_output(arguments: argparse.Namespace, mark: bytes, what: str) -> None
 
 
 def _place(arguments: argparse.Namespace) -> None:
-    if unused := [*(["OUT"] if arguments.solved else []), *given_flags(arguments, "recording", "over")]:
-        reason = "--place: a start is made of a recording that is not solved yet"
-        raise ViewError(f"{reason}; leave out {', '.join(unused)}")
+    _refuse(arguments, "--place: a start is made of a recording that is not solved yet", "recording", "over")
     if arguments.stations is None or arguments.output is None:
         arguments.usage_error("--place needs --stations CAMERAS.YAML and -o START.yaml")
     if (arguments.body is None) == (arguments.height is None):
@@ -122,3 +136,25 @@ def _place(arguments: argparse.Namespace) -> None:
     files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
     sources = PlacingSources(arguments.place, files, arguments.body or arguments.height, arguments.map)
     place_body(sources, arguments.output, arguments.port)
+
+
+def _refuse(arguments: argparse.Namespace, reason: str, *flags: str) -> None:
+    """Refuse OUT, and flags that were given."""
+    if unused := [*(["OUT"] if arguments.solved is not None else []), *given_flags(arguments, *flags)]:
+        raise ViewError(f"{reason}; leave out {', '.join(unused)}")
+
+
+def _view_live(arguments: argparse.Namespace) -> None:
+    unused = ("body", "recording", "stations", "surface", "output", "over", "place", "start", "height")
+    _refuse(arguments, "--live: the running graph publishes the body", *unused)
+    try:
+        listener = import_module("bodycam_ros.nodes.body_listener").BodyListener
+    except ImportError as error:
+        raise ViewError(
+            f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "
+            "wheels that 'make test' installs"
+        ) from error
+    from bodycam_ros.viewer.live_session import view_live
+
+    open_listener = partial(listener, namespace=arguments.namespace)
+    view_live(open_listener, arguments.map, arguments.port)
