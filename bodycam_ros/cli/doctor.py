@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_imu, add_jobs, add_map, add_recording
+from bodycam_ros.cli.options import add_imu, add_jobs, add_lenses, add_map
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import STYLES
 from bodycam_ros.shown import printable
@@ -28,16 +28,22 @@ _EXIT_CODES = (
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("doctor", description=__doc__, epilog=_EXIT_CODES)
-    add_recording(parser)
+    parser.add_argument(
+        "recording",
+        type=Path,
+        metavar="RECORDING",
+        help="ros2 bag folder or .mcap file, or a video or a folder with videos",
+    )
     add_map(parser, required=False)
     parser.add_argument("--body", type=Path, help="body YAML: are all its cameras there?")
     parser.add_argument(
         "--rig",
         type=Path,
-        help="rig YAML: are all its cameras there? With --map BAG is taken for a range of motion: does it begin "
+        help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: does it begin "
         "with the N-pose, was every joint moved?",
     )
     parser.add_argument("--board", type=Path, help="AprilTag board, is it in view? (default: board.yaml beside it)")
+    add_lenses(parser)
     add_imu(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_jobs(parser, "threads")
@@ -55,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.body,
         arguments.rig,
         arguments.board,
+        arguments.lenses,
         tuple(arguments.imu),
     )
     with shown_progress() as progress:

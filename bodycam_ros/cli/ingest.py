@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from bodycam_ros.cli.options import add_jobs, add_output, number
+from bodycam_ros.cli.options import add_jobs, add_lenses, add_output, number
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import make_table
 from bodycam_ros.errors import OutputError
@@ -34,13 +34,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "ros2 bag folder to write, and beside it BAG_timing with a table of the clocks",
         "BAG, if an ingest wrote it, and its report",
     )
-    parser.add_argument(
-        "--lenses",
-        type=Path,
-        metavar="DIR_OR_FILE",
-        help="folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which has "
-        "their lenses: of bodycam stations, a TOML, .qca.txt",
-    )
+    add_lenses(parser)
     parser.add_argument("--rig", type=Path, help="rig YAML: which cameras there should be, and on which segments")
     times = parser.add_mutually_exclusive_group()
     times.add_argument(

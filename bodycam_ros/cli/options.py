@@ -108,6 +108,17 @@ def add_equipment(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_lenses(parser: argparse.ArgumentParser) -> None:
+    """Add --lenses."""
+    parser.add_argument(
+        "--lenses",
+        type=Path,
+        metavar="DIR_OR_FILE",
+        help="folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which has "
+        "their lenses: of bodycam stations, a TOML, .qca.txt",
+    )
+
+
 def add_jobs(parser: argparse.ArgumentParser, what: str) -> None:
     """Add --jobs: number of processes or threads."""
     jobs = number(int, 1, 1000)

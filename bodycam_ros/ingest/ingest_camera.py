@@ -77,6 +77,16 @@ def load_cameras(
     return cameras, faults
 
 
+def open_video(files: CameraFiles) -> CameraVideo:
+    """A camera's video.
+
+    Raises:
+        RecordingError: it cannot be read, or a topic cannot have its name.
+    """
+    _check_name(files)
+    return CameraVideo.of_files(files.camera, files.paths)
+
+
 def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, float | None, Path]:
     """A camera's lens, its read-out time [s], None where that is not given, and the file that has them.
 
@@ -97,17 +107,21 @@ def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, flo
     return stations[files.camera].camera, None, lenses
 
 
-def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> list[IngestCamera]:
+def _check_name(files: CameraFiles) -> None:
     if not _TOPIC_NAME.fullmatch(files.camera):
         raise RecordingError(
             f"{files.paths[0]}: a topic cannot be named '{files.camera}'; rename it: letters, digits and underscores, "
             "beginning with a letter"
         )
+
+
+def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> list[IngestCamera]:
     video: CameraVideo | ImageFolder
     if files.are_images:
+        _check_name(files)
         video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
     else:
-        video = CameraVideo.of_files(files.camera, files.paths)
+        video = open_video(files)
     lens, readout_s, lens_path = read_lens(files, lens_folder)
     facts = video.facts
     if (lens.width, lens.height) != (facts.width, facts.height):

@@ -22,12 +22,14 @@ from bodycam_ros.quality.place_checks import (
     check_rest,
 )
 from bodycam_ros.quality.recording_checks import IMAGE_CHECKS, check_cameras, check_clocks, check_gaps, check_lens
-from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, spread_instants
+from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.verdict import Finding, check_limits
 
+_BAG_SUFFIXES, _BAG_FILE = {".mcap", ".db3"}, "metadata.yaml"
 _IMAGES = 12  # of each camera, spread over the recording: faults that last are found in seconds
 _REGISTERED_IMAGES = 6  # of those, for the share that registers: each costs a tenth of a second
 _EXERCISE_IMAGES = 20  # of each camera of a range of motion; more miss fewer turns
@@ -38,11 +40,12 @@ class DoctorInput:
     """Input of the doctor.
 
     Attributes:
-        recording: ros2 bag folder or file.
+        recording: ros2 bag folder or file, a video, or a folder with videos.
         map: folder of the reference map; None: registration is not checked.
         body: body file, whose cameras are expected.
         rig: rig file of a range of motion, whose joints are to be exercised.
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
+        lenses: folder with the lens YAMLs of videos; None: beside them.
         imu: bags with the inertial sensors, beside those in the recording.
     """
 
@@ -51,6 +54,7 @@ class DoctorInput:
     body: Path | None = None
     rig: Path | None = None
     board: Path | None = None
+    lenses: Path | None = None
     imu: tuple[Path, ...] = ()
 
 
@@ -66,7 +70,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     wanted = mounts if rig is None else tuple(rig.cameras)
     board_path = given.board or given.recording.resolve().parent / BOARD_FILE
     board = read_board(board_path) if given.board is not None or board_path.is_file() else None
-    is_exercise = rig is not None and reference_map is not None
+    is_exercise = rig is not None and reference_map is not None and is_bag(given.recording)
     count = _EXERCISE_IMAGES if is_exercise else _IMAGES
 
     def instants(duration_s: float) -> Array:
@@ -74,7 +78,10 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         return np.sort(np.concatenate([opening, spread_instants(duration_s, count)]))
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
-        recording = sample_bag(given.recording, instants, advance)
+        if is_bag(given.recording):
+            recording = sample_bag(given.recording, instants, advance)
+        else:
+            recording = sample_videos(given.recording, given.lenses, instants, advance)
     findings = [
         *check_cameras(recording, wanted),
         *check_gaps(recording),
@@ -82,8 +89,8 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         *check_lens(recording),
         *check_limits({camera.name: camera for camera in recording.cameras}, IMAGE_CHECKS),
     ]
-    cameras = [camera.name for camera in recording.cameras]
-    findings += check_sensors(read_imus((given.recording, *given.imu), cameras))
+    bags = (*([given.recording] if is_bag(given.recording) else []), *given.imu)
+    findings += check_sensors(read_imus(bags, [camera.name for camera in recording.cameras]))
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
     if reference_map is not None:
@@ -93,16 +100,24 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
             chosen = np.unique(np.linspace(0, last, min(_REGISTERED_IMAGES, last + 1)).round().astype(int))
         # The middle first: a recording that begins in a dark pocket is not hopeless.
         order = chosen[np.argsort(np.abs(chosen - chosen[len(chosen) // 2]), kind="stable")].tolist()
-        names = wanted or cameras
+        names = wanted or tuple(camera.name for camera in recording.cameras)
         prepare_kernels()
         with progress.step("registering", len(order)) as advance:
             registered = register_samples(recording, names, order, reference_map, jobs, advance)
         findings += check_registration(registered)
-        findings += check_field_of_view(given.recording, registered, progress)
+        if is_bag(given.recording):
+            findings += check_field_of_view(given.recording, registered, progress)
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras)
             findings += check_exercise(registered, rig)
     return findings
+
+
+def is_bag(recording: Path) -> bool:
+    """Whether a path is a ros2 bag, and neither a video nor a folder of videos."""
+    suffix = recording.suffix.lower()
+    has_videos = suffix in VIDEO_SUFFIXES or recording.is_dir()
+    return suffix in _BAG_SUFFIXES or (recording / _BAG_FILE).is_file() or not has_videos
 
 
 def skipped_checks(given: DoctorInput) -> Iterator[str]:
@@ -111,3 +126,5 @@ def skipped_checks(given: DoctorInput) -> Iterator[str]:
         yield "share of images that register: give --map"
     if given.rig is None and given.body is None:
         yield "cameras that are missing: give --rig (a range of motion) or --body"
+    if given.rig is not None and not is_bag(given.recording):
+        yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"

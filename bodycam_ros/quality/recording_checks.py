@@ -20,6 +20,8 @@ def check_cameras(recording: SampledRecording, wanted: Collection[str] | None) -
     """
     check = "cameras"
     present = {camera.name for camera in recording.cameras}
+    for reason in recording.left_out:
+        yield Finding("", Level.WRONG, reason, part="recording", check=check)
     for name in sorted(set(wanted or ()) - present):
         remedy = "was it switched on? record again with it, or take it out of the rig"
         yield Finding(name, Level.WRONG, "is not in the recording", remedy=remedy, check=check)
@@ -61,7 +63,7 @@ def check_gaps(recording: SampledRecording) -> Iterator[Finding]:
             yield Finding(camera.name, level, what, remedy=_SLOW_STORAGE, check="gaps")
         late_s, early_s = camera.recorded_s.min(), recording.duration_s - camera.recorded_s.max()
         for missing_s, what in ((late_s, f"begins {late_s:.1f} s late"), (early_s, f"ends {early_s:.1f} s early")):
-            if missing_s > _LONG_GAP_S:
+            if recording.is_synchronous and missing_s > _LONG_GAP_S:
                 level = Level.WRONG if missing_s > 0.5 * recording.duration_s else Level.DOUBTFUL
                 remedy = "battery, card or cable? its segment is predicted in that time"
                 yield Finding(camera.name, level, what, remedy=remedy, check="gaps")
@@ -73,8 +75,16 @@ _MAX_CLOCK_OFFSET_S = 0.5  # to the other cameras; smaller offsets are estimated
 
 
 def check_clocks(recording: SampledRecording) -> Iterator[Finding]:
-    """Compare stamps with the times of recording."""
+    """Compare stamps with the times of recording; of videos, find those without sound to synchronise by."""
     check = "clocks"
+    if not recording.is_synchronous:
+        silent = [camera.name for camera in recording.cameras if not camera.has_sound]
+        for name in silent:
+            what, remedy = "has no sound, so no clap gives its clock", "switch its sound on, or rely on its motion"
+            yield Finding(name, Level.DOUBTFUL, what, remedy=remedy, check=check)
+        if count := len(recording.cameras) - len(silent):
+            yield good(check, f"{count} videos with sound; 'bodycam ingest' synchronises them")
+        return
     ahead_s = {c.name: float(np.median(c.stamps_s - c.recorded_s)) for c in recording.cameras if len(c.stamps_s)}
     usual_s = float(np.median(list(ahead_s.values()))) if ahead_s else 0.0
     off_s = {camera: each - usual_s for camera, each in ahead_s.items()}

@@ -13,8 +13,12 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, decode_grey
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.geometry import Array
+from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
+from bodycam_ros.ingest.ingest_camera import open_video, read_lens
 from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_decoder import decode_last
+from bodycam_ros.recording.video_file import frame_times, grey_pixels, keyframe_near
 from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.feature_tracker import view_mask
@@ -41,6 +45,7 @@ class SampledCamera:
         images: number of a sample -> (H, W) the image nearest to it; samples without one are left out.
         fault: why images cannot be decoded; empty if they can.
         missing: images that the recording declares, but does not hold.
+        has_sound: whether its video has sound; None if it is no video file.
     """
 
     name: str
@@ -51,6 +56,7 @@ class SampledCamera:
     images: Mapping[int, Grey]
     fault: str = ""
     missing: int = 0
+    has_sound: bool | None = None
 
     @property
     def interval_s(self) -> float:
@@ -80,12 +86,17 @@ class SampledRecording:
         cameras: by name.
         duration_s: of the recording [s].
         instants_s: (K,) times of the samples, since the start [s].
+        is_synchronous: whether stamps of different cameras share a clock, as in a bag; ``bodycam ingest`` synchronises
+            videos.
+        left_out: cameras that cannot be read, and why.
     """
 
     path: Path
     cameras: tuple[SampledCamera, ...]
     duration_s: float
     instants_s: Array
+    is_synchronous: bool
+    left_out: tuple[str, ...] = ()
 
 
 def spread_instants(duration_s: float, count: int) -> Array:
@@ -132,7 +143,7 @@ def sample_bag(path: Path, instants: Instants, on_instant: Callable[[], None]) -
             cameras.append(
                 SampledCamera(camera, lens, lens_fault, stamps_s, recorded_s, images[camera], fault, missing)
             )
-        return SampledRecording(path, tuple(cameras), recording.duration_s, instants_s)
+        return SampledRecording(path, tuple(cameras), recording.duration_s, instants_s, is_synchronous=True)
 
 
 def _packets_at(
@@ -168,6 +179,64 @@ def _lens_or_fault(read: Callable[[], CameraModel]) -> tuple[CameraModel | None,
         return read(), ""
     except LensError as error:
         return None, str(error)
+
+
+def sample_videos(
+    path: Path, lens_folder: Path | None, instants: Instants, on_instant: Callable[[], None]
+) -> SampledRecording:
+    """Sample videos, each at times of its own clock.
+
+    Args:
+        path: folder with videos, or one of them.
+        lens_folder: with the lens YAMLs; None: beside the videos.
+        instants: times to sample.
+        on_instant: called after each, of all cameras together.
+
+    Raises:
+        RecordingError: the path is missing, holds no video, or none that can be read.
+    """
+    found, left_out = find_videos([path], lens_folder)
+    videos: list[tuple[CameraFiles, CameraVideo]] = []
+    for files in found:
+        try:
+            videos.append((files, open_video(files)))
+        except RecordingError as error:
+            left_out.append(f"camera {files.camera}: left out: {error}")
+    if not videos:
+        raise RecordingError(f"{path}: none of its videos can be read: {'; '.join(left_out)}")
+    duration_s = max(video.duration_s for _, video in videos)
+    instants_s = instants(duration_s)
+    keyframes: dict[str, dict[float, tuple[int, Grey]]] = {files.camera: {} for files, _ in videos}
+    faults: dict[str, str] = {}
+    for number, seconds in enumerate(instants_s.tolist()):
+        for files, video in videos:
+            try:
+                _add_keyframe(video, number, seconds, keyframes[files.camera])
+            except RecordingError as error:
+                faults.setdefault(files.camera, str(error))
+        on_instant()
+    cameras = []
+    for files, video in videos:
+        lens, lens_fault = _lens_or_fault(lambda files=files: read_lens(files, lens_folder)[0])  # type: ignore[misc]
+        # B-frames are not stored in the order of time.
+        stamps_s = np.sort(np.concatenate([frame_times(each.path) + each.start_s for each in video.chapters]))
+        images, fault = dict(keyframes[files.camera].values()), faults.get(files.camera, "")
+        has_sound = video.facts.has_sound
+        cameras.append(
+            SampledCamera(files.camera, lens, lens_fault, stamps_s, stamps_s, images, fault, has_sound=has_sound)
+        )
+    return SampledRecording(path, tuple(cameras), duration_s, instants_s, False, tuple(left_out))
+
+
+def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:
+    """Add the keyframe before a time, unless it is that of an earlier sample."""
+    if seconds > video.duration_s:
+        return
+    chapter = [chapter for chapter in video.chapters if chapter.start_s <= seconds][-1]
+    found = keyframe_near(chapter.path, seconds - chapter.start_s)
+    if found is not None and (keyframe_s := chapter.start_s + found[0]) not in known:
+        turned = np.rot90(grey_pixels(found[1]), chapter.facts.rotation_deg // 90)
+        known[keyframe_s] = number, np.ascontiguousarray(turned)
 
 
 _HOPELESS = 2

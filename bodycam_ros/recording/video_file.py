@@ -183,6 +183,34 @@ def frames(path: Path, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]
                     yield float(frame.pts * (frame.time_base or 0)), frame
 
 
+def frame_times(path: Path) -> NDArray[np.float64]:
+    """(N,) presentation times [s] of a file's frames in the order stored; nothing is decoded.
+
+    Raises:
+        RecordingError: the file cannot be opened.
+    """
+    with opened(path) as container:
+        stream = _video_stream(container, path)
+        unit_s = float(stream.time_base or 0)
+        return unit_s * np.array([p.pts for p in demuxed(container, stream) if p.pts is not None], np.float64)
+
+
+def keyframe_near(path: Path, media_s: float) -> tuple[float, av.VideoFrame] | None:
+    """The last keyframe before a time, which needs no other to be decoded, and its own [s]; None if it is damaged.
+
+    Raises:
+        RecordingError: the file cannot be opened.
+    """
+    with opened(path) as container:
+        stream = _video_stream(container, path)
+        container.seek(round(media_s / float(stream.time_base or 1)), stream=stream)
+        stream.codec_context.skip_frame = "NONKEY"
+        for packet in demuxed(container, stream):
+            for frame in packet.decode():
+                return None if frame.is_corrupt else (float((frame.pts or 0) * (frame.time_base or 0)), frame)
+    return None
+
+
 def demuxed(container: InputContainer, *streams: Stream) -> Iterator[Any]:
     """The packets of some streams up to their end, or to where the file breaks off; the last are empty.
 

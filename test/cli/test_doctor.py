@@ -1,4 +1,4 @@
-"""``bodycam doctor`` on real recordings: the sample, whole and with faults, and the range of motion."""
+"""``bodycam doctor`` on real recordings: the sample, whole and with faults, the range of motion, videos."""
 
 import json
 from pathlib import Path
@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
+from made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
+from bodycam_ros.ingest.ingest import find_cameras
 from bodycam_ros.messages.factory import Message
 
 
@@ -65,6 +67,34 @@ def test_a_range_of_motion_is_judged_by_its_rig(capsys: pytest.CaptureFixture[st
     assert code == 0
     assert {"N-pose", "exercise"} <= {f["check"] for f in report["findings"]}
     assert not {p for p in problems(report) if p[0] != "exercise"}
+
+
+def test_videos_are_looked_at_before_they_are_ingested(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for camera in ("head", "foot"):
+        make_video(tmp_path / f"{camera}.mp4", frames=60)
+    code, report = doctor(capsys, tmp_path)
+    assert code == 3  # without a lens
+    assert {("lens", "wrong", "head"), ("clocks", "doubtful", "foot")} <= problems(report)
+    assert not {p for p in problems(report) if p[0] in ("cameras", "rate", "gaps")}
+
+
+def test_a_video_that_ingest_leaves_out_is_wrong_for_the_same_reason(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    for camera in ("head", "foot", "2nd-knee"):
+        make_video(tmp_path / f"{camera}.mp4")
+        write_lens(tmp_path / f"{camera}.yaml")
+    _, (fault,) = find_cameras([tmp_path], None)
+    code, report = doctor(capsys, tmp_path)
+    assert code == 3 and "2nd-knee.mp4" in fault
+    assert [f["what"] for f in report["findings"] if f["check"] == "cameras" and f["level"] == "wrong"] == [fault]
+
+
+def test_a_single_video_is_looked_at(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for camera in ("head", "foot"):
+        make_video(tmp_path / f"{camera}.mp4")
+    _, report = doctor(capsys, tmp_path / "head.mp4")
+    assert {of for _, _, of in problems(report) if of} == {"head"}
 
 
 def test_people_read_a_line_for_each_check(capsys: pytest.CaptureFixture[str], tiny_bag: Path) -> None:

@@ -38,6 +38,7 @@ def sampled(name: str = "head", **changes: object) -> SampledCamera:
     return SampledCamera(**(fields | changes))  # type: ignore[arg-type]
 
 
-def recording(*cameras: SampledCamera) -> SampledRecording:
+def recording(*cameras: SampledCamera, **changes: object) -> SampledRecording:
     instants_s = np.linspace(1.0, DURATION_S - 1.0, 4)
-    return SampledRecording(Path("walk"), cameras, DURATION_S, instants_s)
+    fields: dict[str, object] = {"is_synchronous": True} | changes
+    return SampledRecording(Path("walk"), cameras, DURATION_S, instants_s, **fields)  # type: ignore[arg-type]
