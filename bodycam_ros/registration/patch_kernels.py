@@ -219,7 +219,8 @@ def _warp(
         x, y = first_x + whole(j) * by_row_x, first_y + whole(j) * by_row_y
         for i in range(_RING):
             place = np.uint64((y >> whole(16)) * stride + (x >> whole(16)))
-            share_x, share_y = (x & whole(0xFFFF)) >> whole(3), (y & whole(0xFFFF)) >> whole(3)
+            share_x = ((x & whole(0xFFFF)) + whole(4)) >> whole(3)
+            share_y = ((y & whole(0xFFFF)) + whole(4)) >> whole(3)
             p00, p01 = whole(pixels[place]), whole(pixels[place + one])
             p10, p11 = whole(pixels[place + below]), whole(pixels[place + below + one])
             upper = (p00 << whole(13)) + share_x * (p01 - p00)
