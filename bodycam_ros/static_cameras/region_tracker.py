@@ -102,7 +102,6 @@ class RegionTracker:
         self._arms = [(a, b) for a, b in body.joint_ends.tolist() if (kinds[a], kinds[b]) == ("upper_arm", "forearm")]
         self._cameras = CameraSupport()
         self._all = np.ones(len(body.segments), bool)
-        self._excluded = ~self._all
         self._random = np.random.default_rng(_SEED)
 
     def initialise(self, images: Images, placed: Array, unplaced: Mask | None = None) -> Array:
@@ -116,10 +115,9 @@ class RegionTracker:
         poses = self._step.close_joints(placed)
         missing = ~self._all if unplaced is None else unplaced
         if missing.any():
-            self._excluded = missing
             poses, missing = self._search(images, self._fit_start(images, poses, ~missing), missing, ())
             self._forget_colours()
-        self._support.unconfirmed = self._excluded = missing
+        self._support.unconfirmed = missing
         placed, poses = poses, self._fit_start(images, poses, ~missing)
         if len(images) >= _MIN_VIEWS and (arms := self._weak_arms(images, poses, ~missing)):
             poses = self._fit_start(images, self._best_arms(images, placed, ~missing, arms), ~missing)
@@ -179,7 +177,7 @@ class RegionTracker:
             if turn == _START_ROUNDS // 2:
                 predicted = PredictedBody(poses, firm * START_SIGMAS, firm * START_JOINT_RAD)
             self.update_colours(images, poses, 1.0 if turn == 0 else 0.5, known)
-            poses = self._fit(images, poses, predicted).poses
+            poses = self._fit(images, poses, predicted, (), ~known).poses
         return poses
 
     def update_colours(self, images: Images, poses: Array, rate: float = 1.0, which: Mask | None = None) -> None:
@@ -205,26 +203,25 @@ class RegionTracker:
 
         Still missing are segments that the images do not support there; they stay at the given poses.
         """
-        found, unknown, excluded = poses, missing.copy(), self._excluded
+        found, unknown = poses, missing
 
         def energy(tried: Array) -> float:
             return float(self._explain_pixels(images, tried)[0].sum())
 
         def refine(tried: Array) -> Array:
-            return self._fit(images, tried, _near(tried), known).poses
+            return self._fit(images, tried, _near(tried), known, unknown).poses
 
         search = LimbSearch(self.body, energy, refine, self._random)
         for chain in chains_of(self.body, missing):
             for view in self.views.values():
                 view.copy_colours(colours_from(self.body, unknown))
             limb = self.body.named(self.body.tree_joints[row].child for row in chain)
-            unknown = self._excluded = unknown & ~limb
+            unknown = unknown & ~limb
             found = search.find(found, chain)
             self.update_colours(images, found, 1.0, limb)
-        fit = self._fit(images, found, _near(found), known)
+        fit = self._fit(images, found, _near(found), known, unknown)
         support = self._measure_support(images, fit)
         still = self._support.with_descendants(missing & ~(support >= CONFIRMED), missing)
-        self._excluded = excluded
         return self._step.close_joints(np.where(still[:, None, None], poses, fit.poses)), still
 
     def _explain_pixels(self, images: Images, poses: Array) -> Array:
@@ -271,17 +268,16 @@ class RegionTracker:
             jumped = missing & ~still
             if jumped.any():
                 self._support.start_again(jumped)
-                self._excluded = self._support.unconfirmed
-                fit, borrowed = self._fit(images, poses, _near(poses), known), ~self._all
+                fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed)
+                borrowed = ~self._all
                 self._support.update(self._measure_support(images, fit))
             else:
                 for name, view in self.views.items():
                     view.replace_colours(colours[name])
-        self._excluded = self._support.unconfirmed
         self._cameras.update(fit.measured)
         misplaced = self._cameras.misplaced
         seen = {
-            name: self._is_seen(regions) & ~(self._excluded | borrowed) & (name not in misplaced)
+            name: self._is_seen(regions) & ~(self._support.unconfirmed | borrowed) & (name not in misplaced)
             for name, regions in fit.measured.items()
         }
         by_any = np.any([*seen.values()], axis=0)
@@ -312,25 +308,28 @@ class RegionTracker:
         explains more pixels counts (B eq. 8).
         """
         start = self._step.close_joints(predicted.world_T_segment)
-        fit, borrowed, excluded = self._fit(images, start, predicted, known), ~self._all, self._excluded
+        excluded, borrowed = self._support.unconfirmed, ~self._all
+        fit = self._fit(images, start, predicted, known, excluded)
         on_body = self.body.named(each.segment for each in known)
         for upper_arm, forearm in self._arms:
             arm = self._support.with_descendants(np.arange(len(start)) == upper_arm, self._all)
             if (arm & (on_body | excluded)).any():
                 continue
-            self._excluded = excluded | borrowed
-            self._excluded[upper_arm] = True
-            without = self._step.apply(fit.before, *self._equations(fit.measured, fit.before, known), predicted)
+            fewer = excluded | borrowed
+            fewer[upper_arm] = True
+            equations = self._equations(fit.measured, fit.before, known, fewer)
+            without = self._step.apply(fit.before, *equations, predicted)
             if np.linalg.norm((without - fit.poses)[forearm, :3, 3]) > _PULL_M:
-                other = self._fit(images, start, predicted, known)
+                other = self._fit(images, start, predicted, known, fewer)
                 (before, pixels), (explained, _) = (self._explain_pixels(images, each.poses) for each in (fit, other))
                 if explained.sum() - before.sum() > _GAIN * pixels[arm].sum():
                     fit, borrowed[upper_arm] = other, True
-        self._excluded = excluded
         return fit, borrowed
 
-    def _fit(self, images: Images, start: Array, predicted: PredictedBody, known: Collection[SegmentPose] = ()) -> _Fit:
-        """Fit the body to its regions from poses (S, 4, 4), without excluded segments and misplaced cameras."""
+    def _fit(
+        self, images: Images, start: Array, predicted: PredictedBody, known: Collection[SegmentPose], excluded: Mask
+    ) -> _Fit:
+        """Fit the body to its regions from poses (S, 4, 4), without excluded segments (S,) and misplaced cameras."""
         poses = before = start
         measured: dict[str, RegionEvidence] = {}
         contours: dict[str, Contour] = {}
@@ -343,18 +342,22 @@ class RegionTracker:
                 )
                 measured[name] = view.measure(image, contours[name], stride)
             before = poses
-            poses = self._step.apply(poses, *self._equations(measured, poses, known), predicted)
+            poses = self._step.apply(poses, *self._equations(measured, poses, known, excluded), predicted)
         return _Fit(poses, before, measured, contours)
 
     def _equations(
-        self, measured: Mapping[str, RegionEvidence], poses: Array, known: Collection[SegmentPose]
+        self,
+        measured: Mapping[str, RegionEvidence],
+        poses: Array,
+        known: Collection[SegmentPose],
+        excluded: Mask,
     ) -> tuple[Array, Array]:
         """Normal equations (S, 6, 6), (S, 6) of all cameras and known segments, at poses (S, 4, 4)."""
         misplaced = self._cameras.misplaced
         used = [regions for name, regions in measured.items() if name not in misplaced]
         information = sum((each.information for each in used), np.zeros((len(poses), 6, 6))) / LINES_ALIKE
         vector = sum((each.vector for each in used), np.zeros((len(poses), 6))) / LINES_ALIKE
-        information[self._excluded], vector[self._excluded] = 0.0, 0.0
+        information[excluded], vector[excluded] = 0.0, 0.0
         for segment in known:
             row = self.body.segment_index[segment.segment]
             weight = np.linalg.inv(segment.covariance)

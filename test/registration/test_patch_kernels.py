@@ -167,11 +167,8 @@ def test_finds_what_numpy_finds(scene: Scene, image: NDArray[np.uint8], levels: 
         pixels, likeness = scene.find(image, near, levels, **options)
         numpy_pixels, numpy_likeness = scene.find_in_numpy(image, near, levels, **options)
         np.testing.assert_array_equal(np.isfinite(likeness), np.isfinite(numpy_likeness))
-        apart = np.abs(pixels - numpy_pixels).max(axis=1)
-        assert np.percentile(apart, 90) < 2e-3
-        assert apart.max() < 0.02 * 2 ** levels[1]  # one of them went on for a last step
-        same = apart < 2e-3
-        np.testing.assert_allclose(likeness[same], numpy_likeness[same], atol=1e-3)
+        np.testing.assert_allclose(pixels, numpy_pixels, atol=2e-3)
+        np.testing.assert_allclose(likeness, numpy_likeness, atol=1e-4)
         assert np.isfinite(likeness).sum() >= (20 if "shown" not in options else 0)
 
 
