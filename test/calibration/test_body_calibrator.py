@@ -61,16 +61,16 @@ def test_a_joint_held_still_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("slipping", "seconds", "turn", "shift"),
+    ("slipping", "seconds", "turn", "shift", "error_m"),
     [
-        ("chest", 5.0, [0.0, 0.12, 0.0], [0.03, 0.02, 0.0]),  # one of two on its segment
-        ("foot_left", 9.0, [0.1, 0.0, 0.1], [0.02, -0.06, 0.05]),
-        ("foot_left", 5.0, [0.1, 0.0, 0.1], [0.02, -0.06, 0.05]),
-        ("forearm_left", 7.0, [0.0, 0.1, 0.1], [0.02, -0.02, 0.03]),
+        ("chest", 5.0, [0.0, 0.12, 0.0], [0.03, 0.02, 0.0], 0.006),  # one of two on its segment
+        ("foot_left", 9.0, [0.1, 0.0, 0.1], [0.02, -0.06, 0.05], 0.006),
+        ("foot_left", 5.0, [0.1, 0.0, 0.1], [0.02, -0.06, 0.05], 0.006),
+        ("forearm_left", 7.0, [0.0, 0.1, 0.1], [0.02, -0.02, 0.03], 0.015),
     ],
 )
 def test_a_slipped_strap_is_named_and_the_body_has_it_where_it_was_for_longest(
-    slipping: str, seconds: float, turn: list[float], shift: list[float]
+    slipping: str, seconds: float, turn: list[float], shift: list[float], error_m: float
 ) -> None:
     body = known_body()
     mount = body.mounts[slipping]
@@ -79,9 +79,9 @@ def test_a_slipped_strap_is_named_and_the_body_has_it_where_it_was_for_longest(
     found = calibrated(body, registrations(motion, pixel_noise=0.3))
     (diagnosis,) = (camera for camera in found.diagnosis.cameras if camera.slipped_s is not None)
     assert diagnosis.camera == slipping and diagnosis.slipped_s == pytest.approx(seconds, abs=0.3)
-    assert f"{slipping} slipped" in diagnosis.warning
+    assert f"{slipping} slipped" in diagnosis.warning and "repeat the recording" in diagnosis.warning
     now = replace(body, mounts={**body.mounts, slipping: CameraMount(mount.segment, slipped)})
-    assert greatest_error(found.body, body if seconds > 6.0 else now) < 0.015
+    assert greatest_error(found.body, body if seconds > 6.0 else now) < error_m
 
 
 def test_without_the_n_pose_there_is_no_body() -> None:
