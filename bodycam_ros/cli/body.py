@@ -125,6 +125,9 @@ def _check_flags(arguments: argparse.Namespace) -> None:
 
 
 def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
+    from bodycam_ros.offline.worker_process import warm_up
+
+    warm_up()
     import numpy as np
 
     from bodycam_ros.body.body_file import write_body

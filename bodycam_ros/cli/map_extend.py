@@ -31,6 +31,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.offline.worker_process import warm_up
+
+    warm_up()
     from bodycam_ros.offline.extend import extend_map
     from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 
