@@ -177,7 +177,6 @@ class DirectRegistration:
             self._gains,
             as_rows(near),
             *_twist_and_time(near, motion),
-            self._points,
             self._surfaces,
             self._trust.values,
             self._per_cell,

@@ -28,7 +28,7 @@ _FINER_IS_BETTER = 0.15  # of a cosine, for each halving of a photograph's scale
 
 
 @kernel(
-    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, f8[:, ::1], f4[:, ::1], f4[::1], i8)",
+    "(f8[::1], f8[::1], f8[:, ::1], f8[::1], f8, f4[:, ::1], f4[::1], i8)",
 )
 def choose_landmarks(
     lens: Array,
@@ -36,7 +36,6 @@ def choose_landmarks(
     world_T_camera: Array,
     twist: Array,
     readout_time: float,
-    points_world: Array,
     surfaces: NDArray[np.float32],
     trust: NDArray[np.float32],
     per_cell: int,
@@ -47,8 +46,7 @@ def choose_landmarks(
         lens, gains: of the camera; see ``radial_gains``.
         world_T_camera: (4, 4) its pose.
         twist, readout_time: (6,) its motion [rad/s, m/s], and the read-out time of its rows [s].
-        points_world: (L, 3) [m]; of two equal ones the first is taken.
-        surfaces: (7, L) their places, the normals of their surfaces and the sizes of their features [m].
+        surfaces: (7, L) places of landmarks [m], normals of their surfaces, and sizes of their features [m].
         trust: (L,) see ``LandmarkTrust``.
         per_cell: landmarks of each cell, the most trusted.
     """
@@ -61,7 +59,7 @@ def choose_landmarks(
     for i in range(len(trust)):
         if not may_be_seen[i]:
             continue
-        x, y, z, dx, dy, dz = in_camera(T, points_world[i, 0], points_world[i, 1], points_world[i, 2])
+        x, y, z, dx, dy, dz = in_camera(T, surfaces[0, i], surfaces[1, i], surfaces[2, i])
         u, v = _project_by_table(lens, gains, x, y, z)
         if readout_time != 0.0:
             for _ in range(2):

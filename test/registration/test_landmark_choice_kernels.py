@@ -43,7 +43,7 @@ def test_chooses_what_numpy_chooses(camera: CameraModel, twist: NDArray[np.float
     trust = np.random.default_rng(1).uniform(0.0, 1.0, len(points)).astype(np.float32)
     for per_cell in (1, 2, 5):
         rows = choose_landmarks(
-            camera.parameters, radial_gains(camera), POSE, twist, readout_time, points, surfaces, trust, per_cell
+            camera.parameters, radial_gains(camera), POSE, twist, readout_time, surfaces, trust, per_cell
         )
         expected = choose_in_numpy(camera, POSE, twist, readout_time, points, normals, sizes, trust, per_cell)
         np.testing.assert_array_equal(rows, expected)
