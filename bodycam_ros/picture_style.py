@@ -64,6 +64,12 @@ def open_picture(file: Path | IO[bytes], width: float, height: float) -> Iterato
         figure.savefig(file, dpi=_DOTS_PER_INCH, format="png")
 
 
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of ``#rrggbb``."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
 def side_colour(segment: str) -> str:
     """Colour of the side that a segment's name ends with."""
     if segment.endswith("_left"):

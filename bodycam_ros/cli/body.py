@@ -4,12 +4,10 @@ With --stations static cameras measure a person without body cameras: lengths an
 """
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.options import (
@@ -30,7 +28,7 @@ from bodycam_ros.cli.options import (
     read_settings,
 )
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import make_table, print_section
+from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import BodyError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal, widened
@@ -40,6 +38,10 @@ if TYPE_CHECKING:
     from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
     from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 
+_LENGTHS = (
+    ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
+)  # fmt: skip
+_GIRTHS = (("found", "found", ".2f"), ("sigma", "sigma", ".2f"))
 _SUFFIXES = (".yaml", ".yml")
 
 
@@ -174,6 +176,7 @@ def print_report(diagnosis: "CalibrationDiagnosis", console: Terminal | None = N
 
 def _measure(arguments: argparse.Namespace, name: str) -> None:
     from bodycam_ros.body.body_file import write_body
+    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.offline.measure_body import measure_body
     from bodycam_ros.static_cameras.body_shape import MeasureSettings
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -193,8 +196,13 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
         )
     write_body(replace(measured.body, name=name, report=_measured_report(measured)), arguments.output)
     terminal = Terminal()
-    for table in _measured_tables(measured):
-        terminal.print(table)
+    lengths = {f"{each.name} {each.axis}": each for each in measured.lengths}
+    girths = {each.name: each for each in measured.girths}
+    vague_ones = {name for name, each in (lengths | girths).items() if not each.told}
+    note = "from joint to joint, along an axis; red: not measured, about the initial value"
+    print_section(terminal, column_table("lengths", "joint", _LENGTHS, lengths, note, vague_ones))
+    note = "times as thick as people of this size; red: not measured"
+    print_section(terminal, column_table("girths", "segment", _GIRTHS, girths, note, vague_ones))
     if vague := sorted({each.name for each in measured.lengths if not each.told}):
         terminal.print(
             f"the recording does not measure the lengths at {', '.join(vague)}: bend these joints widely, in view of "
@@ -240,28 +248,3 @@ def _measured_report(measured: "MeasuredBody") -> dict[str, object]:
         "lengths": {f"{each.name}_{each.axis}": plain(each) for each in measured.lengths},
         "girths": {each.name: plain(each) for each in measured.girths},
     }
-
-
-def _measured_tables(measured: "MeasuredBody") -> Iterator[Table]:
-    yield make_table(
-        ("joint", "along", "initial [mm]", "found [mm]", "sigma [mm]", "measured"),
-        [
-            (each.name, each.axis, *(f"{1e3 * abs(length):.0f}" for length in (each.begun, each.found)))
-            + (f"{1e3 * each.sigma:.1f}", "yes" if each.told else "no")
-            for each in measured.lengths
-        ],
-        text_columns=2,
-        styles={row: "yellow" for row, each in enumerate(measured.lengths) if not each.told},
-        title="lengths",
-        caption="from joint to joint; those not measured keep about their initial value",
-    )
-    yield make_table(
-        ("segment", "found", "sigma", "measured"),
-        [
-            (each.name, f"{each.found:.2f}", f"{each.sigma:.2f}", "yes" if each.told else "no")
-            for each in measured.girths
-        ],
-        styles={row: "yellow" for row, each in enumerate(measured.girths) if not each.told},
-        title="girths",
-        caption="times as thick as people of this size",
-    )

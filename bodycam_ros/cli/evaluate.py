@@ -80,10 +80,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
     from bodycam_ros.evaluate.evaluation import evaluate
-    from bodycam_ros.evaluate.overlay_picture import overlay_views
+    from bodycam_ros.evaluate.image_views import body_camera_views, static_camera_views
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
-    from bodycam_ros.evaluate.static_picture import static_views
     from bodycam_ros.output_place import check_output
 
     folder, recording = arguments.output, arguments.recording
@@ -96,9 +95,9 @@ def run(arguments: argparse.Namespace) -> int:
     with waiting("reading and measuring"):
         evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
     with waiting("overlaying images"):
-        overlay = overlay_views(evaluation.solved, recording) if recording is not None else ()
+        overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
     with waiting("drawing"):
-        views = () if outside is None else static_views(evaluation.solved, recording, outside, arguments.map)
+        views = () if outside is None else static_camera_views(evaluation.solved, recording, outside, arguments.map)
         write_report(evaluation, folder, overlay, views)
     console = widened(Terminal())
     for section in report_sections(evaluation.figures):

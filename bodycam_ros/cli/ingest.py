@@ -1,21 +1,32 @@
 """bodycam ingest: videos of cameras in, one bag out, and a report on their clocks."""
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from bodycam_ros.cli.options import add_jobs, add_lenses, add_output, number
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import make_table
+from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
+    from bodycam_ros.evaluate.sections import Section
     from bodycam_ros.ingest.camera_offsets import Offsets
     from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
+
+_CLOCKS = (
+    ("by", "by", ""), ("start [s]", "time.start_s", "+.4f"), ("sigma [ms]", "time.start_sigma_s", ".1f", 1e3),
+    ("drift [ppm]", "time.drift", "+.1f", 1e6), ("sigma [ppm]", "time.drift_sigma", ".1f", 1e6),
+    ("confidence", "confidence", ".2f"),
+)  # fmt: skip
+_WRITTEN = (
+    ("frames", "stream.tally.frames", "d"), ("per second", "rate_hz", ".2f"), ("size", "size", ""),
+    ("read-out [ms]", "stream.camera.readout_s", ".1f", 1e3), ("imu [Hz]", "imu_hz", ".0f"),
+    ("in the bag", "encoding", ""),
+)  # fmt: skip
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -93,8 +104,8 @@ def run(arguments: argparse.Namespace) -> int:
         faults += lens_remarks(cameras, lambda done, total: progress.show("comparing lenses", done / max(1, total)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
-    console.print(_clock_table(offsets))
-    console.print(_table(summary))
+    for section in _tables(summary, offsets):
+        print_section(console, section)
     for remark in [*faults, *summary.faults, *offsets.remarks, *(r for c in summary.cameras for r in c.remarks)]:
         console.print(remark, style="red", soft_wrap=True)
     frames = sum(camera.stream.tally.frames for camera in summary.cameras)
@@ -119,42 +130,29 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
         raise OutputError(f"{report}: exists already; choose another BAG, or replace it with --force")
 
 
-def _clock_table(offsets: "Offsets") -> Table:
-    """A row per camera, in the order in which they started."""
-    columns = ("camera", "by", "start [s]", "sigma [ms]", "drift [ppm]", "sigma [ppm]", "confidence")
-    rows = [
-        (
-            name,
-            "reference" if name == offsets.reference else time.source,
-            f"{time.start_s:+.4f}",
-            f"{1e3 * time.start_sigma_s:.1f}",
-            f"{1e6 * time.drift:+.1f}",
-            f"{1e6 * time.drift_sigma:.1f}",
-            f"{offsets.confidence[name]:.2f}",
-        )
-        for name, time in sorted(offsets.times.items(), key=lambda item: item[1].start_s)
-    ]
-    return make_table(columns, rows, text_columns=2, title="clocks of the cameras")
+def _tables(summary: "IngestSummary", offsets: "Offsets") -> "Iterator[Section]":
+    """Clocks, in the order in which the cameras started, and what was written of each camera."""
+    from bodycam_ros.evaluate.sections import column_table
 
-
-def _table(summary: "IngestSummary") -> Table:
-    columns = ("camera", "frames", "per second", "size", "read-out [ms]", "imu [Hz]", "in the bag")
-    styles = {row: "red" for row, camera in enumerate(summary.cameras) if camera.remarks}
-    return make_table(columns, map(_row, summary.cameras), styles=styles)
-
-
-def _row(camera: "IngestedCamera") -> tuple[object, ...]:
-    stream, duration_s = camera.stream, max(1e-9, camera.stream.camera.video.duration_s)
-    lens, readout_s = stream.camera.written_lens, stream.camera.readout_s
-    return (
-        stream.camera.name,
-        stream.tally.frames,
-        f"{_rate_hz(camera):.2f}",
-        f"{lens.width} x {lens.height}",
-        "not given" if readout_s is None else f"{1e3 * readout_s:.1f}",
-        f"{camera.imu_samples / duration_s:.0f}" if camera.imu_samples else "none",
-        _encoding(camera),
-    )
+    times = dict(sorted(offsets.times.items(), key=lambda item: item[1].start_s))
+    by = {name: "reference" if name == offsets.reference else time.source for name, time in times.items()}
+    clocks = {
+        name: {"time": time, "by": by[name], "confidence": offsets.confidence[name]} for name, time in times.items()
+    }
+    yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
+    written = {}
+    for camera in summary.cameras:
+        stream = camera.stream
+        rate_hz = camera.imu_samples / max(1e-9, stream.camera.video.duration_s)
+        written[stream.camera.name] = {
+            "stream": stream,
+            "rate_hz": _rate_hz(camera),
+            "size": f"{stream.camera.written_lens.width} x {stream.camera.written_lens.height}",
+            "imu_hz": rate_hz or None,
+            "encoding": _encoding(camera),
+        }
+    flagged = {camera.stream.camera.name for camera in summary.cameras if camera.remarks}
+    yield column_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
 
 
 def _rate_hz(camera: "IngestedCamera") -> float:

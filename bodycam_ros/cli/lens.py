@@ -4,11 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from bodycam_ros.cli.options import add_output
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import make_table
+from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
@@ -19,6 +17,12 @@ if TYPE_CHECKING:
 
 _MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
 """In order of preference: a later one has to explain pictures better by more than chance."""
+
+_COLUMNS = (
+    ("fx [px]", "fit.camera.fx", ".1f"), ("fy [px]", "fit.camera.fy", ".1f"), ("cx [px]", "fit.camera.cx", ".1f"),
+    ("cy [px]", "fit.camera.cy", ".1f"), ("fitted [px]", "fit.median_px", ".3f"),
+    ("left out [px]", "validation.median_px", ".3f"), ("rays [px]", "validation.worst_ray_px", ".2f"),
+)  # fmt: skip
 
 _MARK = "# lens measured by bodycam"
 
@@ -57,6 +61,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.lens.board_detector import LensBoard
     from bodycam_ros.lens.calibration_plot import calibration_plot
     from bodycam_ros.lens.lens_calibration import calibrate_lens
@@ -77,7 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
         pictures = lens_images(arguments.pictures)
         calibration = calibrate_lens(pictures, board, models, progress)
     console = Terminal()
-    console.print(_table(calibration))
+    rows = {trial.model: trial for trial in calibration.trials}
+    print_section(console, column_table(f"lens: {calibration.chosen.model}", "model", _COLUMNS, rows))
     _print_found(console, calibration)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(picture, calibration_plot(calibration, f"Lens {name}: {calibration.chosen.model}"))
@@ -107,18 +113,6 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
         *(f"# warning: {warning}" for warning in calibration.warnings),
     ]
     return "\n".join(lines) + f"\n{camera_info_yaml(camera)}"
-
-
-def _table(calibration: "LensCalibration") -> Table:
-    rows, styles = [], {}
-    for row, trial in enumerate(calibration.trials):
-        camera, validation = trial.fit.camera, trial.validation
-        centre = (f"{camera.fx:.1f} {camera.fy:.1f}", f"{camera.cx:.1f} {camera.cy:.1f}")
-        errors = (f"{trial.fit.median_px:.3f}", f"{validation.median_px:.3f}", f"{validation.worst_ray_px:.2f}")
-        rows.append((trial.model, *centre, *errors))
-        styles[row] = "bold" if trial is calibration.chosen else None
-    columns = ("model", "focal lengths [px]", "centre [px]", "fitted [px]", "left out [px]", "rays [px]")
-    return make_table(columns, rows, styles=styles)
 
 
 def _print_found(console: Terminal, calibration: "LensCalibration") -> None:

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
@@ -28,9 +26,15 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
+    from bodycam_ros.evaluate.sections import Section
     from bodycam_ros.mapping.body_keyframe import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+
+_COLUMNS = (
+    ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),
+    ("missing", "missing", "d"), ("read-out [ms]", "readout", ""),
+)  # fmt: skip
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -146,7 +150,7 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
     terminal = Terminal()
     if summary.rounds:
         print_rounds(summary.rounds)
-    terminal.print(_table(summary))
+    print_section(terminal, _table(summary))
     if summary.equipment is not None:
         from bodycam_ros.evaluate.equipment import equipment_figures
         from bodycam_ros.evaluate.report_sections import equipment_sections
@@ -171,28 +175,34 @@ def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> No
 
 def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
     """Print the share of registered images per camera and round of map extension."""
-    from bodycam_ros.cli.tables import make_table
+    from bodycam_ros.cli.tables import print_section
+    from bodycam_ros.evaluate.sections import column_table
 
-    rows = [(camera, *(f"{100 * one.shares[camera]:.1f}" for one in rounds)) for camera in sorted(rounds[0].shares)]
-    rows.append(("all", *(f"{100 * one.share:.1f}" for one in rounds)))
-    columns = ("camera", *(f"round {count}" for count in range(1, len(rounds) + 1)))
-    Terminal().print(make_table(columns, rows, title="images registered [%]"))
-    Terminal().print(f"{100 * rounds[0].absolute:.1f} % of all images are registered by landmarks of the photographs")
+    columns = [(f"round {count}", str(count), ".1%") for count in range(1, len(rounds) + 1)]
+    rows = {
+        camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)
+    }
+    rows["all"] = {str(n): one.share for n, one in enumerate(rounds, 1)}
+    print_section(Terminal(), column_table("registered images", "camera", columns, rows))
+    Terminal().print(f"{rounds[0].absolute:.1%} of all images are registered by landmarks of the photographs")
 
 
-def _table(summary: "ReplaySummary") -> Table:
-    from bodycam_ros.cli.tables import camera_styles, make_table
+def _table(summary: "ReplaySummary") -> "Section":
+    from bodycam_ros.evaluate.sections import column_table
 
-    of_camera, rows = camera_styles(summary.verdict), []
-    for camera, images in sorted((summary.images + summary.lost).items()):
-        registered = f"{summary.registered[camera] / images:.1%}"
-        dropped, missing = (str(counts[camera] or "") for counts in (summary.skipped, summary.lost))
-        readout = summary.readouts[camera].milliseconds if camera in summary.readouts else ""
-        rows.append((camera, images, registered, dropped, missing, readout))
-    return make_table(
-        ("camera", "images", "registered", "dropped", "missing", "read-out [ms]"),
-        rows,
-        styles={row: of_camera.get(camera) for row, (camera, *_) in enumerate(rows)},
-        caption="registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
-        "read-out: time of all rows, 0 for a global shutter",
+    rows = {
+        camera: {
+            "images": images,
+            "registered": summary.registered[camera] / images,
+            "dropped": summary.skipped[camera] or None,
+            "missing": summary.lost[camera] or None,
+            "readout": summary.readouts[camera].milliseconds if camera in summary.readouts else None,
+        }
+        for camera, images in sorted((summary.images + summary.lost).items())
+    }
+    note = (
+        "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
+        "read-out: time of all rows, 0 for a global shutter"
     )
+    doubted = {finding.subject for finding in summary.verdict.findings}
+    return column_table("cameras", "camera", _COLUMNS, rows, note, doubted)

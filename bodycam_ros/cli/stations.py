@@ -5,14 +5,11 @@ A calibration file in place of the recording is converted: anipose, FreeMoCap, P
 """
 
 import argparse
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
-
-from rich.table import Table
 
 from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, read_settings
 from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import make_table
+from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.shown import printable
@@ -20,6 +17,11 @@ from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.static_cameras.station_registration import RegisteredStation
+
+_COLUMNS = (
+    ("images", "images", "d"), ("of", "asked", "d"), ("landmarks", "landmarks", "d"), ("error [px]", "error_px", ".2f"),
+    ("sigma [mm]", "sigma_mm", ".1f"), ("sigma [deg]", "sigma_deg", ".3f"),
+)  # fmt: skip
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -41,6 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
@@ -76,7 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
                 advance()
     terminal = Terminal()
     if found:
-        terminal.print(_table(found))
+        rows = {each.station.name: each for each in found}
+        note = "sigma: of the pose, by its landmarks, all axes together"
+        print_section(terminal, column_table("static cameras", "camera", _COLUMNS, rows, note))
     for camera in unplaced:
         terminal.print(f"NOT placed: {camera.reason}", soft_wrap=True)
     if not found:
@@ -86,14 +91,3 @@ def run(arguments: argparse.Namespace) -> int:
         f"{len(found)} of {len(cameras)} cameras written to {printable(str(arguments.output))}", soft_wrap=True
     )
     return 0
-
-
-def _table(found: "Iterable[RegisteredStation]") -> Table:
-    rows = [
-        (each.station.name, f"{each.images} of {each.asked}", each.landmarks, f"{each.error_px:.2f}")
-        + (f"{each.sigma_mm:.1f}", f"{each.sigma_deg:.3f}")
-        for each in found
-    ]
-    columns = ("camera", "images", "landmarks", "error [px]", "sigma [mm]", "sigma [deg]")
-    caption = "sigma: of the pose, by its landmarks, all axes together"
-    return make_table(columns, rows, title="static cameras", caption=caption)

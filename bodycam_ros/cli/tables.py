@@ -1,7 +1,6 @@
 """Tables, sections of reports, and the verdict, on the terminal."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -11,37 +10,12 @@ from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.page import Section
+    from bodycam_ros.evaluate.sections import Section
 
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 
 STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
 """Of text on the terminal."""
-
-
-def make_table(
-    columns: Sequence[str],
-    rows: Iterable[Sequence[object]],
-    *,
-    text_columns: int = 1,
-    styles: Mapping[int, str | None] | None = None,
-    **options: Any,
-) -> Table:
-    """A table whose first columns are text, and the others figures on the right.
-
-    Args:
-        columns: headings.
-        rows: cells in the order of the columns.
-        text_columns: number of columns of text.
-        styles: row -> its style.
-        options: of rich's table, such as title and caption.
-    """
-    table = Table(**options)
-    for index, heading in enumerate(columns):
-        table.add_column(Text(heading), justify="left" if index < text_columns else "right", no_wrap=index == 0)
-    for index, row in enumerate(rows):
-        table.add_row(*(Text(str(cell)) for cell in row), style=(styles or {}).get(index))
-    return table
 
 
 def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
@@ -50,12 +24,6 @@ def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
         line = Text.assemble((f"{finding.level.word}: ", STYLES[finding.level]), finding.text)
         terminal.print(line, soft_wrap=True)
     terminal.print(Text(f"verdict: {verdict.text}", STYLES[verdict.level]), soft_wrap=True)
-
-
-def camera_styles(verdict: Verdict) -> dict[str, str]:
-    """Camera with a finding -> the style of its row in a table."""
-    # The worst comes first and stays.
-    return {finding.subject: STYLES[finding.level] for finding in reversed(verdict.findings)}
 
 
 def exit_code(verdict: Verdict) -> int:

@@ -1,7 +1,6 @@
 """The report of a calibrated body: sections for terminal and page, the page, and figures for the body file."""
 
 import math
-from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,9 @@ from matplotlib.axes import Axes
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.anthropometry import SegmentName, mirrored
-from bodycam_ros.calibration.diagnosis import BoneDiagnosis, CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
-from bodycam_ros.evaluate.page import Page, Picture, Section, Table, number, render_page
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
+from bodycam_ros.evaluate.page import render_page
+from bodycam_ros.evaluate.sections import Columns, Page, Picture, Section, column_table
 from bodycam_ros.picture_style import INK, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.whole_file import write_whole
 
@@ -24,8 +24,33 @@ _FRONT = [1, 2]
 
 _LABEL_ROOM_M, _NAME_ROOM_M = 0.15, 0.5
 _LABEL_STEP_M = 0.06  # between two labels of a column
-_MM_PER_M, _MS_PER_S = 1000.0, 1000.0
 _DIGITS = 4
+
+_MM, _MS, _DEG = 1000.0, 1000.0, math.degrees(1.0)
+_JOINTS: Columns = (
+    ("moves", "freedom", ""), ("exercised [deg]", "exercised_rad", ".0f", _DEG), ("gap [mm]", "gap_m", ".1f", _MM),
+    ("sigma [mm]", "sigma_m", ".1f", _MM),
+)  # fmt: skip
+_JOINTS_NOTE = (
+    "moves: a ball turns about all axes, a hinge about one; exercised: range about its own three axes; gap: "
+    "between the joint on the segment above and the one below, median; sigma: standard deviation forward, left, up"
+)
+_BONES: Columns = (
+    ("length [mm]", "length_m", ".1f", _MM), ("sigma [mm]", "sigma_m", ".1f", _MM),
+    ("other side [mm]", "mirror_m", ".1f", _MM), ("difference [mm]", "asymmetry_m", "+.1f", _MM),
+    ("expected [mm]", "expected_m", ".0f", _MM),
+)  # fmt: skip
+_BONES_NOTE = "difference: less the other side; expected: of people of this stature (de Leva 1996)"
+_CAMERAS: Columns = (
+    ("registered", "registered", ".1%"), ("gap [mm]", "residual_m", ".1f", _MM),
+    ("gap [deg]", "residual_rad", ".2f", _DEG), ("moved [mm]", "moved_m", ".1f", _MM),
+    ("turned [deg]", "turned_rad", ".2f", _DEG), ("slipped at [s]", "slipped_s", ".1f"),
+    ("read-out [ms]", "readout.seconds", ".2f", _MS), ("clock [ms]", "clock_s", "+.1f", _MS),
+)  # fmt: skip
+_CAMERAS_NOTE = (
+    "gap: from the registered pose to that of the body, median; moved, turned: lasting change on its segment; "
+    "read-out: from the first row to the last; clock: ahead of the reference's (+) or behind, corrected"
+)
 
 
 def write_html_report(body: BodyModel, diagnosis: CalibrationDiagnosis, path: Path) -> None:
@@ -111,7 +136,16 @@ def _label_cameras(axes: Axes, cameras: dict[str, np.ndarray], warned: set[str],
 
 def report_sections(diagnosis: CalibrationDiagnosis) -> list[Section]:
     """A section with a table each, in the order in which a person should read them."""
-    return [_joints(diagnosis.joints), _bones(diagnosis.bones), _cameras(diagnosis.cameras)]
+    joints = {joint.name: joint for joint in diagnosis.joints}
+    bones = {f"{SegmentName(bone.segment).words}: {bone.start} to {bone.end}": bone for bone in diagnosis.bones}
+    cameras = {camera.camera: camera for camera in diagnosis.cameras}
+    flagged = {name for name, joint in joints.items() if joint.advice}
+    flagged |= {name for name, each in (bones | cameras).items() if each.warning}
+    return [
+        column_table("joints", "joint", _JOINTS, joints, _JOINTS_NOTE, flagged),
+        column_table("bones", "bone", _BONES, bones, _BONES_NOTE, flagged),
+        column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, flagged),
+    ]
 
 
 def summary_line(diagnosis: CalibrationDiagnosis) -> str:
@@ -123,91 +157,6 @@ def summary_line(diagnosis: CalibrationDiagnosis) -> str:
         f"{math.degrees(diagnosis.heading_rad):.0f} deg from the map's x; "
         + ("too few bones for a stature" if stature_m is None else f"stature by the bones {stature_m:.2f} m")
     )
-
-
-def _section(
-    heading: str,
-    note: str,
-    columns: tuple[str, ...],
-    text: set[int],
-    rows: Sequence[tuple[str, ...]],
-    flags: Iterable[str],
-) -> Section:
-    """A table whose rows with a warning are flagged."""
-    flagged = frozenset(index for index, warning in enumerate(flags) if warning)
-    return Section(heading, (note,), table=Table(columns, rows, frozenset(text), flagged))
-
-
-def _joints(joints: tuple[JointDiagnosis, ...]) -> Section:
-    rows = [
-        (
-            joint.name,
-            joint.freedom,
-            _triple(np.degrees(joint.exercised_rad), 0),
-            number(_MM_PER_M * joint.gap_m, 1),
-            _triple(_MM_PER_M * joint.sigma_m, 1),
-        )
-        for joint in joints
-    ]
-    note = (
-        "moves: a ball turns about all axes, a hinge about one; exercised: range about its own three axes; gap: "
-        "between the joint on the segment above and the one below, median; sigma: standard deviation forward, left, up"
-    )
-    columns = ("joint", "moves", "exercised [deg]", "gap [mm]", "sigma [mm]")
-    return _section("joints", note, columns, {0, 1}, rows, (joint.advice for joint in joints))
-
-
-def _bones(bones: tuple[BoneDiagnosis, ...]) -> Section:
-    rows = [
-        (
-            SegmentName(bone.segment).words,
-            bone.start,
-            bone.end,
-            number(_MM_PER_M * bone.length_m, 1),
-            number(_MM_PER_M * bone.sigma_m, 1),
-            _millimetres(bone.mirror_m),
-            _millimetres(bone.asymmetry_m, signed=True),
-            _millimetres(bone.expected_m, decimals=0),
-        )
-        for bone in bones
-    ]
-    note = "difference: less the other side; expected: of people of this stature (de Leva 1996)"
-    lengths = ("length [mm]", "sigma [mm]", "other side [mm]", "difference [mm]", "expected [mm]")
-    return _section("bones", note, ("bone", "from", "to", *lengths), {0, 1, 2}, rows, (b.warning for b in bones))
-
-
-def _cameras(cameras: tuple[CameraDiagnosis, ...]) -> Section:
-    rows = [
-        (
-            camera.camera,
-            f"{100.0 * camera.registered:.1f}",
-            number(_MM_PER_M * camera.residual_m, 1),
-            number(math.degrees(camera.residual_rad), 2),
-            number(_MM_PER_M * camera.moved_m, 1),
-            number(math.degrees(camera.turned_rad), 2),
-            number(camera.slipped_s, 1),
-            "" if camera.readout is None else number(_MS_PER_S * camera.readout.seconds, 2),
-            number(_MS_PER_S * camera.clock_s, 1, signed=True),
-        )
-        for camera in cameras
-    ]
-    note = (
-        "gap: from the registered pose to that of the body, median; moved, turned: lasting change on its segment; "
-        "read-out: from the first row to the last; clock: ahead of the reference's (+) or behind, corrected"
-    )
-    columns = (
-        "camera", "registered [%]", "gap [mm]", "gap [deg]", "moved [mm]", "turned [deg]", "slipped at [s]",
-        "read-out [ms]", "clock [ms]",
-    )  # fmt: skip
-    return _section("cameras", note, columns, {0}, rows, (camera.warning for camera in cameras))
-
-
-def _triple(values: Iterable[float], decimals: int) -> str:
-    return " ".join(number(value, decimals) or "?" for value in values)
-
-
-def _millimetres(length_m: float | None, decimals: int = 1, signed: bool = False) -> str:
-    return "" if length_m is None else number(_MM_PER_M * length_m, decimals, signed)
 
 
 def body_report(diagnosis: CalibrationDiagnosis) -> dict[str, Any]:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import distance_in_time, spread
-from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import sensor_quality
@@ -196,9 +195,7 @@ def station_figures(record: StationRecord) -> dict[str, Any]:
     }
 
 
-def sensor_figures(
-    sensors: Mapping[str, ImuSamples], residuals: Mapping[str, GyroscopeResiduals]
-) -> dict[str, dict[str, float]]:
+def sensor_figures(sensors: Mapping[str, ImuSamples], residuals: Mapping[str, Array]) -> dict[str, dict[str, float]]:
     """Camera -> figures of its inertial sensor: noise and bias at rest, and the gyroscope against the solved camera.
 
     ``bias_change_deg_s`` is the median of the gyroscope, corrected by the body's calibration, less the solved angular
@@ -206,9 +203,7 @@ def sensor_figures(
     """
     figures, degrees = {}, np.degrees(1.0)
     for camera, samples in sensors.items():
-        quality, rad_s = sensor_quality(samples), np.full((1, 3), np.nan)
-        if camera in residuals:
-            rad_s = residuals[camera].rad_s
+        quality, rad_s = sensor_quality(samples), residuals.get(camera, np.full((1, 3), np.nan))
         change = np.median(rad_s, axis=0)
         figures[camera] = {
             "rate_hz": quality.rate_hz,
@@ -221,21 +216,22 @@ def sensor_figures(
     return figures
 
 
-def gyroscope_residuals(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -> dict[str, GyroscopeResiduals]:
-    """Camera -> its gyroscope less its solved angular velocity, of cameras whose sensor the body file calibrates."""
+def gyroscope_residuals(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -> dict[str, Array]:
+    """Camera -> its gyroscope less its solved angular velocity (N, 3), in its axes, means from state to state [rad/s].
+
+    Of cameras whose sensor the body file calibrates.
+    """
     found = {}
     for record, world_T_camera in solved.solved_cameras():
         imu = solved.body.mounts[record.camera].imu
         if imu is not None and record.camera in sensors:
             each = _residuals(solved, record, world_T_camera, imu.correct(sensors[record.camera]))
-            if len(each.seconds):
+            if len(each):
                 found[record.camera] = each
     return found
 
 
-def _residuals(
-    solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, corrected: ImuSamples
-) -> GyroscopeResiduals:
+def _residuals(solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, corrected: ImuSamples) -> Array:
     R, seconds = world_T_camera[:, :3, :3], solved.seconds(solved.stamps_ns)
     sensor_s, w = solved.seconds(record.time_of(corrected.stamps_ns)), corrected.angular_velocity
     steps = np.diff(sensor_s)[:, None] * (w[1:] + w[:-1]) / 2.0
@@ -244,4 +240,4 @@ def _residuals(
     solved_turn = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:])
     residuals = (np.diff(turned, axis=0) - solved_turn) / np.diff(seconds)[:, None]
     usable = np.isfinite(residuals).all(axis=1) & (np.diff(solved.stamps_ns) <= solved.longest_step_ns)
-    return GyroscopeResiduals(seconds[1:][usable], residuals[usable])
+    return np.asarray(residuals[usable])

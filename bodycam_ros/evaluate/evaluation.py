@@ -20,7 +20,6 @@ from bodycam_ros.evaluate.agreement import (
 from bodycam_ros.evaluate.comparison import Comparison, compare, spread
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.gait import solved_gait
-from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.formats.read_captured import is_captured, read_captured
@@ -51,7 +50,6 @@ class Evaluation:
         jitter: (T, S) [m].
         comparison: with the truth, if that was given.
         agreement: with what another system captured, if that was given.
-        gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
     """
 
     solved: SolvedRecording
@@ -62,7 +60,6 @@ class Evaluation:
     jitter: Array
     comparison: Comparison | None
     agreement: Agreement | None
-    gyroscopes: Mapping[str, GyroscopeResiduals]
 
     @property
     def truth_name(self) -> str:
@@ -125,9 +122,8 @@ def evaluate(
     }
     bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
     sensors = {name: s for name, s in read_imus(bags, figures["cameras"]).items() if len(s) >= MIN_SAMPLES}
-    gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
     more = {
-        "sensors": camera_figures.sensor_figures(sensors, gyroscopes),
+        "sensors": camera_figures.sensor_figures(sensors, camera_figures.gyroscope_residuals(solved, sensors)),
         "stations": {record.station: camera_figures.station_figures(record) for record in solved.stations},
         "equipment": solved.equipment and equipment_figures(solved.equipment, solved.start_ns),
         "truth": comparison and comparison.figures(),
@@ -136,7 +132,7 @@ def evaluate(
         "gait": solved_gait(solved, comparison),
     }
     figures = _without_nan(figures | {name: value for name, value in more.items() if value})
-    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, gyroscopes)
+    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement)
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

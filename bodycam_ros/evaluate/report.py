@@ -7,11 +7,10 @@ from pathlib import Path
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.evaluation import Evaluation
-from bodycam_ros.evaluate.overlay_picture import OverlayView, draw_overlays
-from bodycam_ros.evaluate.page import Page, Picture, Section, render_page
+from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
+from bodycam_ros.evaluate.page import render_page
 from bodycam_ros.evaluate.report_sections import report_sections
-from bodycam_ros.evaluate.sensor_picture import draw_sensors
-from bodycam_ros.evaluate.static_picture import StaticView, draw_static_views
+from bodycam_ros.evaluate.sections import Page, Picture, Section
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
@@ -20,7 +19,6 @@ FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
-    "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
@@ -70,8 +68,8 @@ def _describe_match(match: Mapping[str, float | None], agreement: Agreement | No
 def write_report(
     evaluation: Evaluation,
     folder: Path,
-    overlay: Sequence[OverlayView] = (),
-    outside: Sequence[StaticView] = (),
+    overlay: Sequence[ImageView] = (),
+    outside: Sequence[ImageView] = (),
 ) -> None:
     """Write figures, pictures and the page; earlier ones are replaced.
 
@@ -92,12 +90,9 @@ def write_report(
         draw_summary(evaluation, unfinished / "summary.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
-        if evaluation.gyroscopes:
-            draw_sensors(evaluation.gyroscopes, unfinished / "sensors.png")
-        if overlay:
-            draw_overlays(overlay, unfinished / "overlay.png")
-        if outside:
-            draw_static_views(outside, unfinished / "outside.png")
+        for views, key, name in ((overlay, BODY_KEY, "overlay.png"), (outside, STATIC_KEY, "outside.png")):
+            if views:
+                draw_views(views, key, unfinished / name)
         pictures = [
             Picture((unfinished / name).read_bytes(), caption)
             for name, caption in _CAPTIONS.items()

@@ -1,14 +1,10 @@
 """The tables of a report, of the figures of an evaluation: for page and terminal alike."""
 
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from bodycam_ros.evaluate.gait import CRITERION, MEASURES
-from bodycam_ros.evaluate.page import Section, Table
-
-Rows = Mapping[str, Mapping[str, Any]]
-Columns = Sequence[tuple[str, str, str]]
-"""Heading, path of the figure ("position_gap_mm.median") and format of each column; one without figures is left out."""
+from bodycam_ros.evaluate.sections import Columns, Section, column_table
 
 _SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
 _JOINTS: Columns = (
@@ -63,38 +59,6 @@ _GAIT: Columns = (
 _MAX_STRETCHES = 3
 
 
-def figure_table(
-    title: str, heading: str, columns: Columns, rows: Rows, note: str = "", flagged: Set[str] = frozenset()
-) -> Section:
-    """A table with a row of figures per name.
-
-    Args:
-        title: of the section.
-        heading: of the column with the names.
-        columns: of the figures.
-        rows: name -> figures; unknown ones are empty cells.
-        note: how to read it.
-        flagged: names of rows with a warning.
-    """
-    cells = [[_cell(row, path, form) for row in rows.values()] for _, path, form in columns]
-    shown = [index for index, column in enumerate(cells) if any(column)]
-    table = Table(
-        (heading, *(columns[index][0] for index in shown)),
-        [(name, *(cells[index][row] for index in shown)) for row, name in enumerate(rows)],
-        flagged=frozenset(row for row, name in enumerate(rows) if name in flagged),
-    )
-    return Section(title, (note,) if note else (), table=table)
-
-
-def _cell(row: Mapping[str, Any], path: str, form: str) -> str:
-    value: Any = row
-    for key in path.split("."):
-        value = value.get(key) if isinstance(value, Mapping) else None
-    if value is None or value != value:
-        return ""
-    return value if isinstance(value, str) else f"{value:{form}}"
-
-
 def report_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
     """A section with a table for each kind of figures of an evaluation."""
     if "truth" in figures:
@@ -111,40 +75,40 @@ def report_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
             "angle [deg]": truth["angle_deg"],
             "rotation [deg]": truth["rotation_deg"],
         }
-        yield figure_table("against the truth", "measure", _SPREAD, rows, note)
-        yield figure_table("joints against the truth, mean", "segment", _JOINTS, truth["per_joint"])
+        yield column_table("against the truth", "measure", _SPREAD, rows, note)
+        yield column_table("joints against the truth, mean", "segment", _JOINTS, truth["per_joint"])
     if "agreement" in figures:
         yield from _agreement_sections(figures["agreement"])
     if cameras := figures["cameras"]:
         faulty = {finding["subject"] for finding in figures["verdict"]["findings"]}
         lost = {name for name, camera in cameras.items() if not camera["registered"]}
-        yield figure_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, faulty | lost)
+        yield column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, faulty | lost)
     if stations := figures.get("stations"):
         note = "observed: share of the images that measure a segment's pose; confidence: share of the contour that does"
         blind = {name for name, each in stations.items() if not each["seen"]}
-        yield figure_table("static cameras", "camera", _STATIONS, stations, note, blind)
+        yield column_table("static cameras", "camera", _STATIONS, stations, note, blind)
     clocks = {name: camera["clock"] for name, camera in cameras.items() if "clock" in camera}
     if any(clock["is_off"] for clock in clocks.values()):
         rows = {n: clock | {"set": " ".join(f"{s:.1f}" for s in clock["held_from_s"])} for n, clock in clocks.items()}
         note = "offset: ahead of the recording's time (+) or behind, corrected; the last one if the clock was set"
-        yield figure_table("clocks", "camera", _CLOCKS, rows, note)
+        yield column_table("clocks", "camera", _CLOCKS, rows, note)
     if "sensors" in figures:
         note = (
             "noise and bias at rest; bias change: the gyroscope as the body file corrects it, less the solved camera, "
             "median; residual: what remains, median from frame to frame"
         )
-        yield figure_table("inertial sensors", "camera", _SENSORS, figures["sensors"], note)
+        yield column_table("inertial sensors", "camera", _SENSORS, figures["sensors"], note)
     rows = {
         "root position sigma [mm]": figures["root_position_sigma_mm"],
         "root rotation sigma [deg]": figures["root_rotation_sigma_deg"],
         "jitter [mm]": figures["jitter_mm"],
     }
-    yield figure_table("body", "measure", _SPREAD, rows)
+    yield column_table("body", "measure", _SPREAD, rows)
     if "equipment" in figures:
         yield from equipment_sections(figures["equipment"])
     if figures["sliding"].get("all", {"stances": 0})["stances"]:
         note = "horizontal distance of heel or ball from its mean position in a stance; path: its length in a stance"
-        yield figure_table("sliding of feet in stance", "foot", _SLIDING, figures["sliding"], note)
+        yield column_table("sliding of feet in stance", "foot", _SLIDING, figures["sliding"], note)
     if "gait" in figures:
         counts = ", ".join(f"{count} {side}" for side, count in figures["gait"]["strides"].items())
         note = (
@@ -152,21 +116,21 @@ def report_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
             f"left less right over their mean; walking is {CRITERION}"
         )
         rows = {name: figures["gait"][key] for key, (name, _) in MEASURES.items()}
-        yield figure_table("walking", "measure", _GAIT, rows, note)
+        yield column_table("walking", "measure", _GAIT, rows, note)
 
 
 def _agreement_sections(agreement: Mapping[str, Any]) -> Iterator[Section]:
     rows = {"joint position [cm]": agreement["position_cm"], "joint angle [deg]": agreement["angle_deg"]}
     rows |= {f"{name} [cm]": point["position_cm"] for name, point in agreement["points"].items()}
     rows = {name: spread for name, spread in rows.items() if spread is not None}
-    yield figure_table(f"against {agreement['with']} ({agreement['format']})", "error", _SPREAD, rows)
+    yield column_table(f"against {agreement['with']} ({agreement['format']})", "error", _SPREAD, rows)
     planes = {
         f"{joint}, {plane}": figures
         for joint, each in agreement["joints"].items()
         for plane, figures in each["planes"].items()
     }
     if planes:
-        yield figure_table("joint angles by anatomical plane", "joint, plane", _PLANES, planes, _PLANES_NOTE)
+        yield column_table("joint angles by anatomical plane", "joint, plane", _PLANES, planes, _PLANES_NOTE)
 
 
 def equipment_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
@@ -182,10 +146,10 @@ def equipment_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
         "released, median"
     )
     rows = {name: {**each, "released": _stretches(each["let_go_s"])} for name, each in figures["attachments"].items()}
-    yield figure_table(f"equipment {figures['name']}", "attachment", _ATTACHMENTS, rows, note)
+    yield column_table(f"equipment {figures['name']}", "attachment", _ATTACHMENTS, rows, note)
     if figures["lengths"]:
         columns = ("value [mm]", "value_mm", ".1f"), ("+-", "sigma_mm", ".1f")
-        yield figure_table("estimated lengths of the equipment", "length", columns, figures["lengths"])
+        yield column_table("estimated lengths of the equipment", "length", columns, figures["lengths"])
 
 
 def _stretches(stretches: Sequence[Sequence[float]]) -> str:

@@ -1,6 +1,6 @@
 """One picture that shows at a glance whether a solved recording is any good."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from matplotlib.patches import Patch
 
 from bodycam_ros.evaluate.equipment import draw_equipment
@@ -31,6 +30,7 @@ from bodycam_ros.picture_style import (
     side_colour,
 )
 from bodycam_ros.registration.landmark_matches import CameraSight
+from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.verdict import Level, Verdict
 
@@ -68,7 +68,7 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         _draw_headline(figure, evaluation, height)
         draw_figures(add_panel((0.03, 0.94), 0.545, 0.88), evaluation)
         registrations = add_panel(_LEFT_COLUMN, 0.232, 0.49)
-        (_draw_body_cameras if evaluation.solved.cameras else _draw_static_cameras)(registrations, evaluation.solved)
+        _draw_registrations(registrations, evaluation.solved)
         for draw, column, (bottom, top), count in (
             (draw_errors, _LEFT_COLUMN, (0.055, 0.182), ERROR_PANELS),
             (draw_angles, _RIGHT_COLUMN, (0.055, 0.49), ANGLE_PANELS),
@@ -148,62 +148,28 @@ def _camera_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(f"{registered:.1%}", "cameras registered"), *landmarks]
 
 
-def _draw_static_cameras(axes: Axes, solved: SolvedRecording) -> None:
-    """A row per static camera, darker with more segments, red without any."""
-    records = solved.stations
-    segments = _strip(solved, records, lambda record: record.segments, np.fmin, _MAX_COLUMNS)
-    most = float(np.nanmax(segments, initial=1.0))
-    layers = [(segments, segments > 0.0, LANDMARKS, most), (segments, segments == 0.0, ListedColormap([WARNING]), 1.0)]
-    names, shares = [record.station for record in records], [float(record.observes.mean()) for record in records]
-    _draw_strips(axes, solved, layers, names, shares)
-    panel_title(axes, "Static cameras", f"segments that each observes, dark: {most:.0f}; red: none")
-
-
-def _draw_body_cameras(axes: Axes, solved: SolvedRecording) -> None:
-    """A row per camera, darker with more landmarks; other colours where it is not registered in the map."""
-    landmarks, sights = sight_table(solved, _MAX_COLUMNS)
-    known = landmarks[np.isfinite(landmarks)]
-    top = float(np.percentile(known, 98)) if known.size else 1.0
-    top = max(10.0, 10.0 * np.ceil(top / 10.0))
-    layers: list[tuple[Array, Any, Colormap, float]] = [(landmarks, sights == CameraSight.REGISTERED, LANDMARKS, top)]
-    layers += [(sights, sights == sight, ListedColormap([colour]), 1.0) for sight, colour in _COLOURS.items()]
-    names, shares = zip(*((each.camera, float(each.registered.mean())) for each in solved.cameras), strict=True)
-    image = _draw_strips(axes, solved, layers, names, shares)
-    for label, name in zip(axes.get_yticklabels(), names, strict=True):
-        label.set_color(side_colour(name))
-    panel_title(axes, "Camera registration", "landmarks per image")
-    bar = axes.inset_axes((0.46, 1.025, 0.14, 0.022))
-    colours = axes.figure.colorbar(image, cax=bar, orientation="horizontal", ticks=[0.0, top])
-    colours.outline.set_visible(False)
-    bar.tick_params(length=0, labelsize=7.5, pad=1.0, top=True, labeltop=True, bottom=False, labelbottom=False)
-    axes.legend(
-        handles=[Patch(color=colour, label=sight.label) for sight, colour in _COLOURS.items()],
-        loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=len(_COLOURS),
-        handlelength=0.9, handleheight=0.9, borderaxespad=0.0, columnspacing=1.2, handletextpad=0.5,
-    )  # fmt: skip
-
-
-def _draw_strips(
-    axes: Axes,
-    solved: SolvedRecording,
-    layers: Sequence[tuple[Array, Any, Colormap, float]],
-    names: Sequence[str],
-    shares: Sequence[float],
-) -> AxesImage:
-    """Draw layers of cells (C, N), each where a mask is true; with names, and shares of images. The first image."""
-    duration_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
-    extent = (0.0, duration_s, len(names) - 0.5, -0.5)
+def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
+    """A row per camera, darker with more landmarks, or segments; other colours where it is not registered."""
+    records: Sequence[CameraRecord | StationRecord] = solved.cameras or solved.stations
+    names = [record.camera if isinstance(record, CameraRecord) else record.station for record in records]
+    counts, sights = sight_table(solved, _MAX_COLUMNS)
+    known = counts[np.isfinite(counts)]
+    most = float(np.percentile(known, 98)) if known.size else 1.0
+    most = max(10.0, 10.0 * np.ceil(most / 10.0)) if solved.cameras else max(1.0, most)
+    end_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
+    layers: list[tuple[Array, Colormap, float]] = [
+        (np.where(sights == CameraSight.REGISTERED, counts, np.nan), LANDMARKS, most)
+    ]
+    layers += [(np.where(sights == sight, 1.0, np.nan), ListedColormap([c]), 1.0) for sight, c in _COLOURS.items()]
     axes.set_facecolor(_NO_IMAGE)
-    first, *_ = [
-        axes.imshow(
-            np.ma.masked_where(~shown, cells), cmap=colours, vmin=0.0, vmax=top, extent=extent, aspect="auto",
-            interpolation="nearest",
-        )
-        for cells, shown, colours, top in layers
-    ]  # fmt: skip
-    axes.hlines(np.arange(len(names) - 1) + 0.5, 0.0, duration_s, color="white", linewidth=1.5)
+    for cells, colours, top in layers:
+        extent = (0.0, end_s, len(names) - 0.5, -0.5)
+        axes.imshow(cells, cmap=colours, vmin=0.0, vmax=top, extent=extent, aspect="auto", interpolation="nearest")
+    axes.hlines(np.arange(len(names) - 1) + 0.5, 0.0, end_s, color="white", linewidth=1.5)
     axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    for row, share in enumerate(shares):
+    for row, (label, name, record) in enumerate(zip(axes.get_yticklabels(), names, records, strict=True)):
+        label.set_color(side_colour(name))
+        share = float((record.registered if isinstance(record, CameraRecord) else record.observes).mean())
         axes.annotate(
             "100 %" if share == 1.0 else f"{100.0 * share:.1f} %", (1.0, row), (5, 0),
             xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
@@ -211,25 +177,30 @@ def _draw_strips(
         )  # fmt: skip
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
-    return first
+    title, what = ("Camera registration", "landmarks") if solved.cameras else ("Static cameras", "observed segments")
+    panel_title(axes, title, f"dark: {most:.0f} {what} or more")
+    axes.legend(
+        handles=[Patch(color=colour, label=sight.label) for sight, colour in _COLOURS.items()],
+        loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=len(_COLOURS),
+        handlelength=0.9, handleheight=0.9, borderaxespad=0.0, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip
 
 
 def sight_table(solved: SolvedRecording, max_columns: int) -> tuple[Array, Array]:
-    """Fewest landmarks (C, N) and the worst ``CameraSight`` (C, N), by camera and time; NaN without an image."""
-    return (
-        _strip(solved, solved.cameras, lambda record: record.landmarks, np.fmin, max_columns),
-        _strip(solved, solved.cameras, lambda record: record.sights, np.fmax, max_columns),
-    )
+    """Fewest landmarks (C, N) and the worst ``CameraSight`` (C, N), by camera and time; NaN without an image.
 
-
-def _strip(
-    solved: SolvedRecording, records: Sequence[Any], values: Callable[[Any], Any], worst: np.ufunc, max_columns: int
-) -> Array:
-    """The worst value (C, N) of the images that share a column, by camera and time; NaN without an image."""
+    Of static cameras, where there are no others, fewest segments; without any it is ``CameraSight.BLIND``.
+    """
+    if solved.cameras:
+        found = [(each.stamps_ns, each.landmarks, each.sights) for each in solved.cameras]
+    else:
+        blind, seen = int(CameraSight.BLIND), int(CameraSight.REGISTERED)
+        found = [(each.stamps_ns, each.segments, np.where(each.observes, seen, blind)) for each in solved.stations]
     frames = round((solved.end_ns - solved.start_ns) / solved.frame_ns) + 1
     columns = min(frames, max_columns)
-    table = np.full((len(records), columns), np.nan)
-    for row, record in enumerate(records):
-        frame = np.round((record.stamps_ns - solved.start_ns) / solved.frame_ns).astype(int)
-        worst.at(table[row], frame * columns // frames, np.asarray(values(record), np.float64))
-    return table
+    counts, sights = np.full((2, len(found), columns), np.nan)
+    for row, (stamps_ns, count, sight) in enumerate(found):
+        column = np.round((stamps_ns - solved.start_ns) / solved.frame_ns).astype(int) * columns // frames
+        np.fmin.at(counts[row], column, count.astype(np.float64))
+        np.fmax.at(sights[row], column, sight.astype(np.float64))
+    return counts, sights

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import FAINT
+from bodycam_ros.picture_style import FAINT, rgb
 from bodycam_ros.static_cameras.contour_kernels import NOBODY
 from bodycam_ros.static_cameras.station import SHRINK, Contour
 
@@ -99,7 +99,7 @@ def paint_contour(part: Image, contour: Contour, shifts: Array, colours: Sequenc
 
 def bgr(colour: str) -> tuple[int, int, int]:
     """Blue, green and red, 0 to 255, of ``#rrggbb``."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    red, green, blue = rgb(colour)
     return blue, green, red
 
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.evaluate.page import Link, Page, Section, Table, number, render_page
+from bodycam_ros.evaluate.page import render_page
+from bodycam_ros.evaluate.sections import Link, Page, Section, Table, find_figure
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Step, Study
@@ -95,18 +96,13 @@ class StudyColumn:
 
     def value(self, result: RecordingResult) -> float | None:
         """In the CSV's unit; None if it is unknown."""
-        for place in self.places:
-            value: Any = result.figures
-            for key in place.split("."):
-                value = value.get(key) if isinstance(value, Mapping) else None
-            if isinstance(value, int | float):
-                return float(value)
-        return None
+        found = (find_figure(result.figures, place) for place in self.places)
+        return next((float(value) for value in found if isinstance(value, int | float)), None)
 
     def cell(self, result: RecordingResult) -> str:
         """In the heading's unit; empty if it is unknown."""
         value = self.value(result)
-        return number(None if value is None else self.factor * value, self.decimals)
+        return "" if value is None else f"{self.factor * value:.{self.decimals}f}"
 
 
 _POSITION, _ANGLE = (

@@ -9,6 +9,7 @@ from viser import CameraFrustumHandle, FrameHandle, LabelHandle, MeshHandle, Sce
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
+from bodycam_ros.picture_style import rgb
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.scene_nodes import (
@@ -19,7 +20,6 @@ from bodycam_ros.viewer.scene_nodes import (
     WORLD,
     add_label,
     place,
-    rgb,
     segment_name,
     when_clicked,
 )

@@ -14,19 +14,19 @@ from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.camera.perspective import PlumbBobCamera
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.picture_style import EQUIPMENT, INK, side_colour
+from bodycam_ros.picture_style import EQUIPMENT, INK, rgb, side_colour
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import nearest
+from bodycam_ros.results.camera_picture import draw_polyline
 from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.results.topics import read_clock
 from bodycam_ros.shown import shown
-from bodycam_ros.viewer.camera_picture import draw_polyline
 from bodycam_ros.viewer.motion import mounted_camera
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene import grid_lines
-from bodycam_ros.viewer.scene_nodes import GRID, rgb
+from bodycam_ros.viewer.scene_nodes import GRID
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 from bodycam_ros.viewer.sources import Sources
 from bodycam_ros.whole_file import whole_file

@@ -11,10 +11,10 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, side_colour
+from bodycam_ros.results.camera_picture import draw_polyline
 from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
 from bodycam_ros.static_cameras.station import Image, RegionModel, Station
-from bodycam_ros.viewer.camera_picture import draw_polyline
 from bodycam_ros.viewer.scene_nodes import SELECTED
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 

@@ -9,17 +9,17 @@ from viser import PointCloudHandle, SceneApi, SceneNodeHandle, ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import EQUIPMENT
+from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.results.overlay import GOOD
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.viewer.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.footage import Footage
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD, rgb
+from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD
 from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene, limbs_of
 from bodycam_ros.viewer.surface_scene import SurfaceReader, SurfaceScene
 

@@ -6,7 +6,7 @@ import numpy as np
 from viser import CameraFrustumHandle, IcosphereHandle, LabelHandle, MeshHandle, SceneApi, SceneNodeHandle
 
 from bodycam_ros.geometry import Array, quaternion_xyzw
-from bodycam_ros.picture_style import QUIET, WARNING, side_colour
+from bodycam_ros.picture_style import QUIET, WARNING, rgb, side_colour
 
 WORLD = "/world"
 """Name of the map's frame in the scene."""
@@ -20,12 +20,6 @@ SELECTED = "#f2c200"
 GRID_FINE, GRID = "#e3e7ea", "#b9c1c8"
 
 _LABEL_SCALE = 0.7
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue, 0 to 255, of ``#rrggbb``."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
-    return red, green, blue
 
 
 def segment_rgb(segment: str) -> tuple[int, int, int]:

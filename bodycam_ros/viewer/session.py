@@ -3,7 +3,7 @@
 import numpy as np
 
 from bodycam_ros.geometry import Array, inverse, log_so3
-from bodycam_ros.viewer.camera_picture import CameraPicture
+from bodycam_ros.results.camera_picture import CameraPicture
 from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
 from bodycam_ros.viewer.footage import FootageLoader
 from bodycam_ros.viewer.gizmo import Gizmo

@@ -9,14 +9,13 @@ from viser import CylinderHandle, IcosphereHandle, LabelHandle, SceneApi
 from bodycam_ros.body.body_model import BodyModel, bone_ends
 from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.picture_style import EQUIPMENT
+from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.scene_nodes import (
     SELECTED,
     WORLD,
     add_label,
     place,
-    rgb,
     segment_name,
     segment_rgb,
     when_clicked,

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.picture_style import rgb
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.correction import Correction, Move, Part, place_of
 from bodycam_ros.viewer.gizmo import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, rgb, segment_rgb
+from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, segment_rgb
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")

@@ -9,12 +9,13 @@ from static_cameras.dressed_body import DressedBody, small_motion
 from static_cameras.painted_bag import dressed_body
 
 from bodycam_ros.geometry import inverse, transform_points
+from bodycam_ros.picture_style import rgb
 from bodycam_ros.static_cameras.contour_painting import CONTOUR
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.viewer.placing_picture import PlacingPicture, pinhole_picture
-from bodycam_ros.viewer.scene_nodes import SELECTED, rgb
+from bodycam_ros.viewer.scene_nodes import SELECTED
 
 TILE = 480
 

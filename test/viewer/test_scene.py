@@ -13,7 +13,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
-from bodycam_ros.picture_style import EQUIPMENT
+from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
@@ -23,7 +23,7 @@ from bodycam_ros.viewer.footage import read_footage
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene import CAMERAS, NAMES, Scene
-from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN, rgb
+from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
 from bodycam_ros.viewer.server import LocalServer
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 

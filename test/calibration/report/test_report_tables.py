@@ -15,7 +15,7 @@ from rich.console import Console
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.cli.body import print_report
 from bodycam_ros.evaluate.body_report import report_sections
-from bodycam_ros.evaluate.page import Table
+from bodycam_ros.evaluate.sections import Table
 
 
 @pytest.fixture(scope="module")

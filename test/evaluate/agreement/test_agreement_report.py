@@ -10,7 +10,8 @@ from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
 from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.page import Link, Page, Picture, Section, Table, number, render_page
+from bodycam_ros.evaluate.page import render_page
+from bodycam_ros.evaluate.sections import Link, Page, Picture, Section, Table, column_table
 from bodycam_ros.picture_style import LEFT
 
 WRITTEN = ["joints.png", "report.html", "summary.json", "summary.png"]
@@ -71,7 +72,9 @@ def test_what_does_not_fit_is_named_and_nothing_is_written(
 
 
 def test_a_page_shows_text_as_text() -> None:
-    table = Table(("name", "x"), [("a|b", number(-0.001)), (Link("c", "a b/r.html"), number(None))])
+    table = column_table("", "name", [("x", "x", ".2f")], {"a|b": {"x": -0.001}, "": {"x": None}}).table
+    assert table is not None
+    table = Table(table.columns, [table.rows[0], (Link("c", "a b/r.html"), table.rows[1][1])])
     section = Section("Part", ("1 < 2 & *",), ("<script>",), table, (Picture(b"not much", "what"),))
     shown = render_page(Page("A <b>", ("line",), (section,)))
     assert "<h1>A &lt;b&gt;</h1>" in shown and "1 &lt; 2 &amp; *" in shown and "<li>&lt;script&gt;</li>" in shown

@@ -1,21 +1,23 @@
-"""Images of static cameras with the solved body's surface, contour and forces over them."""
+"""Images of body cameras and of static ones at one time, with the solved body painted into them."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.lines import Line2D
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import StationError
-from bodycam_ros.evaluate.overlay_picture import middle_stamp, pick_evenly
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, open_picture, panel_title, side_colour
+from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.body_motion import pose_near
+from bodycam_ros.results.camera_picture import draw_picture
+from bodycam_ros.results.overlay import GOOD, GOOD_PX
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,
@@ -35,30 +37,95 @@ from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_
 from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
-_CAMERAS = 6  # that the picture shows, evenly picked
+Item = TypeVar("Item")
+Key = Sequence[tuple[str, str]]
+"""Meaning and colour of what is painted."""
+
+_CAMERAS = 6  # that are shown, evenly picked
+_LATEST_S = 20.0  # the middle of the recording is shown, but nothing later: bags are read from their start
 _COLOURS_S = 0.5  # of images before the one shown, which the colour models are updated by
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
 
+BODY_KEY: Key = (
+    (f"landmark within {GOOD_PX:g} px of its track", GOOD), ("farther off", WARNING), ("left", LEFT), ("right", RIGHT),
+    ("equipment", EQUIPMENT),
+)  # fmt: skip
+STATIC_KEY: Key = (
+    (f"force outward, {ENLARGED:g} times enlarged", OUTWARD), ("force inward", INWARD), ("contour", CONTOUR),
+    ("without measurement", SILENT), ("surface: left", LEFT), ("right", RIGHT), ("equipment", EQUIPMENT),
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
-class StaticView:
-    """A part of one image with the body painted into it.
+class ImageView:
+    """One image, or a part of it, with the body painted into it.
 
     Attributes:
-        station: name.
-        note: when it was taken, and how well the contour of the body fits it.
-        picture: (H, W, 3) blue, green, red.
+        camera: name.
+        note: when it was taken, and how well the body fits it.
+        pixels: (H, W, 3) red, green, blue.
     """
 
-    station: str
+    camera: str
     note: str
-    picture: Image
+    pixels: Image
 
 
-def static_views(
+def middle_stamp(solved: SolvedRecording) -> int:
+    """Stamp of the state nearest to the middle of the recording, or to ``_LATEST_S`` [ns]."""
+    middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
+    return int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
+
+
+def _pick_evenly(items: Sequence[Item]) -> list[Item]:
+    """At most ``_CAMERAS`` items, evenly spread, the first and the last among them."""
+    rows = np.linspace(0, len(items) - 1, min(_CAMERAS, len(items))).round().astype(int)
+    return [items[row] for row in np.unique(rows)]
+
+
+def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[ImageView]:
+    """The views of some body cameras at one time in the middle of the recording.
+
+    Args:
+        solved: the body.
+        recording: the bag that it was solved from.
+
+    Raises:
+        RecordingError: not a recording, or an image that cannot be decoded.
+        LensError: the recording's intrinsics cannot be used.
+    """
+    at_ns, half_ns = middle_stamp(solved), solved.frame_ns // 2
+    with open_recording(recording) as images:
+        known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in images.cameras]
+        for record, poses in _pick_evenly(known):
+            early_ns = at_ns - half_ns
+            given_ns = 2 * early_ns - int(record.time_of(np.array([early_ns]))[0])  # by the camera's own clock
+            if (image := images.first_image(record.camera, given_ns)) is None:
+                continue
+            time_ns = int(record.time_of(np.array([image.stamp_ns]))[0])
+            found = (each for each in solved.landmarks((record.camera,)) if each.stamp_ns == time_ns)
+            if time_ns > at_ns + half_ns or (matches := next(found, None)) is None:
+                continue
+            is_placed = solved.placed[np.abs(solved.stamps_ns - time_ns).argmin()]
+            bones = solved.bones(solved.segments_near(time_ns)[None])
+            picture = draw_picture(
+                image,
+                images.camera_model(record.camera),
+                pose_near(solved.stamps_ns, poses, time_ns),
+                [bone for bone in bones if is_placed or not bone.is_equipment],
+                matches,
+            )
+            error = f", {picture.error_px:.2f} px median" if np.isfinite(picture.error_px) else ""
+            state = "" if matches.world_T_camera is not None else ", LOST"
+            seconds = float(solved.seconds(np.array([time_ns]))[0])
+            note = f"{seconds:.2f} s, {len(matches.pixels)} landmarks{error}{state}"
+            yield ImageView(record.camera, note, picture.pixels)
+
+
+def static_camera_views(
     solved: SolvedRecording, recording: Path, files: StaticCameraFiles, map_path: Path | None
-) -> tuple[StaticView, ...]:
+) -> tuple[ImageView, ...]:
     """The views of some static cameras at one time in the middle of the recording.
 
     Args:
@@ -76,10 +143,10 @@ def static_views(
     tracker, body, settings = _tracker(solved, recording, files, map_path), solved.body, RegionSettings()
     colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
     at_ns, half_ns = middle_stamp(solved), solved.frame_ns // 2
-    shown: dict[str, StaticView] = {}
+    shown: dict[str, ImageView] = {}
     counts: Counter[str] = Counter()
     for image in _images_between(
-        recording, pick_evenly(list(tracker.views), _CAMERAS), at_ns - round(1e9 * _COLOURS_S), at_ns + half_ns
+        recording, _pick_evenly(list(tracker.views)), at_ns - round(1e9 * _COLOURS_S), at_ns + half_ns
     ):
         pixels, view = decode_colour(image), tracker.views[image.camera]
         view.station.check_size(pixels)
@@ -93,7 +160,7 @@ def static_views(
             window = square_window(pixels, contour.covered)
             window = replace(window, times=-(-_SHARP_PX // window.width))
             picture = paint_contour(cut_out(pixels, window), contour, shifts, colours, window)
-            shown[image.camera] = StaticView(image.camera, f"{seconds:.2f} s, {_note(shifts)}", picture)
+            shown[image.camera] = ImageView(image.camera, f"{seconds:.2f} s, {_note(shifts)}", picture[..., ::-1])
     if not shown:
         raise StationError(
             f"{recording}: has no image of its static cameras ({', '.join(tracker.views)}) in the middle of "
@@ -140,35 +207,25 @@ def _images_between(recording: Path, cameras: Sequence[str], from_ns: int, until
                 yield image
 
 
-def draw_static_views(views: Sequence[StaticView], path: Path) -> None:
-    """Write the picture as PNG.
+def draw_views(views: Sequence[ImageView], key: Key, path: Path) -> None:
+    """Write views side by side, with a key below them, as PNG.
 
     Raises:
         OSError: the file cannot be written.
     """
     columns = min(len(views), 2 if len(views) in (2, 4) else 3)
     rows = -(-len(views) // columns)
-    width, height = max(2, columns) * _PANEL_INCHES, rows * (_PANEL_INCHES + _TITLE_INCHES) + _KEY_INCHES
+    tallest = max(view.pixels.shape[0] / view.pixels.shape[1] for view in views) * _PANEL_INCHES
+    width, height = max(2, columns) * _PANEL_INCHES, rows * (tallest + _TITLE_INCHES) + _KEY_INCHES
     with open_picture(path, width, height) as figure:
         for axes, view in zip(figure.subplots(rows, columns, squeeze=False).flat, [*views, *[None] * 2], strict=False):
             axes.axis("off")
             if view is not None:
-                axes.imshow(view.picture[..., ::-1], interpolation="lanczos")
-                panel_title(axes, view.station.replace("_", " "), view.note)
-        figure.legend(handles=_key(), loc="lower center", ncols=7, labelcolor=QUIET, handlelength=1.4)
+                axes.imshow(view.pixels, interpolation="lanczos")
+                panel_title(axes, view.camera.replace("_", " "), view.note)
+        handles = [Line2D([], [], color=colour, label=meaning, linewidth=3.0) for meaning, colour in key]
+        figure.legend(handles=handles, loc="lower center", ncols=len(key), labelcolor=QUIET, handlelength=1.0)
         figure.subplots_adjust(
             left=0.01, right=0.99, bottom=_KEY_INCHES / height, top=1.0 - _TITLE_INCHES / height, wspace=0.02,
-            hspace=_TITLE_INCHES / _PANEL_INCHES,
+            hspace=_TITLE_INCHES / tallest,
         )  # fmt: skip
-
-
-def _key() -> list[Line2D]:
-    line: dict[str, Any] = {"linewidth": 2.0}
-    point: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 4.0}
-    area: dict[str, Any] = {"linestyle": "", "marker": "s", "markersize": 7.0, "alpha": 0.5}
-    entries = (
-        (f"force outward, {ENLARGED:g} times enlarged", OUTWARD, line), ("force inward", INWARD, line),
-        ("contour", CONTOUR, point), ("without measurement", SILENT, point),
-        ("surface: left", LEFT, area), ("right", RIGHT, area), ("equipment", EQUIPMENT, area),
-    )  # fmt: skip
-    return [Line2D([], [], color=colour, label=name, **style) for name, colour, style in entries]

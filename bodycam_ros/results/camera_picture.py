@@ -10,10 +10,9 @@ from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import EQUIPMENT, WARNING, side_colour
+from bodycam_ros.picture_style import EQUIPMENT, WARNING, rgb, side_colour
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.overlay import GOOD, GOOD_PX, project_overlay
-from bodycam_ros.viewer.scene_nodes import rgb
 
 WIDTH = 640
 """Of the picture [px]; a larger image is scaled down."""

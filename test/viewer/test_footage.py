@@ -17,8 +17,8 @@ from bodycam_ros.messages.timing import timing_messages
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
-from bodycam_ros.viewer.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.viewer.footage import read_footage
 from bodycam_ros.viewer.motion import read_motion
 from bodycam_ros.viewer.scene_nodes import segment_rgb
