@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-_ALIGNMENTS = ("similarity", "rigid", "none")
+_ALIGNMENTS = ("similarity", "rigid")
 _FOUND, _SHARED = "found", "shared"
 
 
@@ -123,7 +123,7 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
         for flag in given_flags(arguments, "align", "clock", "points"):
             raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
         return None
-    return AgreementOptions(arguments.align or _ALIGNMENTS[0], arguments.clock == _SHARED, arguments.points)
+    return AgreementOptions(arguments.align != _ALIGNMENTS[1], arguments.clock == _SHARED, arguments.points)
 
 
 def _outside_files(arguments: argparse.Namespace) -> "StaticCameraFiles | None":

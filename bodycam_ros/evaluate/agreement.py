@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.alignment import (
-    NONE,
-    SIMILARITY,
     Alignment,
     BodyPoints,
     align_worlds,
@@ -27,7 +25,7 @@ from bodycam_ros.evaluate.anatomical_angles import (
     joint_name,
 )
 from bodycam_ros.evaluate.clock_search import Clock
-from bodycam_ros.evaluate.comparison import spread
+from bodycam_ros.evaluate.spread import spread
 from bodycam_ros.evaluate.true_motion import TrueMotion
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
@@ -55,12 +53,12 @@ class AgreementOptions:
     """How another system's motion is compared.
 
     Attributes:
-        align: which of ``ALIGNMENTS`` aligns our world with theirs.
+        with_scale: worlds are aligned by a similarity (A section 5.1); else rigidly.
         shares_clock: its stamps are of our clock; else offset and rate are found.
         names: the user's table of names.
     """
 
-    align: str = SIMILARITY
+    with_scale: bool = True
     shares_clock: bool = False
     names: Path | None = None
 
@@ -112,20 +110,20 @@ class Agreement:
         kind: its format: "TRC".
         stamps_ns: (T,) of ours [ns].
         clock: of theirs by ours.
-        align: which of ``ALIGNMENTS`` aligned our world with theirs.
-        scale: of theirs over ours, by a similarity; errors are free of it only with that alignment.
+        with_scale: worlds are aligned by a similarity; else rigidly, and a scale is an error.
+        scale: of theirs over ours, by a similarity.
         unit_m: estimated unit of the file [m]; None where the file declares it.
         points: joints, markers and cameras.
         angles: joints.
         left_out: unknown names of theirs.
-        rigid_error: mean position error of joints [m] without a scale; NaN with ``none``.
+        rigid_error: mean position error of joints [m] without a scale.
     """
 
     name: str
     kind: str
     stamps_ns: NDArray[np.int64]
     clock: Clock
-    align: str
+    with_scale: bool
     scale: float
     unit_m: float | None
     points: tuple[PointAgreement, ...]
@@ -168,7 +166,7 @@ class Agreement:
     @property
     def angle_errors(self) -> Mapping[str, Array]:
         """Segment -> (T,) [rad] the paper's measure: of the turn of a joint since the first frame."""
-        return {angle.segment: np.abs(angle.ours_turned - angle.theirs_turned) for angle in self.angles}
+        return {angle.segment: angle.turn_errors for angle in self.angles}
 
     def figures(self) -> dict[str, Any]:
         """Figures by name, the unit at the end of the name."""
@@ -177,7 +175,7 @@ class Agreement:
             "with": self.name,
             "format": self.kind,
             "instants": len(self.stamps_ns),
-            "align": self.align,
+            "align": "similarity" if self.with_scale else "rigid",
             "scale": self.scale,
             "unit_m": self.unit_m,
             "starts_at_s": clock.start_s,
@@ -205,9 +203,7 @@ class Agreement:
                 rate = f"counts seconds of {clock.rate:.5f} s (+-{clock.rate_sigma:.5f})"
             when += f" (+-{1e3 * clock.start_sigma_s:.1f} ms), and their clock {rate}."
         scale = f"{self.scale:.4f} ({100.0 * (self.scale - 1.0):+.2f} %)"
-        if self.align == NONE:
-            where = f"Worlds are taken to be the same; a similarity would have a scale of {scale}."
-        elif self.align == SIMILARITY:
+        if self.with_scale:
             rigid = f"{100.0 * self.rigid_error:.2f} cm"
             where = f"Worlds are aligned by a similarity of scale {scale}; without it the mean error is {rigid}."
         else:
@@ -252,18 +248,16 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
         )
     body, theirs = _body_points(solved, places, known), theirs[known]
     try:
-        world = align_worlds(body, theirs, options.align)
-        similarity = align_worlds(body, theirs, options.align, with_scale=True)
-        rigid = align_worlds(body, theirs, options.align, with_scale=False)
+        similarity, rigid = (align_worlds(body, theirs, with_scale) for with_scale in (True, False))
     except ValueError as error:
         raise alignment_error(captured, body) from error
-    points = _compare_points(body, theirs, world)
+    points = _compare_points(body, theirs, similarity if options.with_scale else rigid)
     agreement = Agreement(
         name=captured.path.resolve().name,
         kind=captured.kind,
         stamps_ns=solved.stamps_ns[known],
         clock=clock,
-        align=options.align,
+        with_scale=options.with_scale,
         scale=similarity.scale,
         unit_m=unit,
         points=points,
@@ -271,8 +265,6 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
         left_out=tuple(name for name in captured.points if name not in places),
         rigid_error=np.nan,
     )
-    if options.align == NONE:
-        return agreement
     errors = replace(agreement, points=_compare_points(body, theirs, rigid)).position_errors
     return replace(agreement, rigid_error=float(np.nanmean(errors)))
 

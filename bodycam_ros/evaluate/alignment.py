@@ -13,9 +13,6 @@ from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite
 from bodycam_ros.geometry import Array, inverse, transform_points, umeyama
 
-SIMILARITY, RIGID, NONE = ALIGNMENTS = ("similarity", "rigid", "none")
-"""Alignment of the worlds: with a scale (A section 5.1), without, or none."""
-
 _MIN_EXACT = 3
 """Joint centres that are enough to align with; with fewer, markers are used too."""
 
@@ -93,22 +90,18 @@ class BodyPoints:
         return CapturedMotion(captured.path, "ours", np.rint(1e9 * self.seconds).astype(np.int64), points)
 
 
-def align_worlds(
-    body: BodyPoints, theirs: Array, align: str, with_scale: bool | None = None, steps: int = _STEPS
-) -> Alignment:
+def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps: int = _STEPS) -> Alignment:
     """Align our world with theirs, and fit the offsets of markers on the body.
 
     Args:
         body: our links.
         theirs: (T, N, 3) [m] of the points; NaN where unknown.
-        align: one of ``ALIGNMENTS``.
-        with_scale: find the scale; by default if it is a similarity.
+        with_scale: by a similarity (A section 5.1); else rigidly.
         steps: at most, of fitting in turn.
 
     Raises:
         ValueError: the points share too little to be aligned.
     """
-    with_scale = align == SIMILARITY if with_scale is None else with_scale
     exact = np.array([not place.is_fitted for place in body.places.values()])
     cameras = np.array([place.link.endswith(CAMERA_SUFFIX) for place in body.places.values()])
     used = next((rows for rows in (exact & ~cameras, exact) if rows.sum() >= _MIN_EXACT), np.ones(len(exact), bool))
@@ -116,11 +109,10 @@ def align_worlds(
     scale, R, t = 1.0, np.eye(3), np.zeros(3)
     for _ in range(steps):
         before = offsets
-        if align != NONE:
-            scale, R, t = _fit_world(body.ours(offsets)[:, used], theirs[:, used], with_scale)
+        scale, R, t = _fit_world(body.ours(offsets)[:, used], theirs[:, used], with_scale)
         offsets = _fit_offsets(body, (theirs - t) @ R / scale, offsets)
         moved_m = max(float(np.abs(offsets[name] - before[name]).max()) for name in offsets)
-        if moved_m < _CONVERGED_M or align == NONE:
+        if moved_m < _CONVERGED_M:
             break
     return Alignment(scale, R, t, offsets)
 
@@ -184,7 +176,7 @@ def _scan_clock(body: BodyPoints, captured: CapturedMotion, around: Clock) -> Cl
         clock = replace(around, start_s=around.start_s + shift)
         theirs = body.theirs(captured, clock)
         if np.isfinite(theirs).any():
-            world = align_worlds(body, theirs, SIMILARITY, steps=_SCAN_STEPS)
+            world = align_worlds(body, theirs, steps=_SCAN_STEPS)
             errors = np.linalg.norm(world.apply(body.ours(world.offsets)) - theirs, axis=2)
             tried.append((float(np.nanmean(errors)) / world.scale, clock))
     return min(tried, key=lambda pair: pair[0])[1]
@@ -193,7 +185,7 @@ def _scan_clock(body: BodyPoints, captured: CapturedMotion, around: Clock) -> Cl
 def _clock_residuals(body: BodyPoints, captured: CapturedMotion, clock: Clock) -> Callable[[Clock], Array]:
     """Clock -> distances (T, N, 3) [m] after alignment, of equally smooth motions, offsets fitted by a first clock."""
     thinned = body.thinned(_MAX_FRAMES)
-    offsets = align_worlds(thinned, thinned.theirs(captured, clock), SIMILARITY).offsets
+    offsets = align_worlds(thinned, thinned.theirs(captured, clock)).offsets
     motion = body.as_captured(captured, offsets)
     sigma_s = _smoothing_s(motion, captured)
     motion, smooth = motion.smoothed(sigma_s), captured.smoothed(sigma_s)

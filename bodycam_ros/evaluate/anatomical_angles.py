@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.calibration.anthropometry import JOINT_ABOVE, SegmentName
-from bodycam_ros.evaluate.comparison import angle_between, fit_constant_frames, spread, turned
+from bodycam_ros.evaluate.spread import spread
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 
 PLANES = ("sagittal", "frontal", "transverse")
 """Positive are flexion, abduction and inward rotation; of the trunk a bend forward, to the left, a turn to the left."""
 
+_ALTERNATIONS = 50  # of the fit of constant frames; it has converged to rounding long before
 _WITHIN = 1.96  # standard deviations on either side that 95 % lie within
 _ORDER = ("torso", "head", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
 _BENDS_BACKWARDS = ("shin",)
@@ -120,6 +121,33 @@ def _trunk_frames(centres: Mapping[str, Array]) -> dict[str, Array]:
     return frames
 
 
+def fit_constant_frames(estimated: Array, true: Array) -> tuple[Array, Array]:
+    """Constant rotations A, B (3, 3) that bring A true_t B closest to estimated_t, in the chordal sense.
+
+    The axes of a segment are a convention: A is that of the parent, B that of the child. Alternating least squares:
+    given one, the other is the mean of the rotations that remain.
+
+    Args:
+        estimated: (T, 3, 3) rotation of child in parent.
+        true: (T, 3, 3) the same.
+    """
+    A, B = np.eye(3), np.eye(3)
+    for _ in range(_ALTERNATIONS):
+        A = nearest_rotation(np.mean(estimated @ _transposed(true @ B), axis=0))
+        B = nearest_rotation(np.mean(_transposed(A @ true) @ estimated, axis=0))
+    return A, B
+
+
+def angle_between(first: Array, second: Array) -> Array:
+    """(T,) geodesic angle [rad] between rotations (T, 3, 3)."""
+    angle: Array = np.linalg.norm(log_so3(_transposed(first) @ second), axis=-1)
+    return angle
+
+
+def _transposed(R: Array) -> Array:
+    return np.swapaxes(R, -1, -2)
+
+
 @dataclass(frozen=True, eq=False)
 class AngleAgreement:
     """A joint over T frames.
@@ -128,7 +156,7 @@ class AngleAgreement:
         segment: below it.
         ours, theirs: (T, 3) angles [rad] in the anatomical planes; NaN where unknown.
         ours_turned, theirs_turned: (T,) [rad] turn since the first frame (A figure 7a).
-        from_points: by joint centres alone, not by rotations of bones.
+        rotation_errors: (T,) [rad] geodesic, with constant frames fitted; None by joint centres alone.
     """
 
     segment: str
@@ -136,14 +164,22 @@ class AngleAgreement:
     theirs: Array
     ours_turned: Array
     theirs_turned: Array
-    from_points: bool
+    rotation_errors: Array | None = None
+
+    @property
+    def turn_errors(self) -> Array:
+        """(T,) [rad] | |log(E_0' E_t)| - |log(T_0' T_t)| | (A figure 7a).
+
+        It is blind to the axis, and wrong as a whole if the first frame is.
+        """
+        return np.asarray(np.abs(self.ours_turned - self.theirs_turned))
 
     def figures(self) -> dict[str, Any]:
         """Figures by name, the unit at the end of the name."""
         columns = zip(PLANES, np.degrees(self.ours).T, np.degrees(self.theirs).T, strict=True)
         return {
-            "from": "centres of joints" if self.from_points else "rotations of bones",
-            "angle_deg": spread(np.degrees(np.abs(self.ours_turned - self.theirs_turned))),
+            "from": "centres of joints" if self.rotation_errors is None else "rotations of bones",
+            "angle_deg": spread(np.degrees(self.turn_errors)),
             "planes": {
                 plane: {"error_deg": spread(np.abs(ours - theirs))} | limits_of_agreement(ours, theirs)
                 for plane, ours, theirs in columns
@@ -162,22 +198,34 @@ def limits_of_agreement(ours: Array, theirs: Array) -> dict[str, float]:
     return {"bias": bias, "low": bias - _WITHIN * sd, "high": bias + _WITHIN * sd, "rmse": rmse}
 
 
-def compare_rotations(segment: str, ours: Array, theirs: Array) -> AngleAgreement:
-    """Compare rotations (T, 3, 3) of a segment in its parent; the axes that systems give to bones are fitted."""
+def compare_rotations(segment: str, ours: Array, theirs: Array, *, shares_axes: bool = False) -> AngleAgreement:
+    """Compare rotations (T, 3, 3) of a segment in its parent; the axes that systems give to bones are fitted.
+
+    Args:
+        segment: below the joint.
+        ours: known ones.
+        theirs: NaN where unknown.
+        shares_axes: axes of bones are about the same, as in a truth: the fit starts with theirs.
+    """
     known = np.isfinite(theirs).all(axis=(1, 2))
     planes, turns = np.full((2, len(ours), 3), np.nan), np.full((2, len(ours)), np.nan)
-    for row, rotations in enumerate((ours[known], _in_our_axes(ours[known], theirs[known]))):
-        planes[row, known], turns[row, known] = planes_of(segment, rotations), turned(rotations)
+    fitted, errors = _in_our_axes(ours[known], theirs[known], shares_axes), np.full(len(ours), np.nan)
+    errors[known] = angle_between(fitted, ours[known])
+    for row, rotations in enumerate((ours[known], fitted)):
+        planes[row, known], turns[row, known] = planes_of(segment, rotations), angle_between(rotations[:1], rotations)
     planes[1] -= 2.0 * np.pi * np.round((planes[1] - planes[0]) / (2.0 * np.pi))
-    return AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1], from_points=False)
+    return AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1], errors)
 
 
-def _in_our_axes(ours: Array, theirs: Array) -> Array:
+def _in_our_axes(ours: Array, theirs: Array, shares_axes: bool) -> Array:
     """Their rotations (T, 3, 3) with constant frames that bring them closest to ours.
 
     Axes of bones may differ by right angles, from where the alternating fit may not converge. Rotation vectors since
     the first frame differ by the child's frame alone, so the fit starts from there, too.
     """
+    if shares_axes:
+        A, B = fit_constant_frames(ours, theirs)
+        return np.asarray(A @ theirs @ B)
     ours_since, theirs_since = (log_so3(np.swapaxes(R[:1], 1, 2) @ R) for R in (ours, theirs))
     tried = []
     for child in (np.eye(3), nearest_rotation(theirs_since.T @ ours_since)):
@@ -202,7 +250,7 @@ def compare_centre_angles(ours: Mapping[str, Array], theirs: Mapping[str, Array]
         planes[:, known] = both[0][segment], both[1][segment]
         turns = np.sqrt(np.nansum((planes - planes[:, known][:, :1]) ** 2, axis=2))
         turns[:, ~known] = np.nan
-        found.append(AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1], from_points=True))
+        found.append(AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1]))
     return tuple(found)
 
 

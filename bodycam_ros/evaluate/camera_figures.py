@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.comparison import distance_in_time, spread
+from bodycam_ros.evaluate.spread import distance_in_time, spread
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import sensor_quality

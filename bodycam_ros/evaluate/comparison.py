@@ -12,77 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.anatomical_angles import AngleAgreement, compare_rotations
+from bodycam_ros.evaluate.spread import distance_in_time, spread
 from bodycam_ros.evaluate.true_motion import TrueMotion
-from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation, rigid, umeyama
+from bodycam_ros.geometry import Array, inverse, rigid, umeyama
 from bodycam_ros.results.solved_recording import SolvedRecording
-
-_ALTERNATIONS = 50  # of the fit of constant frames; it has converged to rounding long before
-
-
-def spread(values: NDArray[np.floating], factor: float = 1.0) -> dict[str, float]:
-    """Mean, median, 95th percentile and maximum of values of any shape, times a factor; NaN ones do not count."""
-    known = factor * values[np.isfinite(values)]
-    if not known.size:
-        return dict.fromkeys(("mean", "median", "p95", "max"), np.nan)
-    statistics = (known.mean(), np.median(known), np.percentile(known, 95), known.max())
-    return dict(zip(("mean", "median", "p95", "max"), map(float, statistics), strict=True))
-
-
-def distance_in_time(stamps_ns: NDArray[np.int64], others_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(K,) distance [ns] of each stamp (K,) to the nearest of others (T,), which increase."""
-    after = np.searchsorted(others_ns, stamps_ns)
-    next_one = others_ns[np.minimum(after, len(others_ns) - 1)]
-    one_before = others_ns[np.maximum(after - 1, 0)]
-    distance: NDArray[np.int64] = np.minimum(np.abs(next_one - stamps_ns), np.abs(stamps_ns - one_before))
-    return distance
-
-
-def fit_constant_frames(estimated: Array, true: Array) -> tuple[Array, Array]:
-    """Constant rotations A, B (3, 3) that bring A true_t B closest to estimated_t, in the chordal sense.
-
-    The axes of a segment are a convention: A is that of the parent, B that of the child. Alternating least squares:
-    given one, the other is the mean of the rotations that remain.
-
-    Args:
-        estimated: (T, 3, 3) rotation of child in parent.
-        true: (T, 3, 3) the same.
-    """
-    A, B = np.eye(3), np.eye(3)
-    for _ in range(_ALTERNATIONS):
-        A = nearest_rotation(np.mean(estimated @ _transposed(true @ B), axis=0))
-        B = nearest_rotation(np.mean(_transposed(A @ true) @ estimated, axis=0))
-    return A, B
-
-
-def turned(rotations: Array) -> Array:
-    """Angle (T,) [rad] between rotations (T, 3, 3) and the first of them (A figure 7a)."""
-    return angle_between(rotations[:1], rotations)
-
-
-def angle_between(first: Array, second: Array) -> Array:
-    """(T,) geodesic angle [rad] between rotations (T, 3, 3)."""
-    angle: Array = np.linalg.norm(log_so3(_transposed(first) @ second), axis=-1)
-    return angle
-
-
-def _transposed(R: Array) -> Array:
-    return np.swapaxes(R, -1, -2)
-
-
-@dataclass(frozen=True, eq=False)
-class JointRotation:
-    """Rotation of a child segment in its parent over T states.
-
-    Attributes:
-        true: (T, 3, 3), in the frames of the estimate's segments.
-        angle_errors: (T,) [rad] | |log(E_0' E_t)| - |log(T_0' T_t)| | (A figure 7a): blind to the axis, and wrong as a
-            whole if the first frame is.
-        rotation_errors: (T,) [rad] geodesic, with constant frames fitted.
-    """
-
-    true: Array
-    angle_errors: Array
-    rotation_errors: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +46,19 @@ class Comparison:
     tilt: float
     position_errors: Array
     similarity_errors: Array
-    joints: Mapping[str, JointRotation]
+    joints: Mapping[str, AngleAgreement]
     true_segments: Mapping[str, Array]
+
+    @property
+    def rotation_errors(self) -> Mapping[str, Array]:
+        """Child segment -> (T,) [rad] geodesic errors of its rotation in its parent."""
+        return {s: joint.rotation_errors for s, joint in self.joints.items() if joint.rotation_errors is not None}
 
     def figures(self) -> dict[str, Any]:
         """Figures by name, the unit at the end of the name."""
         degrees, cm = np.degrees(1.0), 100.0
-        angles = {segment: degrees * joint.angle_errors for segment, joint in self.joints.items()}
-        rotations = {segment: degrees * joint.rotation_errors for segment, joint in self.joints.items()}
+        angles = {segment: degrees * joint.turn_errors for segment, joint in self.joints.items()}
+        rotations = {segment: degrees * errors for segment, errors in self.rotation_errors.items()}
         per_joint = {
             segment: {"position_cm": float(errors.mean())}
             for segment, errors in zip(self.segments, cm * self.position_errors.T, strict=True)
@@ -182,20 +121,13 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
         position_errors=np.linalg.norm(ours @ R.T + t - theirs, axis=-1),
         similarity_errors=np.linalg.norm(scale * ours @ similar_R.T + similar_t - theirs, axis=-1),
         joints={
-            child: _joint_rotation(*(inverse(each[parent]) @ each[child] for each in (estimated, true)))
+            child: compare_rotations(
+                child,
+                *((inverse(each[parent]) @ each[child])[:, :3, :3] for each in (estimated, true)),
+                shares_axes=True,
+            )
             for child, parent in truth.parents.items()
             if child in segments and parent in segments
         },
         true_segments={s: inverse(rigid(R, t)) @ poses for s, poses in true.items()},
-    )
-
-
-def _joint_rotation(parent_T_child: Array, true_parent_T_child: Array) -> JointRotation:
-    estimated, true = parent_T_child[:, :3, :3], true_parent_T_child[:, :3, :3]
-    A, B = fit_constant_frames(estimated, true)
-    fitted = A @ true @ B
-    return JointRotation(
-        true=fitted,
-        angle_errors=np.abs(turned(estimated) - turned(true)),
-        rotation_errors=angle_between(fitted, estimated),
     )

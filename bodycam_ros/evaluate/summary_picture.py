@@ -1,6 +1,7 @@
 """One picture that shows at a glance whether a solved recording is any good."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -14,7 +15,7 @@ from matplotlib.patches import Patch
 from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figure_panel import draw_figures
-from bodycam_ros.evaluate.time_panels import ANGLE_PANELS, ERROR_PANELS, draw_angles, draw_errors
+from bodycam_ros.evaluate.time_panels import ERROR_PANELS, draw_errors
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
     CAUTION,
@@ -39,7 +40,7 @@ _MAX_LETTERS = 150
 """Of the line below the name; the report and summary.json have the rest."""
 
 _WIDTH, _HEIGHT, _EQUIPMENT_HEIGHT = 16.0, 11.6, 2.6  # [in]
-_LEFT_COLUMN, _RIGHT_COLUMN = (0.095, 0.405), (0.6, 0.365)
+_COLUMN = (0.095, 0.85)  # of all panels over time
 
 _MAX_COLUMNS = 900
 """Columns of the strip; of the images that share one, the worst shows."""
@@ -67,21 +68,16 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
 
         _draw_headline(figure, evaluation, height)
         draw_figures(add_panel((0.03, 0.94), 0.545, 0.88), evaluation)
-        registrations = add_panel(_LEFT_COLUMN, 0.232, 0.49)
+        registrations = add_panel(_COLUMN, 0.232, 0.49)
         _draw_registrations(registrations, evaluation.solved)
-        for draw, column, (bottom, top), count in (
-            (draw_errors, _LEFT_COLUMN, (0.055, 0.182), ERROR_PANELS),
-            (draw_angles, _RIGHT_COLUMN, (0.055, 0.49), ANGLE_PANELS),
-        ):
-            gap, panels = 0.018, []
-            each = (top - bottom + gap) / count
-            for index in range(count):
-                high = top - index * each
-                panels.append(add_panel(column, high - each + gap, high, registrations))
-                panels[-1].tick_params(labelbottom=index == count - 1)
-            draw(panels, evaluation)
+        bottom, top, gap = 0.055, 0.182, 0.018
+        heights = np.linspace(top + gap, bottom, ERROR_PANELS + 1)
+        panels = [add_panel(_COLUMN, low, high - gap, registrations) for high, low in pairwise(heights)]
+        for panel in panels[:-1]:
+            panel.tick_params(labelbottom=False)
+        draw_errors(panels, evaluation)
         if equipment is not None:
-            panel = add_panel((0.095, 0.87), -0.16, -0.03, registrations)
+            panel = add_panel(_COLUMN, -0.16, -0.03, registrations)
             draw_equipment(panel, evaluation.solved, equipment)
         figure.align_ylabels()
 

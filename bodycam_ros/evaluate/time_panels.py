@@ -1,4 +1,4 @@
-"""Curves over time: the flexion of each limb; errors or, without truth, the uncertainty; errors of each joint."""
+"""Curves over time: errors or, without truth, the uncertainty; errors of each joint."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from bodycam_ros.calibration.anthropometry import JOINT_ABOVE
-from bodycam_ros.evaluate.anatomical_angles import kind_and_side, planes_of
+from bodycam_ros.evaluate.anatomical_angles import kind_and_side
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
@@ -26,71 +26,18 @@ from bodycam_ros.picture_style import (
     side_colour,
 )
 
-LIMBS: Mapping[str, str] = {"hip": "thigh", "knee": "shin", "shoulder": "upper_arm", "elbow": "forearm"}
-"""Joint -> the kind of segment that it moves."""
-
-ANGLE_PANELS, ERROR_PANELS = len(LIMBS), 2
+ERROR_PANELS = 2
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
 _MIN_ERROR = 1e-3  # [mm] and [deg] lower end of a logarithmic scale
-_DASHED = (0, (3, 2))
-_LONG_S = 15.0  # recordings whose curves would cover each other as thick lines
-_THINNEST = 0.35
 _ROWS = (("spine", "neck", "shoulder", "elbow"), ("hip", "knee", "ankle", "pelvis"))
 _WIDTH, _ROW_HEIGHT = 16.0, 2.4  # [in]
-
-
-def flexion_deg(segment: str, parent_R_child: Array) -> Array:
-    """Flexion (T,) [deg] of a limb by rotations (T, 3, 3) in its parent, zero in the N-pose.
-
-    Hip, knee and elbow: in the sagittal plane. Shoulder: the whole swing, because an arm that is raised sideways leaves
-    that plane.
-    """
-    planes = np.degrees(planes_of(segment, parent_R_child))
-    return np.asarray(np.linalg.norm(planes[:, :2], axis=1) if segment.startswith(LIMBS["shoulder"]) else planes[:, 0])
-
-
-def draw_angles(panels: Sequence[Axes], evaluation: Evaluation) -> None:
-    """Draw one panel per kind of joint, left and right in their colours, the truth dashed."""
-    for axes, (name, kind) in zip(panels, LIMBS.items(), strict=True):
-        segments = [s for s in (f"{kind}_left", f"{kind}_right") if s in evaluation.solved.body.segments]
-        for segment in segments:
-            _draw_joint(axes, evaluation, segment)
-        if segments:
-            light_grid(axes)
-        else:
-            axes.text(0.5, 0.5, f"no {name} in this body", transform=axes.transAxes, ha="center", color=QUIET)
-            axes.set_yticks([])
-        axes.set_ylabel(f"{name} [°]")
-        axes.margins(y=0.12)
-    panel_title(panels[0], "Flexion", "forward; shoulder: in any direction")
-    handles = [Line2D([], [], color=LEFT, label="left"), Line2D([], [], color=RIGHT, label="right")]
-    if evaluation.comparison is not None:
-        handles.append(Line2D([], [], color=INK, linewidth=1.0, linestyle=_DASHED, label="truth"))
-    panels[0].legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(handles), handlelength=1.6,
-        borderaxespad=0,
-    )  # fmt: skip
-
-
-def _draw_joint(axes: Axes, evaluation: Evaluation, segment: str) -> None:
-    solved = evaluation.solved
-    thinner = float(np.clip(_LONG_S / solved.duration_s, _THINNEST, 1.0))
-    parent = solved.parents[segment]
-    world_R_parent, world_R_child = (solved.world_T_link[link][:, :3, :3] for link in (parent, segment))
-    angle = flexion_deg(segment, np.swapaxes(world_R_parent, 1, 2) @ world_R_child)
-    curve = solved.curve(solved.stamps_ns, angle)
-    axes.plot(*curve, color=side_colour(segment), linewidth=1.6 * thinner, marker=_lone_marker(curve))
-    if evaluation.comparison is not None and segment in evaluation.comparison.joints:
-        true = flexion_deg(segment, evaluation.comparison.joints[segment].true)
-        curve = solved.curve(evaluation.comparison.stamps_ns, true)
-        axes.plot(*curve, color=INK, linewidth=0.8 * thinner, linestyle=_DASHED)
 
 
 def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
     """Draw two panels, of position and of rotation or without truth of noise; frames without measurement in red."""
     solved, comparison = evaluation.solved, evaluation.comparison
     if comparison is not None:
-        rotations = np.degrees([joint.rotation_errors for joint in comparison.joints.values()]).T
+        rotations = np.degrees([*comparison.rotation_errors.values()]).T
         for axes, errors in zip(panels, (1e3 * comparison.position_errors, rotations), strict=True):
             _draw_spread(axes, solved.curve(comparison.stamps_ns, errors))
             if errors.max() > 0.0:  # errors of a lost limb are larger by orders of magnitude
@@ -147,12 +94,11 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
         OSError: the file cannot be written.
     """
     if (comparison := evaluation.comparison) is not None:
-        stamps_ns, joints = comparison.stamps_ns, comparison.joints.items()
+        stamps_ns, turns = comparison.stamps_ns, comparison.rotation_errors
         positions = dict(zip(comparison.segments, comparison.position_errors.T, strict=True))
-        turns = {segment: joint.rotation_errors for segment, joint in joints}
     else:
         assert (agreement := evaluation.agreement) is not None
-        stamps_ns, turns = agreement.stamps_ns, dict(agreement.angle_errors)
+        stamps_ns, turns = agreement.stamps_ns, agreement.angle_errors
         positions = {point.link: point.errors for point in reversed(agreement.joints)}
     kinds_of_errors = (positions, 100.0, "position [cm]"), (turns, float(np.degrees(1.0)), "rotation [°]")
     rows = [(*kind, joints) for kind in kinds_of_errors if kind[0] for joints in _ROWS]

@@ -156,7 +156,7 @@ def test_the_sample_comes_out_right(sample: Path, sample_out: Path) -> None:
     assert comparison.position_errors.mean() < 0.005
     assert comparison.position_errors.max() < 0.02
     assert np.degrees(comparison.tilt) < 0.2
-    rotation_errors = [joint.rotation_errors.mean() for joint in comparison.joints.values()]
+    rotation_errors = [errors.mean() for errors in comparison.rotation_errors.values()]
     assert np.degrees(np.mean(rotation_errors)) < 0.3
 
 
