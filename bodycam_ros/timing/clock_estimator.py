@@ -22,6 +22,7 @@ LOOKAHEAD_S = 8.0
 """How far ahead of the body clocks are estimated offline; four seconds of walking give them to 2 or 3 ms."""
 
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
+_CATCH_UP = 3  # times the pace at which images come; a window passed on at once would keep those who register waiting
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
 _OFF_S, _OFF_SIGMAS = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
 
@@ -84,7 +85,7 @@ class ClockEstimator:
         self._filter = ClockFilter(settings.sigma)
         self._order: list[str] = []
         self._strayed: set[str] = set()
-        self._first_ns = self._latest_ns = self._window_ns = self._filter_ns = -1
+        self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = self._filter_ns = -1
         self._is_provisional = False
         self.shared: SharedStamps | None = None
 
@@ -131,16 +132,19 @@ class ClockEstimator:
         if camera is None:
             return []
         camera.add(matches)
-        self._latest_ns = max(self._latest_ns, stamp_ns)
         if self._first_ns < 0:
-            self._first_ns = self._window_ns = stamp_ns
+            self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = stamp_ns
+        advance_ns, self._latest_ns = max(0, stamp_ns - self._latest_ns), max(self._latest_ns, stamp_ns)
         if self.shared is None or self._is_provisional:
             if not self._has_enough():
                 return []
             self._initialise()
         while self._latest_ns > self._window_ns + _WINDOW_NS + MARGIN_NS:
             self._estimate_until(self._window_ns + _WINDOW_NS)
-        return self._release(self._known_until_ns())
+        if self._live:
+            return self._release(None)
+        self._passed_ns = min(self._passed_ns + _CATCH_UP * advance_ns, self._known_until_ns())
+        return self._release(self._passed_ns)
 
     def flush(self) -> list[LandmarkMatches]:
         """All that is left: the recording or the epoch is over or, live, no image has come for a while."""
@@ -160,12 +164,10 @@ class ClockEstimator:
         """Begin a new epoch, after ``flush``: clocks are kept."""
         for camera in self._cameras.values():
             camera.restart()
-        self._first_ns = self._latest_ns = self._window_ns = -1
+        self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = -1
 
-    def _known_until_ns(self) -> int | None:
-        """Stamp up to which clocks are known well enough to pass images on; None: pass all."""
-        if self._live:
-            return None
+    def _known_until_ns(self) -> int:
+        """Stamp up to which clocks are known well enough to pass images on."""
         # Shared stamps need no correction, unless the present window shows otherwise.
         all_share = self.sharing >= {name for name, camera in self._cameras.items() if camera.queue}
         return self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
