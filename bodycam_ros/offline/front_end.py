@@ -2,7 +2,7 @@
 
 import queue
 import signal
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.context import ForkServerProcess
@@ -10,6 +10,7 @@ from multiprocessing.queues import Queue
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.offline.camera_worker import (
     AwaitedUpdate,
     RegisteredImage,
@@ -32,8 +33,6 @@ _POLL_S = 1.0
 def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int) -> Iterator[Result]:
     """Register all images of a recording in ``jobs`` processes.
 
-    The results come in order of their stamps, whatever the number of processes and the pace of each.
-
     Args:
         task: what is to be done.
         cameras: models of the cameras by name.
@@ -44,53 +43,64 @@ def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel
         RecordingError: a worker was killed.
     """
     warm_up()
-    shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
-    with _workers(task, shares) as workers:
-        listening = dict(enumerate(workers))
-        updates = _update_source(task, cameras, listening)
-        pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
-        while pending:
-            earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))
-            item = pending.pop(earliest)
-            if updates is not None:
-                updates.advance(item.stamp_ns)
-                if isinstance(item, RegisteredImage):
-                    updates.add(item.matches, item.keyframe)
-            if not isinstance(item, AwaitedUpdate):
-                yield item
-            if following := workers[earliest].next_result():
-                pending[earliest] = following
-            else:
-                del listening[earliest]  # or its inbox would fill until the others are done
+    with start_workers(task, cameras, jobs) as workers:
+        yield from merged_results(workers, task.settings.growth, cameras, ReferenceMap.load(task.map_path))
 
 
-def _update_source(
-    task: RegistrationTask, cameras: Mapping[str, CameraModel], listening: Mapping[int, "_Worker"]
-) -> MapUpdateSource | None:
-    """Extends the map by the images of all workers, and sends the changes to those that listen; None if disabled."""
-    growth = task.settings.growth
-    if not growth.enabled:
-        return None
+def merged_results(
+    workers: Sequence["Worker"],
+    growth: GrowthSettings,
+    cameras: Mapping[str, CameraModel],
+    reference_map: ReferenceMap,
+) -> Iterator[Result]:
+    """Results of all workers in order of their stamps, whatever the number of processes and the pace of each.
+
+    Args:
+        workers: as they were started.
+        growth: of the map; where it is enabled, workers are sent what all cameras add to it.
+        cameras: models of the cameras by name.
+        reference_map: in which they are registered.
+
+    Raises:
+        BodycamError: as ``register_recording``.
+    """
+    listening = dict(enumerate(workers))
 
     def send(update: MapUpdate) -> None:
         for worker in listening.values():
             worker.inbox.put(update)
 
-    return MapUpdateSource(ReferenceMap.load(task.map_path), cameras, growth.capacity, send)
+    updates = MapUpdateSource(reference_map, cameras, growth.capacity, send) if growth.enabled else None
+    pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
+    while pending:
+        earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))
+        item = pending.pop(earliest)
+        if updates is not None:
+            updates.advance(item.stamp_ns)
+            if isinstance(item, RegisteredImage):
+                updates.add(item.matches, item.keyframe)
+        if not isinstance(item, AwaitedUpdate):
+            yield item
+        if following := workers[earliest].next_result():
+            pending[earliest] = following
+        else:
+            del listening[earliest]  # or its inbox would fill until the others are done
 
 
 @contextmanager
-def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Iterator[list["_Worker"]]:
-    workers: list[_Worker] = []
+def start_workers(task: RegistrationTask, cameras: Collection[str], jobs: int) -> Iterator[list["Worker"]]:
+    """Processes that register an equal share of the cameras each, until the end of the block."""
+    shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
+    workers: list[Worker] = []
     try:
         with ready_to_start() as context:
-            for cameras in shares:
-                own = replace(task, turns={camera: task.turns[camera] for camera in cameras if camera in task.turns})
+            for share in shares:
+                own = replace(task, turns={camera: task.turns[camera] for camera in share if camera in task.turns})
                 outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
                 inbox: Queue[MapUpdate] = context.Queue()
-                process = context.Process(target=run_camera_worker, args=(own, cameras, outbox, inbox), daemon=True)
+                process = context.Process(target=run_camera_worker, args=(own, share, outbox, inbox), daemon=True)
                 process.start()
-                workers.append(_Worker(process, outbox, inbox))
+                workers.append(Worker(process, outbox, inbox))
         yield workers
     except BaseException:
         for worker in workers:
@@ -104,7 +114,7 @@ def _workers(task: RegistrationTask, shares: Sequence[tuple[str, ...]]) -> Itera
 
 
 @dataclass(frozen=True)
-class _Worker:
+class Worker:
     """A process with its queues."""
 
     process: ForkServerProcess

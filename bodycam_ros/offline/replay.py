@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from heapq import merge
 from pathlib import Path
 from tempfile import gettempdir
@@ -30,7 +30,7 @@ from bodycam_ros.offline.camera_worker import (
     UnusableCount,
 )
 from bodycam_ros.offline.extend import extend_map
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.front_end import merged_results, start_workers
 from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.offline.static_input import make_image_measurement, read_recorded_stations
@@ -102,12 +102,19 @@ def replay(
         if passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
             map_path, rounds = _extend(recording_path, map_path, body, settings, jobs, passes, on_step, scratch)
-        reference_map = None if map_path is None else _metric_map(map_path)
+        metric_map = cache(partial(_metric_map, map_path))
         with open_recording(recording_path) as recording:
-            stations = read_recorded_stations(outside, reference_map, recording, body) if outside else {}
+            stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
             cameras = _mounted_cameras(recording, body, stations) if map_path else {}
-            readouts = body.readout_starts
             summary = ReplaySummary(recording.duration_s, rounds=rounds)
+        imus = read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {}
+        turns = camera_turns(body, imus)
+        task = RegistrationTask(
+            recording_path, map_path or Path(), settings, readouts=body.readout_starts, slim=slim, turns=turns
+        )
+        # As early as can be: cameras are registered while the rest is made ready.
+        workers = stack.enter_context(start_workers(task, cameras, jobs))
+        reference_map = metric_map()
         log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
         static_cameras = None
@@ -117,7 +124,6 @@ def replay(
             )
             if not cameras and outside.start is None:
                 raise _nothing_solved(recording_path, map_path, outside)
-        imus = read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {}
         skeleton = SkeletonPipeline(
             person,
             cameras,
@@ -135,13 +141,13 @@ def replay(
         clocks = skeleton.synchronizer.clocks
         out = ReplayOutput(writer, body, RegistrationDiagnostics(cameras), summary, log, clocks, coupling)
         rows = ReadoutLog(cameras)
-        task = RegistrationTask(
-            recording_path, map_path or Path(), settings, readouts=readouts, slim=slim, turns=camera_turns(body, imus)
-        )
         spans = CameraSpans([*cameras, *stations])
         unusable = UnusableCount()
         start_ns = None
-        for item in _read(task, cameras, jobs, stations):
+        said: Iterator[Result] = iter(())
+        if reference_map is not None and cameras:
+            said = merged_results(workers, settings.growth, cameras, reference_map)
+        for item in _with_images(said, recording_path, stations):
             if not isinstance(item, RegisteredImage | CameraImage):
                 unusable.add(item)
                 continue
@@ -215,8 +221,10 @@ def _extend(
     return scratch / "map", extension.rounds
 
 
-def _metric_map(path: Path) -> ReferenceMap:
-    """The map, if its unit is the metre; a vertical that is only assumed is warned about."""
+def _metric_map(path: Path | None) -> ReferenceMap | None:
+    """The map, if there is one and its unit is the metre; a vertical that is only assumed is warned about."""
+    if path is None:
+        return None
     reference_map = ReferenceMap.load(path)
     check_metric(reference_map, path)
     if assumed := assumed_vertical(reference_map, path):
@@ -224,15 +232,14 @@ def _metric_map(path: Path) -> ReferenceMap:
     return reference_map
 
 
-def _read(
-    task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int, stations: Collection[str]
+def _with_images(
+    said: Iterator[Result], recording_path: Path, stations: Collection[str]
 ) -> Iterator[Result | CameraImage]:
-    """What worn cameras say, and images of static ones, in order of their stamps."""
-    said = register_recording(task, cameras, jobs) if cameras else iter(())
+    """Registrations of worn cameras, and images of static ones, in order of their stamps."""
     if not stations:
         yield from said
         return
-    with open_recording(task.recording_path) as recording:
+    with open_recording(recording_path) as recording:
         yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
 
 
