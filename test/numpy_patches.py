@@ -23,12 +23,12 @@ CELLS, LEAST_SIGMA_PX, LEAST_AXIS_COSINE = 8, 0.8, np.cos(np.radians(84.0))
 
 
 def project_moving_in_numpy(
-    camera: CameraModel, world_T_camera: Array, points_world: Array, twist: Array, readout_time: float
+    camera: CameraModel, world_T_camera: Array, points_world: Array, twist: Array, readout_time: float, rounds: int = 2
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Pixels (N, 2), each of the row that shows it."""
+    """Pixels (N, 2), each of the row that shows it, as a number of rounds find it."""
     points = transform_points(inverse(world_T_camera), points_world)
     pixels, valid = project_in_numpy(camera, points)
-    for _ in range(2 if readout_time else 0):
+    for _ in range(rounds if readout_time else 0):
         times_s = readout_time * (pixels[:, 1] / (camera.height - 1) - 0.5)
         moved = points - times_s[:, None] * (np.cross(twist[:3], points) + twist[3:])
         pixels, still = project_in_numpy(camera, moved)
@@ -62,7 +62,7 @@ def choose_in_numpy(
     offsets = points_world - world_T_camera[:3, 3]
     distances = np.linalg.norm(offsets, axis=1)
     sigmas_px = camera.fx * sizes.astype(float) / distances
-    pixels, valid = project_moving_in_numpy(camera, world_T_camera, points_world, twist, readout_time)
+    pixels, valid = project_moving_in_numpy(camera, world_T_camera, points_world, twist, readout_time, rounds=1)
     u, v = np.nan_to_num(pixels, nan=-1.0).T
     seen = (
         valid

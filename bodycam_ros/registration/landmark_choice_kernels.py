@@ -62,9 +62,8 @@ def choose_landmarks(
         x, y, z, dx, dy, dz = in_camera(T, surfaces[0, i], surfaces[1, i], surfaces[2, i])
         u, v = _project_by_table(lens, gains, x, y, z)
         if readout_time != 0.0:
-            for _ in range(2):
-                time_s = readout_time * (v / (height - 1.0) - 0.5)
-                u, v = _project_by_table(lens, gains, *_moved(x, y, z, twist, time_s))
+            time_s = readout_time * (v / (height - 1.0) - 0.5)
+            u, v = _project_by_table(lens, gains, *_moved(x, y, z, twist, time_s))
         if not (u > _BORDER and v > _BORDER and u < width - 1 - _BORDER and v < height - 1 - _BORDER):
             continue
         cell = int(v * CELLS / height) * CELLS + int(u * CELLS / width)
