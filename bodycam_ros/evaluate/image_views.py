@@ -17,6 +17,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import draw_picture
+from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.overlay import GOOD, GOOD_PX
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras.contour_painting import (
@@ -95,32 +96,27 @@ def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[Imag
         RecordingError: not a recording, or an image that cannot be decoded.
         LensError: the recording's intrinsics cannot be used.
     """
-    at_ns, half_ns = middle_stamp(solved), solved.frame_ns // 2
-    with open_recording(recording) as images:
-        known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in images.cameras]
-        for record, poses in _pick_evenly(known):
-            early_ns = at_ns - half_ns
-            given_ns = 2 * early_ns - int(record.time_of(np.array([early_ns]))[0])  # by the camera's own clock
-            if (image := images.first_image(record.camera, given_ns)) is None:
-                continue
-            time_ns = int(record.time_of(np.array([image.stamp_ns]))[0])
-            found = (each for each in solved.landmarks((record.camera,)) if each.stamp_ns == time_ns)
-            if time_ns > at_ns + half_ns or (matches := next(found, None)) is None:
-                continue
-            is_placed = solved.placed[np.abs(solved.stamps_ns - time_ns).argmin()]
-            bones = solved.bones(solved.segments_near(time_ns)[None])
-            picture = draw_picture(
-                image,
-                images.camera_model(record.camera),
-                pose_near(solved.stamps_ns, poses, time_ns),
-                [bone for bone in bones if is_placed or not bone.is_equipment],
-                matches,
-            )
-            error = f", {picture.error_px:.2f} px median" if np.isfinite(picture.error_px) else ""
-            state = "" if matches.world_T_camera is not None else ", LOST"
-            seconds = float(solved.seconds(np.array([time_ns]))[0])
-            note = f"{seconds:.2f} s, {len(matches.pixels)} landmarks{error}{state}"
-            yield ImageView(record.camera, note, picture.pixels)
+    at_ns, footage = middle_stamp(solved), Footage(recording, solved.path)
+    known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in footage.cameras]
+    for record, poses in _pick_evenly(known):
+        image = footage.image_at(record.camera, at_ns, solved.frame_ns // 2)
+        if image is None or (matches := footage.matches_of(image)) is None:
+            continue
+        time_ns = int(record.time_of(np.array([image.stamp_ns]))[0])
+        is_placed = solved.placed[np.abs(solved.stamps_ns - time_ns).argmin()]
+        bones = solved.bones(solved.segments_near(time_ns)[None])
+        picture = draw_picture(
+            image,
+            footage.model(record.camera),
+            pose_near(solved.stamps_ns, poses, time_ns),
+            [bone for bone in bones if is_placed or not bone.is_equipment],
+            matches,
+        )
+        error = f", {picture.error_px:.2f} px median" if np.isfinite(picture.error_px) else ""
+        state = "" if matches.world_T_camera is not None else ", LOST"
+        seconds = float(solved.seconds(np.array([time_ns]))[0])
+        note = f"{seconds:.2f} s, {len(matches.pixels)} landmarks{error}{state}"
+        yield ImageView(record.camera, note, picture.pixels)
 
 
 def static_camera_views(

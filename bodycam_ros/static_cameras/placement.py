@@ -147,9 +147,3 @@ def standing_in_view(body: BodyModel, stations: Collection[Station]) -> Array:
     centre = np.linalg.solve((across + _IN_FRONT_WEIGHT * np.eye(3)).sum(axis=0), b.sum(axis=0))[:, 0]
     x, y, _ = cameras[0, :, 0] - centre
     return body.n_pose(rigid(exp_so3(np.array([0.0, 0.0, np.arctan2(y, x)])), centre))
-
-
-def nearest_on_ray(origin: Array, direction: Array, point: Array) -> Array:
-    """The point (3,) of a ray from ``origin`` (3,) along ``direction`` (3,) that is nearest to ``point`` (3,)."""
-    along = direction / np.linalg.norm(direction)
-    return np.asarray(origin + max(float(along @ (point - origin)), 0.0) * along)

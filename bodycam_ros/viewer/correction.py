@@ -12,11 +12,10 @@ from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+from bodycam_ros.geometry import Array, log_so3
 from bodycam_ros.whole_file import write_whole
 
-DECIMALS = 3
-"""Of the millimetres and degrees that are shown."""
+_DECIMALS = 3  # of the millimetres and degrees that are noted
 
 _SMALLEST_MM, _SMALLEST_DEG = 1e-6, 1e-6  # a smaller move is rounding
 
@@ -63,17 +62,9 @@ class Move:
         return bool(np.linalg.norm(self.shift_mm) < _SMALLEST_MM and np.linalg.norm(self.turn_deg) < _SMALLEST_DEG)
 
     def rounded(self) -> "Move":
-        """The move as it is shown to a person and noted: to the micrometre and the thousandth of a degree."""
+        """The move as it is noted: to the micrometre and the thousandth of a degree."""
         # Adding zero turns -0.0 into 0.0.
-        return Move(np.round(self.shift_mm, DECIMALS) + 0.0, np.round(self.turn_deg, DECIMALS) + 0.0)
-
-    def looks_like(self, other: "Move") -> bool:
-        """Whether both are shown by the same digits."""
-        one, two = self.rounded(), other.rounded()
-        return np.array_equal(one.shift_mm, two.shift_mm) and np.array_equal(one.turn_deg, two.turn_deg)
-
-
-NO_MOVE = Move(np.zeros(3), np.zeros(3))
+        return Move(np.round(self.shift_mm, _DECIMALS) + 0.0, np.round(self.turn_deg, _DECIMALS) + 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,23 +104,9 @@ class Correction:
         kept = self.steps[:-1] if continues else self.steps
         return replace(self, steps=(*kept, move(self.body, part.name, segment_T_part)))
 
-    def moved_by(self, part: Part, move: Move) -> "Correction":
-        """The correction with a part so far from where the file has it; else as ``moved_to``."""
-        root_T_segment, root_T_part = _in_n_pose(self.original, self._original_n_pose, part)
-        segment_R_root = root_T_segment[:3, :3].T
-        segment_R_part = exp_so3(np.radians(move.turn_deg)) @ segment_R_root @ root_T_part[:3, :3]
-        # From the segment's present origin, which moves along with the joint to its parent.
-        present_origin = _in_n_pose(self.body, self._n_pose, part)[0][:3, 3]
-        origin = segment_R_root @ (root_T_part[:3, 3] - present_origin) + move.shift_mm * 1e-3
-        return self.moved_to(part, rigid(segment_R_part, origin))
-
     def undone(self) -> "Correction":
         """The correction without its last step."""
         return replace(self, steps=self.steps[:-1])
-
-    def reset(self, part: Part) -> "Correction":
-        """The correction with a part back where the file has it, as one more step."""
-        return self.moved_by(part, NO_MOVE)
 
     def move_of(self, part: Part) -> Move:
         """How far a part is from where the file has it in the N-pose.

@@ -11,8 +11,6 @@ from typing import Any, TypeVar
 
 from viser import CommandHandle, GuiButtonHandle, GuiInputHandle
 
-from bodycam_ros.errors import BodycamError
-
 Action = Callable[[], None]
 Value = TypeVar("Value")
 
@@ -43,19 +41,6 @@ class Inbox:
         with self._changed:
             self._changed.wait_for(lambda: bool(self._queue), timeout_s)
             return self._queue.pop(0)[1] if self._queue else None
-
-    def compute(self, task: Callable[[], Value], use: Callable[[Value], None]) -> None:
-        """Run a task on a thread of its own; an action then uses its result, or raises its ``BodycamError``."""
-
-        def run() -> None:
-            try:
-                result = task()
-            except BodycamError as error:
-                self.put(partial(_raise, error))
-            else:
-                self.put(partial(use, result))
-
-        threading.Thread(target=run, daemon=True).start()
 
     def on_input(
         self, handle: GuiInputHandle[Value], act: Callable[[Value], object], instead_of: str | None = None
@@ -89,7 +74,3 @@ def set_value(handle: GuiInputHandle[Value], value: Value) -> None:
 
 def _call(act: Callable[[Value], object], value: Value) -> None:
     act(value)
-
-
-def _raise(error: BodycamError) -> None:
-    raise error

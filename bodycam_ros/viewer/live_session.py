@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -74,18 +75,14 @@ def view_live(make_listener: MakeListener, map_path: Path | None, port: int) -> 
         BodycamError: the map is missing or damaged, or the port cannot be used.
     """
     reference_map = None if map_path is None else ReferenceMap.load(map_path)
-    server = LocalServer(port, "bodycam view: live")
-    try:
-        session = LiveSession(server, reference_map)
-        listener = make_listener(session.put_body, session.put_state)
-        try:
-            server.print_address()
-            while True:
-                session.step(_REPORT_S)
-        finally:
-            listener.stop()
-    finally:
-        server.stop()
+    with ExitStack() as listening:
+
+        def open_view(server: LocalServer) -> LiveSession:
+            session = LiveSession(server, reference_map)
+            listening.callback(make_listener(session.put_body, session.put_state).stop)
+            return session
+
+        LocalServer(port, "bodycam view: live").serve(open_view)
 
 
 class LiveSession:
@@ -118,7 +115,12 @@ class LiveSession:
         self._count += 1
         self._inbox.put(lambda: self._show(state), "state")
 
-    def step(self, timeout_s: float) -> None:
+    @property
+    def unwritten(self) -> str:
+        """Nothing: the body is the graph's."""
+        return ""
+
+    def step(self, timeout_s: float = _REPORT_S) -> None:
         """Do the next action, or wait for it up to a time."""
         action = self._inbox.take(timeout_s)
         if action is not None:

@@ -1,4 +1,4 @@
-"""The controls of time, of a correction and of the camera's image, and the switches of what is shown."""
+"""The controls of time and of the camera's image, and the switches of what is shown."""
 
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from viser import GuiApi, GuiSliderHandle
 
 from bodycam_ros.picture_style import LEFT, RIGHT
-from bodycam_ros.viewer.correction import NO_MOVE, Move, Part
 from bodycam_ros.viewer.inbox import Action, Inbox, set_value
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
@@ -19,11 +18,8 @@ _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
 _STEP_S, _DECIMALS = 0.001, 3
 _LEAP = 15  # states; half a second at 30 images a second
 
-_NO_CAMERA, _NO_PART = "none", "nothing"
+_NO_CAMERA = "none"
 _BLANK = np.full((12, 16, 3), 227, np.uint8)
-
-_UNDO, _RESET = "last step", "this part"
-_STEP_MM, _STEP_DEG = 0.1, 0.01
 
 _PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
 _CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))
@@ -126,58 +122,6 @@ class TimePanel:
         )
         for label, key, shift, act in keys:
             inbox.on_key(gui.add_command(label, hotkey=key, modifier="shift" if shift else None), act)
-
-
-class CorrectionPanel:
-    """Shows and takes the correction of one selected part."""
-
-    def __init__(
-        self,
-        gui: GuiApi,
-        inbox: Inbox,
-        parts: Iterable[Part],
-        file_name: str,
-        *,
-        select: Callable[[Part | None], None],
-        move: Callable[[Move], None],
-        undo: Action,
-        reset: Action,
-        write: Action,
-    ) -> None:
-        named = {str(part): part for part in parts}
-        with gui.add_folder("Correct"):
-            self._part = gui.add_dropdown(
-                "move", (_NO_PART, *named), hint="or click a camera or a joint in the scene, and drag its arrows"
-            )
-            self._shift = gui.add_vector3(
-                "moved [mm]", (0.0, 0.0, 0.0), step=_STEP_MM, hint="along the segment's axes: forward, left, up"
-            )
-            self._turn = gui.add_vector3(
-                "turned [deg]", (0.0, 0.0, 0.0), step=_STEP_DEG, hint="about the segment's axes: forward, left, up"
-            )
-            back = gui.add_button_group("take back", (_UNDO, _RESET))
-            self._write = gui.add_button(f"Write {file_name}")
-            self._moved = gui.add_markdown("")
-        inbox.on_input(self._part, lambda name: select(named.get(name)))
-        inbox.on_input(self._shift, lambda shift: move(Move(np.array(shift), np.array(self._turn.value))))
-        inbox.on_input(self._turn, lambda turn: move(Move(np.array(self._shift.value), np.array(turn))))
-        back.on_click(lambda event: inbox.put(undo if event.target.value == _UNDO else reset))
-        inbox.on_click(self._write, write)
-
-    def select(self, part: Part | None) -> None:
-        """Show another part as the one to be moved."""
-        set_value(self._part, _NO_PART if part is None else str(part))
-
-    def show(self, move: Move | None, moves: Iterable[tuple[Part, Move]], *, can_turn: bool) -> None:
-        """Show how far the selected part (None: no part) and all others are from where the file has them."""
-        shown = (NO_MOVE if move is None else move).rounded()
-        for field, values in ((self._shift, shown.shift_mm), (self._turn, shown.turn_deg)):
-            x, y, z = values.tolist()
-            set_value(field, (x, y, z))
-        self._shift.disabled, self._turn.disabled = move is None, not can_turn
-        lines = [f"{part}: {moved}" for part, moved in moves]
-        self._moved.content = "\n\n".join(["**not written yet**", *lines]) if lines else ""
-        self._write.disabled = not lines
 
 
 class PicturePanel:

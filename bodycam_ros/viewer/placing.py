@@ -4,35 +4,26 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from viser import ImageHandle, SceneClickEvent
 
 from bodycam_ros.body.body_edit import joint_named
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.placement import Placement, nearest_on_ray
+from bodycam_ros.static_cameras.placement import Placement
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
-from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.viewer.correction import Part
+from bodycam_ros.viewer.edit_panel import EditPanel
 from bodycam_ros.viewer.gizmo import Gizmo
-from bodycam_ros.viewer.inbox import Inbox, set_value
+from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.motion import Motion
-from bodycam_ros.viewer.placing_picture import PlacingPicture, pinhole_picture
+from bodycam_ros.viewer.placing_picture import PlacingPicture
 from bodycam_ros.viewer.placing_sources import PlacingSources
-from bodycam_ros.viewer.scene import CAMERAS, Scene
-from bodycam_ros.viewer.scene_nodes import WORLD, place
+from bodycam_ros.viewer.scene import Scene
+from bodycam_ros.viewer.scene_nodes import WORLD
 from bodycam_ros.viewer.server import LocalServer
 
 _PICTURE_PANEL_PX = 600
-_OUTSIDE = "outside"
-_BEHIND = 1.6  # times as far as the body: the image of the camera that the scene is looked at from
-_CLOSE_UP_M = 1.2  # above and below the root
-_DECIMALS, _STEP_M = 3, 0.01
 _POSSIBLE = 0.48  # support of a segment that may be where it is; those that were off by 15 cm had less
 
-_HELP = (
-    "Place the pelvis first, then head, hands and feet, then knees and elbows. Drag the handles; or look from a "
-    "camera, and shift + click where the segment begins: at its knee, ankle, elbow or wrist. Then fit."
-)
+_HELP = "Place the pelvis first, then head, hands and feet, then knees and elbows. Drag the handles. Then fit."
 
 
 def place_body(sources: PlacingSources, output: Path, port: int) -> None:
@@ -68,8 +59,6 @@ class PlacingSession:
         )
         self._gizmo = Gizmo(server.scene, inbox, self._drag)
         self._pictures = PlacingPicture(body, sources.tracker.views, sources.images)
-        self._camera = _OUTSIDE
-        self._behind: ImageHandle | None = None
         self._add_panels()
         self._select(body.root)
         self._scene.frame_body()
@@ -78,31 +67,25 @@ class PlacingSession:
         gui, inbox, body = self._server.gui, self._inbox, self._placement.body
         panel = gui.add_panel()
         with panel.add_tab("First images"):
+            close_up = gui.add_checkbox("close up", False)
             self._image = gui.add_image(self._pictures.draw(self._placement.poses, body.root), format="jpeg")
         panel.dock_left()
         panel.set_width(_PICTURE_PANEL_PX)
-        with gui.add_folder("Look"):
-            through = gui.add_dropdown("from", (_OUTSIDE, *self._sources.images))
-            close_up = gui.add_checkbox("close up", False)
-        with gui.add_folder("Place"):
-            gui.add_markdown(_HELP)
-            self._segment = gui.add_dropdown("segment", body.segments)
-            self._position = gui.add_vector3("place [m]", (0.0, 0.0, 0.0), step=_STEP_M)
-            undo, fit = gui.add_button("Undo"), gui.add_button("Fit")
-            write = gui.add_button(f"Write {self._output.name}")
-            self._remark = gui.add_markdown("")
-        inbox.on_input(self._segment, self._select)
-        inbox.on_input(self._position, lambda at: self._move_to(np.array(at)))
-        inbox.on_click(undo, lambda: self._change(self._placement.undone()))
-        inbox.on_click(fit, self._fit)
-        inbox.on_click(write, self._write)
-        inbox.on_input(through, self._look_from)
+        self._panel = EditPanel(
+            gui,
+            inbox,
+            "Place",
+            body.segments,
+            self._output.name,
+            select=self._select,
+            move_to=self._move_to,
+            undo=lambda: self._change(self._placement.undone()),
+            write=self._write,
+            text=_HELP,
+        )
+        with self._panel.folder:
+            inbox.on_click(gui.add_button("Fit"), self._fit)
         inbox.on_input(close_up, self._cut)
-
-        @self._server.scene.on_click(modifier="shift")
-        def clicked(event: SceneClickEvent) -> None:
-            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-            inbox.put(lambda: self._move_to(nearest_on_ray(origin, direction, self._pose[:3, 3])))
 
     def step(self) -> None:
         """Do what a person asks for next, or wait for it."""
@@ -126,8 +109,6 @@ class PlacingSession:
         self._selected = segment
         joint, can_move = self._placement.body.joint_to_parent(segment), self._placement.can_move(segment)
         self._scene.select(None if joint is None else Part("joint", joint.name))
-        set_value(self._segment, segment)
-        self._position.disabled = not can_move
         self._gizmo.attach(WORLD, self._pose, can_move=can_move)
         self._show()
 
@@ -135,8 +116,8 @@ class PlacingSession:
         """Show the body where it is now."""
         self._scene.pose(self._placement.poses)
         self._image.image = self._pictures.draw(self._placement.poses, self._selected)
-        x, y, z = np.round(self._pose[:3, 3], _DECIMALS).tolist()
-        set_value(self._position, (x, y, z))
+        can_move = self._placement.can_move(self._selected)
+        self._panel.show(self._selected, self._pose[:3, 3], can_move=can_move)
 
     def _drag(self, pose: Array, continues: bool) -> None:
         self._change(self._placement.moved_to(self._selected, pose, continues=continues))
@@ -145,21 +126,20 @@ class PlacingSession:
         """Move the selected segment's origin."""
         pose = self._pose.copy()
         pose[:3, 3] = place_world
-        # A field that loses the focus sends its number again.
-        is_elsewhere = not np.array_equal(*np.round([pose[:3, 3], self._pose[:3, 3]], _DECIMALS))
-        if is_elsewhere and self._placement.can_move(self._selected):
-            self._change(self._placement.moved_to(self._selected, pose))
+        self._change(self._placement.moved_to(self._selected, pose))
 
     def _change(self, placement: Placement) -> None:
-        self._placement, self._remark.content = placement, ""
+        self._placement = placement
+        self._panel.remark("")
         self._gizmo.follow(self._pose)
         self._show()
 
     def _fit(self) -> None:
-        self._remark.content = "fitting"
+        self._panel.remark("fitting")
         poses, support = self._sources.fit(self._placement.poses)
         self._change(self._placement.changed(poses))
-        self._remark.content = support_table(dict(zip(self._placement.body.segments, support.tolist(), strict=True)))
+        segments = self._placement.body.segments
+        self._panel.remark(support_table(dict(zip(segments, support.tolist(), strict=True))))
 
     def _write(self) -> None:
         self._sources.write(self._output, self._placement.poses)
@@ -168,49 +148,7 @@ class PlacingSession:
 
     def _cut(self, is_close_up: bool) -> None:
         self._pictures.cut(is_close_up)
-        self._look_from(self._camera)
         self._show()
-
-    def _look_from(self, camera: str) -> None:
-        """Show the scene from a static camera, its image behind the body; or from outside."""
-        self._camera = camera
-        self._scene.show_layer(CAMERAS, camera == _OUTSIDE)
-        if self._behind is not None:
-            self._behind.remove()
-            self._behind = None
-        if camera == _OUTSIDE:
-            self._scene.frame_body()
-            return
-        station, root = self._sources.tracker.views[camera].station, self._placement.pose_of(self._placement.body.root)
-        position, lens = station.world_T_camera[:3, 3], station.camera
-        distance_m = float(np.linalg.norm(root[:3, 3] - position))
-        pixels = pinhole_picture(station, self._sources.images[camera])
-        self._behind = _add_picture(self._server, station, pixels, _BEHIND * distance_m)
-        if self._pictures.is_close_up:
-            half, look_at = np.arctan2(_CLOSE_UP_M, distance_m), root[:3, 3]
-        else:
-            half, look_at = np.arctan2(lens.height / 2.0, lens.fy), position + station.world_T_camera[:3, 2]
-        self._scene.look_from(position, look_at, -station.world_T_camera[:3, 1], 2.0 * float(half))
-
-
-def _add_picture(server: LocalServer, station: Station, pixels: NDArray[np.uint8], depth_m: float) -> ImageHandle:
-    """A pinhole camera's picture at a depth before it, where each pixel is on its ray."""
-    camera = station.camera
-    per_pixel = depth_m / np.array([camera.fx, camera.fy])
-    shown = server.scene.add_image(
-        f"{WORLD}/picture",
-        pixels,
-        float(camera.width * per_pixel[0]),
-        float(camera.height * per_pixel[1]),
-        format="jpeg",
-        cast_shadow=False,
-        receive_shadow=False,
-    )
-    middle = per_pixel * [(camera.width - 1) / 2.0 - camera.cx, (camera.height - 1) / 2.0 - camera.cy]
-    pose = station.world_T_camera.copy()
-    pose[:3, 3] += pose[:3, :3] @ [*middle, depth_m]
-    place(shown, pose)
-    return shown
 
 
 def support_table(support: Mapping[str, float]) -> str:

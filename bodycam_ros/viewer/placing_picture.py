@@ -14,7 +14,7 @@ from bodycam_ros.picture_style import EQUIPMENT, side_colour
 from bodycam_ros.results.camera_picture import draw_polyline
 from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
-from bodycam_ros.static_cameras.station import Image, RegionModel, Station
+from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.viewer.scene_nodes import SELECTED
 from bodycam_ros.viewer.skeleton_scene import limbs_of
 
@@ -78,13 +78,3 @@ class PlacingPicture:
             font = cv2.FONT_HERSHEY_SIMPLEX
             cv2.putText(tile, name, _TEXT_AT, font, _TEXT_SCALE, bgr(colour), width, cv2.LINE_AA)
         return np.asarray(cv2.copyMakeBorder(tile, 0, _GAP_PX, 0, _GAP_PX, cv2.BORDER_CONSTANT, value=(255,) * 3))
-
-
-def pinhole_picture(station: Station, image: Image) -> Image:
-    """What a pinhole camera of the same matrix would have, (H, W, 3), red, green, blue; black where it saw nothing."""
-    camera = station.camera
-    columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    rays = np.stack([(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(columns.shape)], axis=2)
-    pixels, valid = camera.project(rays.reshape(-1, 3))
-    found = np.where(valid[:, None], pixels, -1.0).astype(np.float32).reshape(*columns.shape, 2)
-    return np.asarray(cv2.remap(image, found, None, cv2.INTER_LINEAR)[..., ::-1])

@@ -12,11 +12,11 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
+from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.overlay import GOOD
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Part
-from bodycam_ros.viewer.footage import Footage
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD
@@ -130,22 +130,10 @@ class Scene:
         points_world = points_to_see(self._body, surfaces, self._world_T_segment)
         root = self._world_T_segment[self._body.segment_index[self._body.root]]
         opening = OpeningView.of_body(root, points_world + np.array(self._world.position))
-        self.look_from(opening.position, opening.look_at)
-        camera = self._server.initial_camera
-        camera.fov, camera.look_at, camera.position = FIELD_OF_VIEW, opening.look_at, opening.position
-
-    def look_from(
-        self,
-        position: Array,
-        look_at: Array,
-        up: Array | tuple[float, float, float] = (0.0, 0.0, 1.0),
-        field_of_view: float = FIELD_OF_VIEW,
-    ) -> None:
-        """Set the viewpoint of browsers that have the view open: points (3,) of the scene [m], bottom to top [rad]."""
+        initial = self._server.initial_camera
+        initial.fov, initial.look_at, initial.position = FIELD_OF_VIEW, opening.look_at, opening.position
         for client in self._server.get_clients().values():
-            with client.atomic():
-                client.camera.up_direction, client.camera.fov = up, field_of_view
-                client.camera.position, client.camera.look_at = position, look_at
+            client.camera.look_at, client.camera.position = opening.look_at, opening.position
 
     def world_T_camera(self, camera: str) -> Array:
         """(4, 4) pose of a camera on the body as it is shown, or of a static one [m]."""
@@ -159,20 +147,21 @@ class Scene:
         Raises:
             RecordingError: the image cannot be decoded.
         """
-        picture = None if footage is None else self._picture(footage)
+        picture = None if footage is None or camera is None else self._picture(camera, footage)
         self._cameras.show_image(camera, None if picture is None else picture.pixels)
         self._matched.visible = picture is not None and len(picture.landmarks_world) > 0
         if picture is not None and self._matched.visible:
             self._matched.points = picture.landmarks_world.astype(np.float32)
         return picture
 
-    def _picture(self, footage: Footage) -> CameraPicture | None:
-        image = footage.image_at(int(self.motion.stamps_ns[self._index]), self.motion.frame_ns // 2)
+    def _picture(self, camera: str, footage: Footage) -> CameraPicture | None:
+        at_ns = int(self.motion.stamps_ns[self._index])
+        image = footage.image_at(camera, at_ns, self.motion.frame_ns // 2)
         if image is None:
             return None
         limbs = limbs_of(self._body, self._world_T_segment) + self.motion.equipment_at(self._index)
-        matches = footage.matches.get(image.stamp_ns)
-        return draw_picture(image, footage.model, self.world_T_camera(footage.camera), limbs, matches)
+        model, matches = footage.model(camera), footage.matches_of(image)
+        return draw_picture(image, model, self.world_T_camera(camera), limbs, matches)
 
 
 def _add_light(scene: SceneApi) -> None:

@@ -4,12 +4,13 @@ import numpy as np
 
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.results.camera_picture import CameraPicture
-from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
-from bodycam_ros.viewer.footage import FootageLoader
+from bodycam_ros.results.footage import Footage
+from bodycam_ros.viewer.correction import Correction, Part, can_turn, place_of
+from bodycam_ros.viewer.edit_panel import EditPanel
 from bodycam_ros.viewer.gizmo import Gizmo
 from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.joint_curves import CurvePanel
-from bodycam_ros.viewer.panels import CorrectionPanel, PicturePanel, TimePanel, add_switches
+from bodycam_ros.viewer.panels import PicturePanel, TimePanel, add_switches
 from bodycam_ros.viewer.scene import Scene
 from bodycam_ros.viewer.scene_nodes import segment_name
 from bodycam_ros.viewer.server import LocalServer
@@ -18,6 +19,8 @@ from bodycam_ros.viewer.surface_scene import surface_reader
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
+
+_NO_PART = "nothing"
 
 
 def view(sources: Sources, port: int) -> None:
@@ -56,20 +59,20 @@ class Session:
         )
         self._gizmo = Gizmo(server.scene, inbox, self._drag)
         self._time = TimePanel(gui, inbox, motion, self._show_state)
-        self._panel = CorrectionPanel(
+        self._parts = {str(part): part for part in self._correction.parts()}
+        self._panel = EditPanel(
             gui,
             inbox,
-            self._correction.parts(),
+            "Correct",
+            (_NO_PART, *self._parts),
             body_path.name,
-            select=self._select,
-            move=self._enter,
+            select=lambda name: self._select(self._parts.get(name)),
+            move_to=self._move_to,
             undo=lambda: self._change(self._correction.undone()),
-            reset=self._reset,
             write=self._write,
+            text="Choose a part, or click a camera or joint, and drag its arrows.",
         )
-        self._loader: FootageLoader | None = None
-        if sources.recording is not None:
-            self._loader = FootageLoader(sources.recording, sources.solved, inbox, self._show_picture)
+        self._footage = None if sources.recording is None else Footage(sources.recording, sources.solved)
         self._curves = CurvePanel(gui, inbox, motion) if len(motion.stamps_ns) > 1 else None
         self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
         add_switches(gui, inbox, self._scene.layers, self._scene.show_layer, has_registrations=bool(motion.registered))
@@ -104,7 +107,7 @@ class Session:
 
     def _show_picture(self) -> None:
         """Show the image of the chosen camera at the time of the slider."""
-        picture = self._scene.show_picture(self._camera, None if self._loader is None else self._loader.footage)
+        picture = self._scene.show_picture(self._camera, self._footage)
         self._picture.show(None if picture is None else picture.pixels, self._remark(picture))
 
     def _remark(self, picture: CameraPicture | None) -> str:
@@ -114,8 +117,8 @@ class Session:
             remarks.append(self._gap(self._camera))
         if picture is not None and np.isfinite(picture.error_px):
             remarks.append(f"landmarks: {picture.error_px:.1f} px off (median)")
-        if picture is None and self._camera is not None and self._loader is not None:
-            remarks.append("reading the recording" if self._loader.footage is None else "no image at this time")
+        if picture is None and self._camera is not None and self._footage is not None:
+            remarks.append("no image at this time")
         return "\n\n".join(remarks)
 
     def _gap(self, camera: str) -> str:
@@ -130,20 +133,19 @@ class Session:
     def _choose_camera(self, camera: str | None) -> None:
         self._camera = camera
         self._picture.choose(camera)
-        if self._loader is not None:
-            self._loader.request(camera)
         self._show_picture()
 
     def _show_correction(self) -> None:
         """Show the body as it is corrected now."""
         self._scene.reshape(self._correction.body)
         self._show_state()
-        move = None if self._selected is None else self._correction.move_of(self._selected)
-        self._panel.show(move, self._correction.moves(), can_turn=can_turn(self._correction.body, self._selected))
+        part, body = self._selected, self._correction.body
+        self._panel.show(*((_NO_PART, None) if part is None else (str(part), place_of(body, part)[1][:3, 3])))
+        moves = [f"{part}: {move}" for part, move in self._correction.moves()]
+        self._panel.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=bool(moves))
 
     def _select(self, part: Part | None) -> None:
         self._selected = part
-        self._panel.select(part)
         if part is None:
             self._gizmo.detach()
         else:
@@ -159,14 +161,12 @@ class Session:
         if self._selected is not None:
             self._change(self._correction.moved_to(self._selected, segment_T_part, continues=continues))
 
-    def _enter(self, move: Move) -> None:
-        # A field that loses the focus sends its number again.
-        if self._selected is not None and not move.looks_like(self._correction.move_of(self._selected)):
-            self._change(self._correction.moved_by(self._selected, move))
-
-    def _reset(self) -> None:
+    def _move_to(self, position: Array) -> None:
+        """Move the selected part's origin to a point (3,) of the segment that carries it [m]."""
         if self._selected is not None:
-            self._change(self._correction.reset(self._selected))
+            pose = place_of(self._correction.body, self._selected)[1].copy()
+            pose[:3, 3] = position
+            self._change(self._correction.moved_to(self._selected, pose))
 
     def _change(self, correction: Correction) -> None:
         self._correction = correction

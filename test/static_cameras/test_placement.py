@@ -14,7 +14,7 @@ from bodycam_ros.geometry import Array, exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.person_model import with_hands
-from bodycam_ros.static_cameras.placement import Placement, nearest_on_ray, standing_in_view
+from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import read_start, write_start
@@ -173,12 +173,6 @@ def test_one_camera_has_the_body_before_it(body: BodyModel) -> None:
     station = Station("alone", looking_at(place, MIDDLE), stations_around(1)["ext_00"].camera)
     root = standing_in_view(body, [station])[body.segment_index[body.root], :3, 3]
     assert_allclose(root, place + 3.0 * station.world_T_camera[:3, 2], rtol=0.0, atol=1e-9)
-
-
-def test_a_ray_is_not_followed_backwards() -> None:
-    origin, along = np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 2.0])
-    assert_allclose(nearest_on_ray(origin, along, np.array([5.0, 5.0, 7.5])), [1.0, 2.0, 7.5])
-    assert_allclose(nearest_on_ray(origin, along, np.array([5.0, 5.0, -7.5])), origin)
 
 
 def test_what_is_written_is_the_start_that_is_read(standing: Placement, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.picture_style import rgb
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.viewer.correction import Correction, Move, Part, place_of
+from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.gizmo import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
@@ -186,12 +186,16 @@ def test_a_joint_is_moved_by_numbers_and_by_hand_and_written(
     view.wait_until(lambda: share(view.picture(), knee(body), LEFT) == 1.0, "the knee in the colour of its side")
     view.click(knee(body)[0])
     view.wait_until(lambda: view.value("move") == str(KNEE), "the knee that was clicked is selected")
-    moved = Correction(body).moved_by(KNEE, Move(np.array([0.0, 0.0, 80.0]), np.zeros(3))).body
-    view.enter("moved [mm]", "80", component=2)
+    pose = place_of(body, KNEE)[1].copy()
+    x, y, z = (f"{at:.4f}" for at in pose[:3, 3])
+    view.wait_until(lambda: float(view.value("place [m]", 2)) == float(z), "where the knee is")
+    pose[2, 3] = float(z) + 0.08
+    moved = Correction(body).moved_to(KNEE, pose).body
+    view.enter("place [m]", f"{pose[2, 3]:.4f}", component=2)
     view.page.get_by_text("joint knee_left: 80.0 mm, 0.00 deg").wait_for()
     view.wait_until(lambda: share(view.picture(), knee(moved), rgb(SELECTED)) == 1.0, "the knee where it was moved to")
-    view.press("last step")
-    view.wait_until(lambda: view.value("moved [mm]", 2) == "0", "nothing moved")
+    view.press("Undo")
+    view.wait_until(lambda: float(view.value("place [m]", 2)) == float(z), "nothing moved")
     view.wait_until(lambda: share(view.picture(), knee(body), rgb(SELECTED)) == 1.0, "the knee where it was")
 
     leftwards = np.array([0.0, 1.0, 0.0])
@@ -203,8 +207,8 @@ def test_a_joint_is_moved_by_numbers_and_by_hand_and_written(
         for at in at_m
     )
     view.drag(grip, target)
-    view.wait_until(lambda: float(view.value("moved [mm]", 1)) > 30.0, "the knee is further left")
-    assert [view.value("moved [mm]", component) for component in (0, 2)] == ["0", "0"]
+    view.wait_until(lambda: float(view.value("place [m]", 1)) > float(y) + 0.03, "the knee is further left")
+    assert [float(view.value("place [m]", component)) for component in (0, 2)] == [float(x), float(z)]
 
     view.press("Write body.yaml")
     view.page.get_by_text("Written", exact=True).wait_for()
@@ -214,7 +218,7 @@ def test_a_joint_is_moved_by_numbers_and_by_hand_and_written(
     assert note["joint"] == "knee_left" and note["moved_mm"] == pytest.approx(shift_mm, abs=2e-3)
     assert shift_mm[1] == pytest.approx(0.35 * SIZE_M * 1e3, abs=15.0)
     assert body_file.with_name("body.yaml.orig").read_bytes() == before
-    view.wait_until(lambda: view.value("moved [mm]", 1) == "0", "figures from the new file on")
+    view.page.get_by_text("not written yet").wait_for(state="hidden")
 
 
 def test_without_a_bag_the_body_stands_and_what_is_not_written_is_said(
@@ -230,7 +234,7 @@ def test_without_a_bag_the_body_stands_and_what_is_not_written_is_said(
         left = Expected(view, standing, body).limbs(body, "_left", 0)
         view.wait_until(lambda: share(view.picture(), left, LEFT) > _SEEN, "the left side of the N-pose")
         view.choose("move", "camera head")
-        view.enter("turned [deg]", "2", component=2)
-        view.page.get_by_text("camera head: 0.0 mm, 2.00 deg").wait_for()
+        view.enter("place [m]", f"{place_of(body, Part('camera', 'head'))[1][2, 3] + 0.02:.4f}", component=2)
+        view.page.get_by_text("camera head: 20.0 mm, 0.00 deg").wait_for()
     assert running.said == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
     assert body_file.read_bytes() == before

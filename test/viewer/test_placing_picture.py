@@ -14,7 +14,7 @@ from bodycam_ros.static_cameras.contour_painting import CONTOUR
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.surface import BodySurface
-from bodycam_ros.viewer.placing_picture import PlacingPicture, pinhole_picture
+from bodycam_ros.viewer.placing_picture import PlacingPicture
 from bodycam_ros.viewer.scene_nodes import SELECTED
 
 TILE = 480
@@ -77,21 +77,3 @@ def test_contours_and_the_selected_joint_are_where_each_camera_has_them(
             assert np.abs(reached - edge).max() < 5.0
         height = np.ptp(points[:, 1])
         assert height > 0.6 * TILE if is_close_up else height < 0.6 * TILE
-
-
-def test_a_pinhole_camera_has_straight_lines_where_the_lens_has_none(dressed: DressedBody) -> None:
-    station = dressed.stations["ext_00"]
-    camera = station.camera
-    across = np.linspace(-0.6, 0.6, 3001)
-    line = np.stack([across, np.full_like(across, 0.4), np.ones_like(across)], axis=1)
-    seen, valid = camera.project(line)
-    image = np.zeros((camera.height, camera.width, 3), np.uint8)
-    columns, rows = np.round(seen[valid]).astype(int).T
-    inside = (columns >= 0) & (columns < camera.width) & (rows >= 1) & (rows < camera.height - 1)
-    for shift in (-1, 0, 1):
-        image[rows[inside] + shift, columns[inside], 2] = 255
-    straight = pinhole_picture(station, image)[..., 0].astype(float)
-    lit = straight[:, 60:580]
-    centres = (np.arange(camera.height) @ lit) / lit.sum(axis=0)
-    assert np.abs(centres - (camera.cy + 0.4 * camera.fy)).max() < 1.0
-    assert np.ptp(rows[inside & (columns > 60) & (columns < 580)]) >= 2  # the lens bends it

@@ -16,10 +16,10 @@ from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.footage import Footage
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.camera_scene import CameraScene
-from bodycam_ros.viewer.correction import Correction, Move, Part
-from bodycam_ros.viewer.footage import read_footage
+from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene import CAMERAS, NAMES, Scene
@@ -61,6 +61,12 @@ def scene(server: LocalServer, sample: Path, body: BodyModel, motion: Motion) ->
     return Scene(server, body, ReferenceMap.load(sample / "map"), motion, lambda part: None)
 
 
+def knee_moved(body: BodyModel, by_m: list[float]) -> BodyModel:
+    pose = place_of(body, KNEE)[1].copy()
+    pose[:3, 3] += by_m
+    return Correction(body).moved_to(KNEE, pose).body
+
+
 def pose_of(server: LocalServer, name: str) -> NDArray[np.float64]:
     """Pose of a node of the scene, through all its parents."""
     pose = np.eye(4)
@@ -81,7 +87,7 @@ def colour_of(server: LocalServer, name: str) -> tuple[int, int, int]:
 def test_everything_is_where_the_corrected_body_puts_it(
     server: LocalServer, scene: Scene, body: BodyModel, motion: Motion
 ) -> None:
-    corrected = Correction(body).moved_by(KNEE, Move(np.array([10.0, -20.0, 30.0]), np.zeros(3))).body
+    corrected = knee_moved(body, [0.01, -0.02, 0.03])
     scene.reshape(corrected)
     scene.show(1, follow=False)
     world_T_segment = motion.segments_at(corrected, 1)
@@ -97,7 +103,7 @@ def test_everything_is_where_the_corrected_body_puts_it(
 
 
 def test_bones_reach_from_joint_to_joint(server: LocalServer, scene: Scene, body: BodyModel) -> None:
-    corrected = Correction(body).moved_by(KNEE, Move(np.array([0.0, 50.0, 100.0]), np.zeros(3))).body
+    corrected = knee_moved(body, [0.0, 0.05, 0.1])
     scene.reshape(corrected)
     knee = next(joint for joint in corrected.joints if joint.name == "knee_left").parent_T_joint[:3, 3]
     names = [f"/world/body/thigh_left/bone_{number}" for number in range(30)]
@@ -123,10 +129,10 @@ def test_following_keeps_the_body_in_the_middle_and_on_the_floor(
 def test_cameras_are_coloured_by_what_they_know_and_by_selection(
     server: LocalServer, scene: Scene, body: BodyModel
 ) -> None:
-    head, shin = "/world/body/head/camera_head/pyramid", "/world/body/shin_left/camera_shin_left/pyramid"
+    head, shin = "/world/body/head/camera_head", "/world/body/shin_left/camera_shin_left"
     scene.show(0, follow=True)
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(REGISTERED), rgb(LOST))
-    assert colour_of(server, "/world/body/torso/camera_torso_back/pyramid") == rgb(UNKNOWN)
+    assert colour_of(server, "/world/body/torso/camera_torso_back") == rgb(UNKNOWN)
     scene.show(1, follow=True)
     assert (colour_of(server, head), colour_of(server, shin)) == (rgb(LOST), rgb(REGISTERED))
     scene.select(Part("camera", "head"))
@@ -136,25 +142,19 @@ def test_cameras_are_coloured_by_what_they_know_and_by_selection(
     assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)
 
 
-def test_the_chosen_camera_shows_its_image_instead_of_a_pyramid(server: LocalServer, body: BodyModel) -> None:
+def test_the_chosen_camera_shows_its_image_larger_than_the_others(server: LocalServer, body: BodyModel) -> None:
     cameras = CameraScene(server.scene, body, lambda part: None, {})
     image = np.full((4, 6, 3), 100, np.uint8)
-
-    def shown() -> set[str]:
-        names = {
-            f"/world/body/{camera}/camera_{camera}/{kind}"
-            for camera in ("head", "shin_left")
-            for kind in ("pyramid", "picture")
-        }
-        return {name for name in names if (node := server.scene.get_handle_by_name(name)) and node.visible}
-
-    head, shin = "/world/body/head/camera_head", "/world/body/shin_left/camera_shin_left"
-    cameras.show_image("head", image)
-    assert shown() == {f"{head}/picture", f"{shin}/pyramid"}
-    cameras.show_image("shin_left", image)
-    assert shown() == {f"{head}/pyramid", f"{shin}/picture"}
+    head, shin = (
+        server.scene.get_handle_by_name(f"/world/body/{name}/camera_{name}") for name in ("head", "shin_left")
+    )
+    assert head is not None and shin is not None
+    for camera, larger, other in (("head", head, shin), ("shin_left", shin, head)):
+        cameras.show_image(camera, image)
+        assert larger.image is not None and other.image is None  # type: ignore[attr-defined]
+        assert larger.scale > other.scale  # type: ignore[attr-defined]
     cameras.show_image(None, None)
-    assert shown() == {f"{head}/pyramid", f"{shin}/pyramid"}
+    assert head.image is None and shin.image is None and head.scale == shin.scale  # type: ignore[attr-defined]
 
 
 def test_equipment_stands_where_the_recording_has_it_whatever_is_corrected(
@@ -222,16 +222,16 @@ def test_layers_are_shown_and_hidden(server: LocalServer, scene: Scene) -> None:
 
 
 def test_landmarks_that_a_camera_matched_are_shown_with_its_image(
-    server: LocalServer, scene: Scene, sample: Path
+    server: LocalServer, scene: Scene, sample: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cloud = server.scene.get_handle_by_name("/world/matched")
     assert cloud is not None and not cloud.visible
-    footage = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
-    assert footage is not None
+    footage = Footage(sample / "sample" / "bag", None)
     points = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], np.float32)
+    at_ns = int(footage.times_ns("head")[0])
     found = LandmarkMatches(
         camera="head",
-        stamp_ns=footage.images[0].stamp_ns,
+        stamp_ns=at_ns,
         previous_stamp_ns=0,
         track_ids=np.arange(2, dtype=np.uint32),
         landmark_ids=np.arange(2, dtype=np.uint32),
@@ -242,9 +242,11 @@ def test_landmarks_that_a_camera_matched_are_shown_with_its_image(
         current_R_previous=np.eye(3),
         rotation_inliers=0,
     )
-    first = replace(footage, times_ns=np.zeros(1, np.int64), images=footage.images[:1])
-    assert scene.show_picture("head", replace(first, matches={found.stamp_ns: found})) is not None
+    scene.motion = replace(scene.motion, stamps_ns=scene.motion.stamps_ns + at_ns)
+    monkeypatch.setattr(footage, "matches_of", lambda image: found)
+    assert scene.show_picture("head", footage) is not None
     assert cloud.visible
     assert_allclose(cloud.points, points)  # type: ignore[attr-defined]
-    assert scene.show_picture("head", replace(first, matches={})) is not None
+    monkeypatch.setattr(footage, "matches_of", lambda image: None)
+    assert scene.show_picture("head", footage) is not None
     assert not cloud.visible

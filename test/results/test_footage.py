@@ -5,21 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from tiny_bag import HEIGHT, WIDTH, write_camera_info
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
-from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.timing import timing_messages
+from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
+from bodycam_ros.results.footage import Footage
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
-from bodycam_ros.viewer.footage import read_footage
 from bodycam_ros.viewer.motion import read_motion
 from bodycam_ros.viewer.scene_nodes import segment_rgb
 from bodycam_ros.viewer.skeleton_scene import limbs_of
@@ -86,57 +85,37 @@ def test_the_error_is_that_of_the_landmarks(camera: CameraModel) -> None:
 def test_landmarks_of_the_sample_fall_where_they_were_seen(sample: Path, sample_out: Path) -> None:
     body = read_body(sample / "body.yaml")
     motion = read_motion(sample_out, body)
-    footage = read_footage(sample / "sample" / "bag", sample_out, "shin_left", lambda: True)
-    assert footage is not None and len(footage.images) == 60
-    instant = 30
-    image = footage.image_at(int(motion.stamps_ns[instant]), motion.frame_ns // 2)
+    footage, instant = Footage(sample / "sample" / "bag", sample_out), 30
+    assert len(footage.times_ns("shin_left")) == 60
+    image = footage.image_at("shin_left", int(motion.stamps_ns[instant]), motion.frame_ns // 2)
     assert image is not None
     world_T_segment = motion.segments_at(body, instant)
     world_T_camera = world_T_segment[body.segment_index["shin_left"]] @ body.mounts["shin_left"].segment_T_camera
-    limbs = limbs_of(body, world_T_segment)
-    found = footage.matches[image.stamp_ns]
-    right = draw_picture(image, footage.model, world_T_camera, limbs, found)
+    limbs, found, model = limbs_of(body, world_T_segment), footage.matches_of(image), footage.model("shin_left")
+    right = draw_picture(image, model, world_T_camera, limbs, found)
     assert right.error_px < 2.0
-    wrong = draw_picture(image, footage.model, world_T_camera @ rigid(np.eye(3), np.array([0.05, 0, 0])), limbs, found)
+    wrong = draw_picture(image, model, world_T_camera @ rigid(np.eye(3), np.array([0.05, 0, 0])), limbs, found)
     assert wrong.error_px > 2 * right.error_px
 
 
-def test_reading_stops_when_nobody_wants_it(sample: Path) -> None:
-    assert read_footage(sample / "sample" / "bag", None, "head", lambda: False) is None
-
-
-def test_of_a_long_recording_fewer_images_are_kept(sample: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
-    assert whole is not None
-    size = sum(len(image.content) for image in whole.images if isinstance(image.content, bytes))
-    monkeypatch.setattr("bodycam_ros.viewer.footage.MOST_BYTES", size // 3)
-    thinned = read_footage(sample / "sample" / "bag", None, "head", lambda: True)
-    assert thinned is not None
-    assert thinned.times_ns.tolist() == whole.times_ns[::4].tolist()
-
-
-def test_raw_images_with_colours_count_as_what_they_take(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    make, pixels = recorded_messages(), np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    with write_recording(tmp_path / "bag") as writer:
-        write_camera_info(writer, "cam", 0)
-        for stamp_ns in range(10):
-            header = header_message(make, stamp_ns, "cam")
-            fields = {"height": HEIGHT, "width": WIDTH, "encoding": "rgb8", "step": 3 * WIDTH, "data": pixels.ravel()}
-            writer.write("/cam/image_raw", stamp_ns, make("sensor_msgs/msg/Image", header=header, **fields))
-    monkeypatch.setattr("bodycam_ros.viewer.footage.MOST_BYTES", 9 * pixels.nbytes)
-    thinned = read_footage(tmp_path / "bag", None, "cam", lambda: True)
-    assert thinned is not None and thinned.times_ns.tolist() == [0, 2, 4, 6, 8]
+def test_images_are_those_of_the_recording_in_any_order(sample: Path) -> None:
+    footage = Footage(sample / "sample" / "bag", None)
+    times_ns = footage.times_ns("head")
+    with open_recording(sample / "sample" / "bag") as recording:
+        expected = [decode_grey(image) for image in recording.images(["head"])]
+    assert len(expected) == len(times_ns)
+    for row in (40, 3, 41, 59, 0):
+        image = footage.image_at("head", int(times_ns[row]) + 1000, 2000)
+        assert image is not None and np.array_equal(decode_grey(image), expected[row])
+    assert footage.image_at("head", int(times_ns[-1]) + 3000, 2000) is None
 
 
 def test_images_are_found_by_the_time_that_the_body_knows(sample: Path, tmp_path: Path) -> None:
     bag = sample / "sample" / "bag"
-    plain = read_footage(bag, None, "head", lambda: True)
-    assert plain is not None
-    begun_ns = int(plain.times_ns[0])
+    plain_ns = Footage(bag, None).times_ns("head")
+    begun_ns = int(plain_ns[0])
     ahead = ClockHistory("head", (ClockState(begun_ns, begun_ns, 0.020, 0.0, 0.001, 0.0),))
     with write_recording(tmp_path / "out") as writer:
         for since_ns, message in timing_messages(recorded_messages(), ahead):
             writer.write("/head/timing", since_ns, message)
-    told = read_footage(bag, tmp_path / "out", "head", lambda: True)
-    assert told is not None
-    assert (plain.times_ns - told.times_ns).tolist() == [20_000_000] * len(plain.times_ns)
+    assert (plain_ns - Footage(bag, tmp_path / "out").times_ns("head")).tolist() == [20_000_000] * len(plain_ns)
