@@ -36,7 +36,18 @@ REPLAY, INGEST = "bodycam replay", "bodycam ingest"
 _WRITTEN_BY = "written_by"
 
 _FOREVER = QosTime(9223372036, 854775807)
-_PLAIN_DEPTH = 10
+_LATCHED = Qos(
+    history=QosHistory.KEEP_LAST,
+    depth=1,
+    reliability=QosReliability.RELIABLE,
+    durability=QosDurability.TRANSIENT_LOCAL,
+    deadline=_FOREVER,
+    lifespan=_FOREVER,
+    liveliness=QosLiveliness.AUTOMATIC,
+    liveliness_lease_duration=_FOREVER,
+    avoid_ros_namespace_conventions=False,
+)
+"""What the publisher of a latched topic offers. Others have ROS's default, as has a topic without a profile."""
 
 _PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
 
@@ -66,7 +77,7 @@ class RecordingWriter:
                     topic,
                     message_type,
                     typestore=recording_typestore(),
-                    offered_qos_profiles=[_quality(topic)],
+                    offered_qos_profiles=[_LATCHED] if is_latched(topic) else [],
                 )
             self._writer.write(self._connections[topic], stamp_ns, cdr)
 
@@ -119,19 +130,3 @@ def check_replaceable(force: bool, path: Path, command: str = REPLAY) -> None:
 def is_latched(topic: str) -> bool:
     """Whether the topic's last message still reaches those that subscribe late."""
     return topic in _LATCHED_TOPICS or topic.endswith(_LATCHED_ENDINGS)
-
-
-def _quality(topic: str) -> Qos:
-    """What the publisher of a topic offers."""
-    latched = is_latched(topic)
-    return Qos(
-        history=QosHistory.KEEP_LAST,
-        depth=1 if latched else _PLAIN_DEPTH,
-        reliability=QosReliability.RELIABLE,
-        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        deadline=_FOREVER,
-        lifespan=_FOREVER,
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=_FOREVER,
-        avoid_ros_namespace_conventions=False,
-    )

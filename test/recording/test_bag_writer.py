@@ -56,12 +56,13 @@ def test_latched_topics_say_so_in_the_metadata(tmp_path: Path) -> None:
     write(tmp_path / "out")
     information = yaml.safe_load((tmp_path / "out" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     quality = {
-        t["topic_metadata"]["name"]: t["topic_metadata"]["offered_qos_profiles"][0]
+        t["topic_metadata"]["name"]: t["topic_metadata"]["offered_qos_profiles"]
         for t in information["topics_with_message_count"]
     }
-    assert quality["/robot_description"]["durability"] == "transient_local"
-    assert quality["/joint_states"]["durability"] == "volatile"
-    assert quality["/joint_states"]["reliability"] == "reliable"
+    (latched,) = quality["/robot_description"]
+    assert latched["durability"] == "transient_local"
+    assert latched["reliability"] == "reliable"
+    assert quality["/joint_states"] == []
 
 
 @pytest.mark.parametrize("interruption", [RuntimeError, KeyboardInterrupt])
