@@ -8,7 +8,7 @@ import numpy as np
 
 from bodycam_ros import geometry
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, header_message, numbers
+from bodycam_ros.messages.factory import Message, MessageFactory, numbers
 
 
 def vector_message(make: MessageFactory, vector: Array) -> Message:
@@ -70,15 +70,6 @@ def pose_with_covariance_message(make: MessageFactory, a_T_b: Array, covariance:
         "geometry_msgs/msg/PoseWithCovariance",
         pose=pose_message(make, a_T_b),
         covariance=ros_covariance(a_T_b, covariance).reshape(-1),
-    )
-
-
-def stamped_pose_message(make: MessageFactory, stamp_ns: int, world_T_body: Array, covariance: Array) -> Message:
-    """geometry_msgs/PoseWithCovarianceStamped in the map, of a transform (4, 4) and its covariance (6, 6)."""
-    return make(
-        "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header=header_message(make, stamp_ns, MAP_FRAME),
-        pose=pose_with_covariance_message(make, world_T_body, covariance),
     )
 
 

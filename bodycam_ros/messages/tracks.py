@@ -20,7 +20,6 @@ from bodycam_ros.messages.poses import (
     pose_with_covariance_message,
     quaternion_message,
     rotation_from_message,
-    stamped_pose_message,
     transform_from_pose,
 )
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -130,11 +129,12 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
     )
 
 
-def camera_pose_message(make: MessageFactory, matches: LandmarkMatches) -> Message | None:
-    """geometry_msgs/PoseWithCovarianceStamped of the optical frame in the map; None if the camera has no pose."""
-    if matches.world_T_camera is None:
+def camera_pose_message(make: MessageFactory, landmarks: Message) -> Message | None:
+    """geometry_msgs/PoseWithCovarianceStamped of the optical frame in the map, by its landmarks; or None."""
+    if not landmarks.registered:
         return None
-    return stamped_pose_message(make, matches.stamp_ns, matches.world_T_camera, matches.pose_covariance)
+    header = make("std_msgs/msg/Header", stamp=landmarks.header.stamp, frame_id=MAP_FRAME)
+    return make("geometry_msgs/msg/PoseWithCovarianceStamped", header=header, pose=landmarks.pose)
 
 
 _FLOAT32 = 7  # sensor_msgs/PointField

@@ -162,9 +162,10 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _register(self, frame: TrackFrame) -> None:
         matches = self.live.register(frame)
-        self._landmarks[frame.camera].publish(landmarks_message(self.make, matches))
+        landmarks = landmarks_message(self.make, matches)
+        self._landmarks[frame.camera].publish(landmarks)
         self.moments.note(Moment.REGISTERED, frame.camera, frame.stamp_ns)
-        pose = camera_pose_message(self.make, matches)
+        pose = camera_pose_message(self.make, landmarks)
         if pose is not None:
             self._poses[frame.camera].publish(pose)
 

@@ -269,10 +269,11 @@ def register_images(
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:
     """The messages that a bag keeps of one image."""
     make = recorded_messages()
+    landmarks = landmarks_message(make, matches.bare() if slim else matches)
     messages = {
         "tracks": None if slim else tracks_message(make, tracks),
-        "landmarks": landmarks_message(make, matches.bare() if slim else matches),
-        "pose": camera_pose_message(make, matches),
+        "landmarks": landmarks,
+        "pose": camera_pose_message(make, landmarks),
     }
     return tuple(
         SerializedMessage(

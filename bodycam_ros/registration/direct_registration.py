@@ -197,7 +197,8 @@ class DirectRegistration:
 
     def _correct_prediction(self, before: DirectView, predicted: Array, motion: ImageMotion | None) -> Array | None:
         """The pose by some landmarks of the image before, each by its patch in that image (A eq. 2)."""
-        few = np.linspace(0, len(before.rows) - 1, min(_COARSE, len(before.rows))).astype(np.int64)
+        count = min(_COARSE, len(before.rows))
+        few = np.arange(count) * (len(before.rows) - 1) // max(count - 1, 1)
         rows = before.rows[few]
         seen_from = as_rows(before.world_T_camera)[None]
         references = (self._lens[None], _ONE_CAMERA, seen_from, self._pyramids[1][None], self._levels[None])

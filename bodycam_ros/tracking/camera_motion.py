@@ -33,22 +33,6 @@ def camera_velocity(world_T_earlier: Array, world_T_camera: Array, passed_ns: in
     return np.asarray(log_se3(inverse(world_T_earlier) @ world_T_camera) / (1e-9 * passed_ns))
 
 
-def predict_pose(world_T_camera: Array, velocity: Array, passed_ns: int, later_R_camera: Array | None = None) -> Array:
-    """The pose (4, 4) after some time.
-
-    Args:
-        world_T_camera: (4, 4) the pose.
-        velocity: (6,) of ``camera_velocity`` [rad/s, m/s].
-        passed_ns: how much later [ns].
-        later_R_camera: (3, 3) rotation since then where it was measured (A eq. 2).
-    """
-    camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
-    if later_R_camera is not None:
-        camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
-    predicted = world_T_camera @ camera_T_later
-    return rigid(nearest_rotation(predicted[:3, :3]), predicted[:3, 3])  # or rounding doubles with every image
-
-
 @dataclass(frozen=True)
 class ImageMotion:
     """The motion of a camera while the rows of an image are read out, as the images before predict it.
@@ -114,14 +98,21 @@ class CameraMotion:
 
     def add_unregistered(self, world_T_camera: Array | None) -> None:
         """An image without registration: the pose predicted for it, or None where the camera is lost."""
+        if world_T_camera is not None:
+            # Or rounding doubles with every image.
+            world_T_camera = rigid(nearest_rotation(world_T_camera[:3, :3]), world_T_camera[:3, 3])
         self.world_T_camera = world_T_camera
 
     def predict(self, passed_ns: int, later_R_camera: Array | None = None) -> Array | None:
-        """The pose (4, 4) some time after the latest, its rotation replaced by a measured one (3, 3) if given."""
+        """The pose (4, 4) some time after the latest [ns]; a measured rotation since (3, 3) is used (A eq. 2)."""
         if self.world_T_camera is None:
             return None
         velocity = self._twists[-1] if self._twists else np.zeros(6)
-        return predict_pose(self.world_T_camera, velocity, passed_ns, later_R_camera)
+        camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
+        if later_R_camera is not None:
+            camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
+        predicted: Array = self.world_T_camera @ camera_T_later
+        return predicted
 
     def in_image(
         self,

@@ -3,22 +3,29 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.geometry import exp_se3
-from bodycam_ros.tracking.camera_motion import LONGEST_NS, camera_velocity, predict_pose
+from bodycam_ros.geometry import Array, exp_se3
+from bodycam_ros.tracking.camera_motion import LONGEST_NS, CameraMotion
 
 FRAME_NS = 33_333_333
+PER_FRAME = np.array([0.02, -0.05, 0.01, 0.05, 0.0, 0.0])  # 1.5 m/s at 30 Hz
+FIRST = exp_se3(np.array([0.3, -0.1, 0.8, 1.0, 2.0, 1.5]))
+
+
+def predicted(passed_ns: int) -> Array:
+    motion = CameraMotion()
+    motion.add(0, FIRST, 0)
+    motion.add(FRAME_NS, FIRST @ exp_se3(PER_FRAME), 0)
+    pose = motion.predict(passed_ns)
+    assert pose is not None
+    return pose
 
 
 @pytest.mark.parametrize("missing", [0, 1, 2, 5])
 def test_missing_images_count(missing: int) -> None:
-    per_frame = np.array([0.02, -0.05, 0.01, 0.05, 0.0, 0.0])  # 1.5 m/s at 30 Hz
-    first = exp_se3(np.array([0.3, -0.1, 0.8, 1.0, 2.0, 1.5]))
-    latest = first @ exp_se3(per_frame)
-    velocity = camera_velocity(first, latest, FRAME_NS)
-    predicted = predict_pose(latest, velocity, (1 + missing) * FRAME_NS)
-    np.testing.assert_allclose(predicted, latest @ exp_se3((1 + missing) * per_frame), atol=1e-9)
+    expected = FIRST @ exp_se3((2 + missing) * PER_FRAME)
+    np.testing.assert_allclose(predicted((1 + missing) * FRAME_NS), expected, atol=1e-9)
 
 
 def test_nobody_keeps_a_velocity_for_long() -> None:
-    velocity = np.array([0.0, 0.0, 0.0, 1.5, 0.0, 0.0])
-    assert predict_pose(np.eye(4), velocity, 60 * 10**9)[0, 3] == pytest.approx(1.5e-9 * LONGEST_NS)
+    expected = FIRST @ exp_se3((1.0 + LONGEST_NS / FRAME_NS) * PER_FRAME)
+    np.testing.assert_allclose(predicted(60 * 10**9), expected, atol=1e-9)
