@@ -27,7 +27,7 @@ from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.sections import Section
-    from bodycam_ros.mapping.body_keyframe import ExtensionRound
+    from bodycam_ros.offline.extension_record import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 

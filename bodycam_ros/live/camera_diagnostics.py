@@ -5,8 +5,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-import numpy as np
-
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
@@ -60,7 +58,7 @@ class RegistrationDiagnostics:
         tally.sights[camera_sight(matches)] += 1
         tally.readout = matches.readout
         if matches.world_T_camera is not None:
-            tally.sigma_mm = 1e3 * float(np.sqrt(np.trace(matches.pose_covariance[3:, 3:])))
+            tally.sigma_mm = 1e3 * matches.position_sigma
 
     def report(self, clocks: Mapping[str, ClockState] | None = None) -> list[Status]:
         """Status of every camera since the last report.

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.dropped_messages import DroppedMessages
+from bodycam_ros.live.every_second_image import EverySecondImage
 from bodycam_ros.live.stamp_order import Ordered, StampOrder
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import TRANSPORTS, image_stamp_ns
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.recording.video_decoder import VideoDecoder
-from bodycam_ros.tracking.every_second_image import EverySecondImage
 
 _RECOVERY_S = 5.0
 """All images are used again after so long without one that waited a quarter of the longest wait."""

@@ -11,8 +11,8 @@ from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import registrar
 from bodycam_ros.live.camera_diagnostics import KnownCameras, RegistrationDiagnostics
 from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
+from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.stored_map import StoredMap
-from bodycam_ros.mapping.live_mapper import LiveMapper
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.timing import CameraTiming
 from bodycam_ros.pipeline_settings import PipelineSettings

@@ -6,8 +6,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from bodycam_ros.errors import BodycamError, SettingsError
+from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.mapping.extendable_map import load_added_landmarks
-from bodycam_ros.mapping.live_mapper import LiveMapper
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable

@@ -16,20 +16,16 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.mapping.body_keyframe import (
-    BodyKeyframe,
-    ExtensionRound,
-    RegisteredImagePose,
-    RegistrationRecord,
-    make_keyframe,
-)
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe, make_keyframe
 from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableCount
+from bodycam_ros.offline.extension_record import ExtensionRecord, ExtensionRound
 from bodycam_ros.offline.front_end import register_recording
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.progress import in_parallel
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.pose_fit import steady_pixels
 from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
@@ -88,7 +84,7 @@ def extend_map(
     with open_recording(recording_path) as recording:
         names = recording.cameras if cameras is None else cameras
         models = {name: recording.camera_model(name) for name in names}
-    record = RegistrationRecord(models, settings.registrar.min_inliers)
+    record = ExtensionRecord(models, settings.registrar.min_inliers)
     rounds: list[ExtensionRound] = []
     with scratch_folder(Path(gettempdir())) as scratch:
         while len(rounds) < settings.extend.rounds:
@@ -102,12 +98,11 @@ def extend_map(
                 break
             # 2D-2D matches between all registered images, triangulated (A 4.1).
             mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), models, partners=_PARTNERS)
-            chosen = record.choose_keyframes()
-            total, images = sum(map(len, chosen.values())), []
-            for keyframe, jpeg in _keyframes(recording_path, reference_map, models, settings, chosen, jobs):
+            chosen, images = record.choose_keyframes(), []
+            for keyframe, jpeg in _keyframes(recording_path, reference_map, models, chosen, jobs):
                 mapper.add_keyframe(keyframe)
                 images.append(KeptImage(keyframe.camera, keyframe.stamp_ns, keyframe.world_T_camera, jpeg))
-                on_progress(f"triangulation {len(rounds)}", len(images) / total)
+                on_progress(f"triangulation {len(rounds)}", len(images) / len(chosen))
             mapper.take_changes()
             extended = mapper.extended_map(images)
             map_path = scratch / f"round_{len(rounds)}"
@@ -124,7 +119,7 @@ def _register(
     task: RegistrationTask,
     cameras: Mapping[str, CameraModel],
     jobs: int,
-    record: RegistrationRecord,
+    record: ExtensionRecord,
     on_progress: Callable[[float], None],
 ) -> None:
     """Register all images; ``on_progress`` is called with the share that is done."""
@@ -143,12 +138,10 @@ def _keyframes(
     recording_path: Path,
     reference_map: ReferenceMap,
     cameras: Mapping[str, CameraModel],
-    settings: PipelineSettings,
-    chosen: Mapping[str, Sequence[RegisteredImagePose]],
+    chosen: Mapping[tuple[str, int], LandmarkMatches],
     jobs: int,
 ) -> Iterator[tuple[BodyKeyframe, bytes]]:
     """Chosen images in order of time, with their features, and as JPEG."""
-    poses = {(camera, pose.stamp_ns): pose for camera, of_camera in chosen.items() for pose in of_camera}
     masks = {name: view_mask(camera) for name, camera in cameras.items()}
 
     def process(image: CameraImage) -> tuple[BodyKeyframe, bytes] | None:
@@ -156,13 +149,13 @@ def _keyframes(
             grey = decode_grey(image)
         except RecordingError:
             return None
-        camera, pose = cameras[image.camera], poses[image.camera, image.stamp_ns]
-        keyframe = _keyframe(reference_map, camera, pose, grey, masks[image.camera])
+        matches = chosen[image.camera, image.stamp_ns]
+        keyframe = _keyframe(reference_map, cameras[image.camera], matches, grey, masks[image.camera])
         done, jpeg = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         return (keyframe, bytes(jpeg.tobytes())) if done else None
 
     with open_recording(recording_path) as recording:
-        images = (i for i in recording.images(list(cameras)) if (i.camera, i.stamp_ns) in poses)
+        images = (i for i in recording.images(list(cameras)) if (i.camera, i.stamp_ns) in chosen)
         for processed in in_parallel(process, images, jobs):
             if processed is not None:
                 yield processed
@@ -171,30 +164,16 @@ def _keyframes(
 def _keyframe(
     reference_map: ReferenceMap,
     camera: CameraModel,
-    pose: RegisteredImagePose,
+    matches: LandmarkMatches,
     grey: NDArray[np.uint8],
     mask: NDArray[np.uint8],
 ) -> BodyKeyframe:
+    assert matches.world_T_camera is not None
     found = KeypointDetector(_KEYPOINTS).detect(grey, mask)
-    pixels = steady_pixels(camera, found.pixels, pose.turning, pose.readout_time)
+    pixels = steady_pixels(camera, found.pixels, matches.turning, matches.readout_in_use)
     features, landmarks = match_near_prediction(
-        reference_map,
-        camera,
-        pose.world_T_camera,
-        pixels,
-        found.descriptors,
-        found.scales,
-        RADIUS_PX,
+        reference_map, camera, matches.world_T_camera, pixels, found.descriptors, found.scales, RADIUS_PX
     )
     ids = np.full(len(pixels), NO_LANDMARK, np.uint32)
     ids[features] = reference_map.landmark_ids[landmarks]
-    return make_keyframe(
-        camera,
-        pose.stamp_ns,
-        pose.world_T_camera,
-        pose.position_sigma,
-        pixels,
-        found.descriptors,
-        found.scales,
-        ids,
-    )
+    return make_keyframe(camera, matches, pixels, found.descriptors, found.scales, ids)

@@ -22,7 +22,6 @@ from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
-from bodycam_ros.mapping.body_keyframe import ExtensionRound
 from bodycam_ros.offline.camera_worker import (
     RegisteredImage,
     RegistrationTask,
@@ -30,6 +29,7 @@ from bodycam_ros.offline.camera_worker import (
     UnusableCount,
 )
 from bodycam_ros.offline.extend import extend_map
+from bodycam_ros.offline.extension_record import ExtensionRound
 from bodycam_ros.offline.front_end import merged_results, start_workers
 from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary

@@ -1,4 +1,4 @@
-"""Distances of descriptors, pair by pair; in whole numbers, so that every machine finds the same."""
+"""The likest landmark of each descriptor; in whole numbers, so that every machine finds the same."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,6 @@ FARTHEST = 1 << 30
 """More than the squared distance of any two descriptors."""
 
 _HALF = 64  # entries of a descriptor
-
-
-@kernel("(u1[:, ::1], i8[::1], u1[:, ::1], i8[::1])")
-def squared_distances(descriptors: Bytes, features: Whole, known: Bytes, rows: Whole) -> Whole:
-    """(P,) squared distances of pairs of descriptors, given by their rows (P,) in two tables (M, 128), (D, 128)."""
-    squared = np.empty(len(features), np.int64)
-    for p in range(len(features)):
-        squared[p] = _squared_distance(descriptors, features[p], known, rows[p], FARTHEST)
-    return squared
 
 
 @kernel("(u1[:, ::1], i8[:, ::1], i8[::1], i8[::1], u1[:, ::1], u4[::1])")
@@ -43,7 +34,7 @@ def search_lists(
         landmark_of_row: (D,) their landmarks.
 
     Returns:
-        Landmarks (M,), or -1, and the squared distances (M,) to them and to the next landmark.
+        Landmarks (M,), or -1, and the squared distances (M,) to them and to the next landmark, or ``FARTHEST``.
     """
     count = len(descriptors)
     nearest, best, rival = np.full(count, -1), np.full(count, FARTHEST), np.full(count, FARTHEST)

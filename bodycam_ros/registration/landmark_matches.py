@@ -73,6 +73,16 @@ class LandmarkMatches:
         return readout_of(self.readout_time, self.readout_sigma)
 
     @property
+    def readout_in_use(self) -> float:
+        """What pixels are corrected by [s]: zero as long as it is unknown, or cannot be told from zero."""
+        return self.readout.in_use if self.readout else 0.0
+
+    @property
+    def position_sigma(self) -> float:
+        """Standard deviation of the camera's position [m]; NaN of one that is lost."""
+        return float(np.sqrt(np.trace(self.pose_covariance[3:, 3:])))
+
+    @property
     def turning(self) -> NDArray[np.float64]:
         """(3,) angular velocity since the image before, in camera axes [rad/s]; zero where it is unknown."""
         if not self.rotation_inliers:

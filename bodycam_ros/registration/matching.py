@@ -7,14 +7,14 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.kernels import as_bytes
 from bodycam_ros.near_pairs import near_pairs
-from bodycam_ros.registration.descriptor_kernels import squared_distances
+from bodycam_ros.registration.descriptor_kernels import search_lists
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 RADIUS_PX = 4.0  # around the projection by a fitted pose
 WIDE_RADIUS_PX = 20.0  # around the projection by a predicted pose, or one of RANSAC
 MIN_VISIBLE_SCALE_PX = 1.0  # a feature of a smaller sigma in the image cannot be detected in it
 MAX_VIEW_ANGLE_DEG = 60.0  # SIFT stands some 60 degrees of change between the photograph's view and ours
-RATIO = 0.85  # best to second best distance among other landmarks (Lowe 2004)
+_RATIO = 0.85  # best to second best distance among other landmarks (Lowe 2004)
 _MAX_DISTANCE = 260.0  # between RootSIFT vectors of length 512; near the predicted place the place is evidence too
 _MAX_SIZE_RATIO = 2.0  # size of the feature against the size that its landmark predicts
 
@@ -64,10 +64,11 @@ def match_near_prediction(
     size_ratio = scales[feature] / np.maximum(expected_scale, 1e-9)
     similar = (size_ratio < _MAX_SIZE_RATIO) & (size_ratio > 1 / _MAX_SIZE_RATIO)
     similar &= cosines > np.cos(np.radians(MAX_VIEW_ANGLE_DEG))
-    feature, described, landmark = feature[similar], described[similar], landmark[similar]
-    known = as_bytes(reference_map.descriptors)
-    distance = np.sqrt(squared_distances(as_bytes(descriptors), feature, known, described))
-    return _reject_ambiguous(feature, landmark, distance)
+    # Every feature has a list of its own.
+    first = np.searchsorted(feature[similar], np.arange(len(pixels) + 1))
+    lists = np.arange(len(pixels))[:, None]
+    known = as_bytes(reference_map.descriptors), reference_map.descriptor_landmark
+    return unambiguous(*search_lists(as_bytes(descriptors), lists, first, described[similar], *known), _MAX_DISTANCE)
 
 
 def _descriptors_of(
@@ -82,24 +83,17 @@ def _descriptors_of(
     return np.repeat(feature, count), described
 
 
-def _reject_ambiguous(
-    feature: NDArray[np.int64], landmark: NDArray[np.int64], distance: NDArray[np.floating]
+def unambiguous(
+    landmark: NDArray[np.int64], squared: NDArray[np.int64], rival: NDArray[np.int64], max_distance: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Per feature the landmark with the least distance, unless another landmark is nearly as similar."""
-    order = np.lexsort((distance, feature))
-    feature, landmark, distance = feature[order], landmark[order], distance[order]
-    starts = np.diff(feature, prepend=-1) != 0
-    first, group = np.flatnonzero(starts), np.cumsum(starts) - 1
-    rival_distance = np.where(landmark == landmark[first][group], np.inf, distance)
-    rival = np.minimum.reduceat(rival_distance, first) if len(first) else rival_distance
-    good = (distance[first] < _MAX_DISTANCE) & (distance[first] < RATIO * rival)
-    return one_feature_per_landmark(feature[first][good], landmark[first][good], distance[first][good])
+    """Rows of features and of their landmarks, each only once, without those that another landmark resembles too.
 
-
-def one_feature_per_landmark(
-    feature: NDArray[np.int64], landmark: NDArray[np.int64], distance: NDArray[np.floating]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of matches (N,) the nearest of each landmark, in order of the features."""
-    order = np.lexsort((distance, landmark))
+    Args:
+        landmark, squared, rival: (M,) of the features, as of ``search_lists``.
+        max_distance: between descriptors.
+    """
+    distance = np.sqrt(squared)
+    feature = np.flatnonzero((landmark >= 0) & (distance < max_distance) & (distance < _RATIO * np.sqrt(rival)))
+    order = feature[np.lexsort((distance[feature], landmark[feature]))]
     kept = np.sort(order[np.diff(landmark[order], prepend=-1) != 0])
-    return feature[kept], landmark[kept]
+    return kept, landmark[kept]

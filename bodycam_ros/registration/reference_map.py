@@ -22,7 +22,7 @@ from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.map_photographs import MapPhotographs
-from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, cluster_words
+from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, choose_words
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
 
@@ -113,7 +113,7 @@ class ReferenceMap:
         """Visual words of so many of the first descriptors."""
         if self.words is not None and len(self.words.word_of_descriptor) == count:
             return self.words
-        return cluster_words(self.descriptors[:count])
+        return choose_words(self.descriptors[:count])
 
     @cached_property
     def _by_id(self) -> NDArray[np.int64]:

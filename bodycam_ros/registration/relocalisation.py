@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_model import PIXEL_SHIFT, colmap_camera, pycolmap
 from bodycam_ros.geometry import inverse
-from bodycam_ros.registration.matching import RATIO, one_feature_per_landmark
+from bodycam_ros.registration.matching import unambiguous
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _RANSAC_PX = 3.0  # inlier threshold; the fit that follows tightens it
@@ -50,6 +50,4 @@ def match_by_descriptors(
     reference_map: ReferenceMap, descriptors: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match features (M, 128) to landmarks by descriptors alone: rows of features and landmarks, each only once."""
-    landmark, best, rival = reference_map.visual_index.find_nearest(descriptors)
-    good = np.flatnonzero((landmark >= 0) & (best < _MAX_DISTANCE) & (best < RATIO * rival))
-    return one_feature_per_landmark(good, landmark[good], best[good])
+    return unambiguous(*reference_map.visual_index.find_nearest(descriptors), _MAX_DISTANCE)

@@ -7,7 +7,6 @@ byte by byte.
 for the first time. The same map always gives the same words.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,6 @@ from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 
 _DESCRIPTORS_PER_WORD = 80  # of a map; more make a search slower, fewer make it miss more
 _MOST_WORDS = 2048
-_SAMPLES_PER_WORD = 16  # descriptors that a mean is made of
-_ROUNDS = 6  # of k-means
 _BLOCK = 16384  # descriptors assigned together
 _PROBED = 8  # lists searched for a descriptor; they contain 56 of the 60 landmarks that all lists give
 
@@ -45,18 +42,11 @@ class VisualWords:
         return shapes_fit and int(self.word_of_descriptor.max(initial=0)) < len(self.centres)
 
 
-def cluster_words(descriptors: NDArray[np.uint8]) -> VisualWords:
-    """Visual words of descriptors (D, 128), by k-means on a sample."""
-    from scipy.cluster.vq import kmeans2
-
+def choose_words(descriptors: NDArray[np.uint8]) -> VisualWords:
+    """Visual words of descriptors (D, 128): some of themselves. Means find no more landmarks."""
     count = max(1, min(len(descriptors) // _DESCRIPTORS_PER_WORD, _MOST_WORDS))
-    rows = np.linspace(0, len(descriptors) - 1, min(len(descriptors), _SAMPLES_PER_WORD * count)).astype(np.int64)
-    sample = descriptors[rows].astype(np.float32)
-    start = sample[np.linspace(0, len(sample) - 1, count).astype(np.int64)]
-    with warnings.catch_warnings(action="ignore"):  # of words without descriptors, which stay where they are
-        centres, _ = kmeans2(sample, start, iter=_ROUNDS, minit="matrix")
-    rounded = np.rint(centres).astype(np.uint8)
-    return VisualWords(rounded, assign_words(descriptors, rounded))
+    centres = descriptors[np.linspace(0, len(descriptors) - 1, count).astype(np.int64)]
+    return VisualWords(centres, assign_words(descriptors, centres))
 
 
 def assign_words(descriptors: NDArray[np.uint8], centres: NDArray[np.uint8]) -> NDArray[np.uint16]:
@@ -102,13 +92,8 @@ class VisualIndex:
 
     def find_nearest(
         self, descriptors: NDArray[np.uint8]
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """The landmark most similar to each descriptor (M, 128).
-
-        Returns:
-            Landmarks (M,), -1 where there is none, and the distances (M,) to each and to the next landmark; absent
-            ones are farther than all others.
-        """
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """The landmark most similar to each descriptor (M, 128), as of ``search_lists``."""
         if self._lists is None:
             order = np.argsort(self._word_of_descriptor, kind="stable")
             first = np.searchsorted(self._word_of_descriptor[order], np.arange(self._unlisted + 1))
@@ -116,7 +101,7 @@ class VisualIndex:
         probed = np.tile(np.arange(self._unlisted), (len(descriptors), 1))
         if self._unlisted > _PROBED:
             probed = np.argpartition(_distances(descriptors, self._vectors), _PROBED, axis=1)[:, :_PROBED]
-        landmarks, nearest, second = search_lists(
+        return search_lists(
             as_bytes(descriptors),
             np.ascontiguousarray(probed, np.int64),
             self._lists[1],
@@ -124,4 +109,3 @@ class VisualIndex:
             self._descriptors,
             self._landmark_of_descriptor,
         )
-        return landmarks, np.sqrt(nearest), np.sqrt(second)

@@ -1,18 +1,8 @@
-"""Distances of descriptors and searches in lists, against NumPy."""
+"""Searches in lists, against NumPy."""
 
 import numpy as np
 
-from bodycam_ros.registration.descriptor_kernels import FARTHEST, search_lists, squared_distances
-
-
-def test_distances_are_those_of_numpy() -> None:
-    random = np.random.default_rng(0)
-    a, b = random.integers(0, 256, (20, 128), np.uint8), random.integers(0, 256, (30, 128), np.uint8)
-    a[0], b[0] = 0, 255
-    i, j = (indices.ravel() for indices in np.mgrid[:20, :30])
-    squared = squared_distances(a, i, b, j)
-    np.testing.assert_array_equal(squared, ((a[i].astype(int) - b[j]) ** 2).sum(axis=1))
-    assert squared.max() == 128 * 255**2 < FARTHEST
+from bodycam_ros.registration.descriptor_kernels import FARTHEST, search_lists
 
 
 def test_lists_tell_the_nearest_landmark_and_its_rival() -> None:
@@ -31,3 +21,12 @@ def test_lists_tell_the_nearest_landmark_and_its_rival() -> None:
         assert best[row] == squared.min()
         assert nearest[row] == landmark[asked[squared.argmin()]]
         assert rival[row] == squared[landmark[asked] != nearest[row]].min()
+
+
+def test_an_empty_list_has_no_landmark_and_full_bytes_do_not_overflow() -> None:
+    known, landmark = np.full((1, 128), 255, np.uint8), np.zeros(1, np.uint32)
+    first, lists = np.array([0, 0, 1]), np.array([[0], [1]])
+    nearest, best, rival = search_lists(np.zeros((2, 128), np.uint8), lists, first, np.array([0]), known, landmark)
+    assert nearest.tolist() == [-1, 0]
+    assert best.tolist() == [FARTHEST, 128 * 255**2]
+    assert rival.tolist() == [FARTHEST, FARTHEST]

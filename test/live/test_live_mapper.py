@@ -7,7 +7,7 @@ import numpy as np
 from known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
 
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.mapping.live_mapper import LiveMapper
+from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.registrar import Registrar

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from bodycam_ros.tracking.every_second_image import EverySecondImage
+from bodycam_ros.live.every_second_image import EverySecondImage
 
 _HZ = 30
 _FRAME_NS = round(1e9 / _HZ)
