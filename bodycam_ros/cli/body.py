@@ -13,16 +13,10 @@ from rich.text import Text
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
-    add_height,
-    add_imu,
-    add_jobs,
-    add_map,
+    add_option,
     add_output,
-    add_recording,
-    add_start,
-    add_stations,
-    check_no_static_flags,
     given_flags,
+    input_paths,
     number,
     pipeline_settings,
     read_settings,
@@ -48,10 +42,8 @@ _SUFFIXES = (".yaml", ".yml")
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("body", description=__doc__)
-    add_recording(parser)
-    add_imu(parser)
-    add_map(parser, required=False)
-    parser.add_argument("--rig", type=Path, help="YAML: camera -> segment that it is strapped to, segment -> parent")
+    for name in ("recording", "--imu", "--map", "--rig"):
+        add_option(parser, name)
     add_output(parser, "BODY", "body YAML to write, and beside it a report, BODY with .html", "BODY and its report")
     parser.add_argument("--name", help="name of the body (default: that of BODY)")
     parser.add_argument(
@@ -62,18 +54,18 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "shoulders)",
     )
     static = parser.add_argument_group("static cameras")
-    add_stations(
-        static,
+    stations_help = (
         "instead of --rig: where static cameras are; without --map its own frame is the world. Measures lengths of "
-        "bones and girths; body cameras measure the former better",
+        "bones and girths; body cameras measure the former better"
     )
-    add_start(static, "where the segments are in the first image")
+    add_option(static, "--stations", help=stations_help)
+    add_option(static, "--start", help="with --stations: where the segments are in the first image")
     initial = static.add_mutually_exclusive_group()
-    initial.add_argument(
-        "--initial-body", type=Path, metavar="BODY.YAML", help="with --stations: a body with approximate lengths"
-    )
-    add_height(initial, "with --stations: start from")
-    add_jobs(parser, "processes for the cameras")
+    body_help = "with --stations: a body with approximate lengths"
+    add_option(initial, "--initial-body", metavar="BODY.YAML", needs="stations", help=body_help)
+    height_help = "with --stations: start from lengths of people of this height"
+    add_option(initial, "--height", needs="stations", help=height_help)
+    add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
     add_config(
         parser,
         PIPELINE,
@@ -91,13 +83,11 @@ def run(arguments: argparse.Namespace) -> int:
     if output.suffix.lower() not in _SUFFIXES:
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
     _check_flags(arguments)
-    inputs = [arguments.recording, arguments.map, arguments.rig, arguments.config]
-    inputs += [arguments.stations, arguments.start, arguments.initial_body, *arguments.imu]
     page = output.with_suffix(".html")
     written = [(output, b"segments:", "body file")]
     written += [(page, b"<title>Body ", "report")] if arguments.stations is None else []
     for path, mark, what in written:
-        check_output(path, inputs, makes_folders=False)
+        check_output(path, input_paths(arguments), makes_folders=False)
         check_file(path, arguments.force, mark, what)
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     if arguments.stations is None:
@@ -112,13 +102,11 @@ def _check_flags(arguments: argparse.Namespace) -> None:
 
     Raises:
         BodyError: such flags, or flags that are missing.
-        StationError: flags of static cameras without any.
     """
     if arguments.stations is not None:
         for flag in given_flags(arguments, "rig", "facing"):
             raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
         return
-    check_no_static_flags(arguments, "start", "initial_body", "height")
     if arguments.map is None or arguments.rig is None:
         raise BodyError(
             "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "

@@ -6,6 +6,8 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
+from bodycam_ros.errors import BodycamError
+
 
 class CommandParser(argparse.ArgumentParser):
     """Its usage line has what must be given.
@@ -23,7 +25,11 @@ class CommandParser(argparse.ArgumentParser):
         )
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """As argparse does."""
+        """As argparse does.
+
+        Raises:
+            BodycamError: an argument is given without another one that it needs.
+        """
         words = list(sys.argv[1:] if args is None else args)
         settings: dict[str, dict[str, str]] = {}
         if self.read_groups is not None:
@@ -32,6 +38,10 @@ class CommandParser(argparse.ArgumentParser):
         arguments, rest = super().parse_known_args(words, namespace)
         if self.read_groups is not None:
             arguments.settings = settings
+        for action in self._actions:
+            needed = getattr(action, "needs", None)
+            if needed and is_given(arguments, action.dest) and not is_given(arguments, needed):
+                raise BodycamError(f"{action.option_strings[0]} needs --{needed.replace('_', '-')}")
         return arguments, rest
 
     def error(self, message: str) -> NoReturn:
@@ -65,6 +75,11 @@ class CommandParser(argparse.ArgumentParser):
         positional = [_argument(action) for action in self._actions if not action.option_strings]
         flags = [action for action in self._actions if action.option_strings and action.required]
         return [*positional, *(f"{action.option_strings[0]} {_value(action)}" for action in flags), "[options]"]
+
+
+def is_given(arguments: argparse.Namespace, name: str) -> bool:
+    """Whether an argument has a value."""
+    return getattr(arguments, name, None) not in (None, [], False)
 
 
 def _argument(action: argparse.Action) -> str:

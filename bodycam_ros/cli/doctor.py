@@ -2,13 +2,12 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_imu, add_jobs, add_lenses, add_map
+from bodycam_ros.cli.options import add_option
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import STYLES
 from bodycam_ros.shown import printable
@@ -28,25 +27,21 @@ _EXIT_CODES = (
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("doctor", description=__doc__, epilog=_EXIT_CODES)
-    parser.add_argument(
-        "recording",
-        type=Path,
-        metavar="RECORDING",
-        help="ros2 bag folder or .mcap file, or a video or a folder with videos",
-    )
-    add_map(parser, required=False)
-    parser.add_argument("--body", type=Path, help="body YAML: are all its cameras there?")
-    parser.add_argument(
+    recording_help = "ros2 bag folder or .mcap file, or a video or a folder with videos"
+    add_option(parser, "recording", metavar="RECORDING", help=recording_help)
+    add_option(parser, "--map")
+    add_option(parser, "--body", help="body YAML: are all its cameras there?")
+    add_option(
+        parser,
         "--rig",
-        type=Path,
         help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: does it begin "
         "with the N-pose, was every joint moved?",
     )
-    parser.add_argument("--board", type=Path, help="AprilTag board, is it in view? (default: board.yaml beside it)")
-    add_lenses(parser)
-    add_imu(parser)
+    add_option(parser, "--board", help="AprilTag board, is it in view? (default: board.yaml beside it)")
+    add_option(parser, "--lenses")
+    add_option(parser, "--imu")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
-    add_jobs(parser, "threads")
+    add_option(parser, "--jobs", help="threads (default: all cores)")
     parser.set_defaults(run=run)
 
 

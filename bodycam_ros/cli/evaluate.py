@@ -6,24 +6,14 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from bodycam_ros.cli.options import (
-    add_imu,
-    add_map,
-    add_output,
-    add_stations,
-    add_surface,
-    check_no_static_flags,
-    given_flags,
-)
-from bodycam_ros.cli.progress import waiting
+from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
+from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
-from bodycam_ros.errors import RecordingError, StationError
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.terminal import Terminal, widened
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
-    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-
 _ALIGNMENTS = ("similarity", "rigid")
 _FOUND, _SHARED = "found", "shared"
 
@@ -35,13 +25,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_output(
         parser, "DIR", "folder for report.html, summary.json and their pictures", "pictures in DIR of other origin"
     )
-    parser.add_argument(
-        "--recording",
-        type=Path,
-        metavar="BAG",
-        help="bag that OUT was solved from: adds reprojection errors and overlay.png",
-    )
-    add_imu(parser)
+    bag_help = "bag that OUT was solved from: adds reprojection errors and overlay.png"
+    add_option(parser, "--recording", metavar="BAG", help=bag_help)
+    add_option(parser, "--imu")
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
         "--truth",
@@ -67,12 +53,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "'RKJC: knee_right' the centre of that joint, or of a camera; null leaves one out",
     )
     static = parser.add_argument_group("static cameras")
-    add_stations(
-        static,
-        "with --recording: where its static cameras are; adds outside.png, the body over their images",
-    )
-    add_surface(static)
-    add_map(static, required=False)
+    stations_help = "with --recording: where its static cameras are; adds outside.png, the body over their images"
+    add_option(static, "--stations", needs="recording", help=stations_help)
+    add_option(static, "--surface")
+    add_option(static, "--map", needs="stations")
     parser.set_defaults(run=run)
 
 
@@ -80,24 +64,28 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
     from bodycam_ros.evaluate.evaluation import evaluate
-    from bodycam_ros.evaluate.image_views import body_camera_views, static_camera_views
+    from bodycam_ros.evaluate.image_views import ImageView, body_camera_views, static_camera_views
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
     from bodycam_ros.output_place import check_output
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     folder, recording = arguments.output, arguments.recording
-    outside, options = _outside_files(arguments), _agreement_options(arguments)
+    options = _agreement_options(arguments)
     check_report_folder(folder)
-    inputs = (arguments.solved, arguments.truth, recording, *arguments.imu)
-    check_output(folder, (*inputs, arguments.stations, arguments.surface, arguments.map, arguments.points))
+    check_output(folder, input_paths(arguments))
     if not arguments.force:
         _check_earlier(folder)
-    with waiting("reading and measuring"):
+    with shown_progress() as progress:
+        progress.show("reading and measuring", 0.0)
         evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
-    with waiting("overlaying images"):
+        progress.show("reading and measuring", 1.0)
+        progress.show("drawing", 0.0)
         overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
-    with waiting("drawing"):
-        views = () if outside is None else static_camera_views(evaluation.solved, recording, outside, arguments.map)
+        views: tuple[ImageView, ...] = ()
+        if arguments.stations is not None:
+            files = StaticCameraFiles(arguments.stations, arguments.surface, None)
+            views = static_camera_views(evaluation.solved, recording, files, arguments.map)
         write_report(evaluation, folder, overlay, views)
     console = widened(Terminal())
     for section in report_sections(evaluation.figures):
@@ -124,22 +112,6 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
             raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
         return None
     return AgreementOptions(arguments.align != _ALIGNMENTS[1], arguments.clock == _SHARED, arguments.points)
-
-
-def _outside_files(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
-    """Files of static cameras; None without them.
-
-    Raises:
-        StationError: an option of static cameras is given without their poses, or without their images.
-    """
-    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-
-    if arguments.stations is None:
-        check_no_static_flags(arguments, "surface", "map")
-        return None
-    if arguments.recording is None:
-        raise StationError("--stations: needs the images of static cameras: give the bag with --recording")
-    return StaticCameraFiles(arguments.stations, arguments.surface, None)
 
 
 def _check_earlier(folder: Path) -> None:

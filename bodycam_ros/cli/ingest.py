@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_jobs, add_lenses, add_output, number
+from bodycam_ros.cli.options import add_option, add_output, input_paths, number
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import OutputError
@@ -45,8 +45,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "ros2 bag folder to write, and beside it BAG_timing with a table of the clocks",
         "BAG, if an ingest wrote it, and its report",
     )
-    add_lenses(parser)
-    parser.add_argument("--rig", type=Path, help="rig YAML: which cameras there should be, and on which segments")
+    add_option(parser, "--lenses")
+    add_option(parser, "--rig", help="rig YAML: which cameras there should be, and on which segments")
     times = parser.add_mutually_exclusive_group()
     times.add_argument(
         "--synchronous", action="store_true", help="cameras are genlocked: all files start with the same frame"
@@ -66,7 +66,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         default=1.0,
         help="reduce frames to this share of their size, lenses too (%(default)s)",
     )
-    add_jobs(parser, "threads")
+    add_option(parser, "--jobs", help="threads (default: all cores)")
     parser.set_defaults(run=run)
 
 
@@ -121,7 +121,7 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
     """Refuse what cannot be written, or must not be replaced, before the work."""
     from bodycam_ros.recording.bag_writer import INGEST, check_replaceable
 
-    inputs = (*arguments.videos, arguments.lenses, arguments.rig, arguments.offsets)
+    inputs = input_paths(arguments)
     check_output(arguments.output, inputs)
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output, INGEST)

@@ -13,7 +13,7 @@ from bodycam_ros.cli.map_source import (
     inertial_alignment,
     opened_photographs,
 )
-from bodycam_ros.cli.options import add_config, add_jobs, add_output, read_settings
+from bodycam_ros.cli.options import add_config, add_option, add_output, input_paths, read_settings
 from bodycam_ros.cli.progress import ProgressBars, shown_progress
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
@@ -27,14 +27,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser("map", description=__doc__)
     add_source_flags(parser)
-    parser.add_argument(
+    add_option(
+        parser,
         "--board",
-        type=Path,
         help="description of the AprilTag board (default: board.yaml in REFERENCE_DIR, or beside VIDEO or BAG)",
     )
     parser.add_argument("--no-board", action="store_true", help="ignore the board: a map without scale and upward axis")
     add_output(parser, "MAP", "map folder to write")
-    add_jobs(parser, "threads")
+    add_option(parser, "--jobs", help="threads (default: all cores)")
     add_config(parser, "mapping.map_settings:MapSettings")
     parser.set_defaults(run=run)
 
@@ -48,8 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     output: Path = arguments.output
     settings = read_settings(arguments, MapSettings)
-    sources = (arguments.source, arguments.from_bag, arguments.rig, arguments.camera)
-    check_output(output, (*sources, arguments.board, arguments.config))
+    check_output(output, input_paths(arguments))
     check_replaceable(output, arguments.force)
     known = check_source(arguments)
     with shown_progress() as progress, opened_photographs(arguments, known, settings, progress) as photographs:

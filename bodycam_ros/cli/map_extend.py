@@ -3,15 +3,7 @@
 import argparse
 
 from bodycam_ros.cli.map import add_coverage
-from bodycam_ros.cli.options import (
-    PIPELINE,
-    add_config,
-    add_jobs,
-    add_map,
-    add_output,
-    add_recording,
-    pipeline_settings,
-)
+from bodycam_ros.cli.options import PIPELINE, add_config, add_option, add_output, input_paths, pipeline_settings
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.replay import print_rounds
 from bodycam_ros.output_place import check_output
@@ -21,10 +13,10 @@ from bodycam_ros.terminal import Terminal
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("map extend", description=__doc__)
-    add_recording(parser)
-    add_map(parser)
+    add_option(parser, "recording")
+    add_option(parser, "--map", required=True)
     add_output(parser, "MAP2", "map folder to write")
-    add_jobs(parser, "processes for the cameras")
+    add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
     add_config(parser, PIPELINE)
     parser.set_defaults(run=run)
 
@@ -39,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     recording, output = arguments.recording, arguments.output
     settings = pipeline_settings(arguments)
-    check_output(output, (arguments.map, recording, arguments.config))
+    check_output(output, input_paths(arguments))
     check_replaceable(output, arguments.force)
     known = len(ReferenceMap.load(arguments.map).landmark_ids)
     with shown_progress() as progress:

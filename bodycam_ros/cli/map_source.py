@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_imu, given_flags
+from bodycam_ros.cli.options import add_option, given_flags
 from bodycam_ros.errors import MapError
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag
@@ -25,27 +25,28 @@ if TYPE_CHECKING:
 
 def add_source_flags(parser: argparse.ArgumentParser) -> None:
     """Add SOURCE, --from-bag and their options."""
-    parser.add_argument(
+    add_option(
+        parser,
         "source",
-        type=Path,
         nargs="?",
         metavar="REFERENCE_DIR|VIDEO",
         help="folder with photographs (jpg, png) and camera.yaml; or a video of a walk through the place, of which "
         "sharp frames are taken",
     )
-    parser.add_argument(
+    add_option(
+        parser,
         "--camera",
-        type=Path,
         metavar="YAML",
         help="lens, as camera_info YAML (default: REFERENCE_DIR/camera.yaml, or VIDEO with the suffix .yaml)",
     )
     body = parser.add_argument_group("a map from body cameras")
-    body.add_argument(
-        "--from-bag", type=Path, metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion"
-    )
-    body.add_argument("--rig", type=Path, help="with --from-bag: the body cameras (default: all in the bag)")
-    body.add_argument(
+    add_option(body, "--from-bag", metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion")
+    add_option(body, "--rig", needs="from_bag", help="the body cameras (default: all in the bag)")
+    add_option(
+        body,
         "--known-distance",
+        type=str,
+        needs="from_bag",
         nargs=3,
         action="append",
         default=[],
@@ -53,7 +54,7 @@ def add_source_flags(parser: argparse.ArgumentParser) -> None:
         help="with --from-bag: measured distance between the lenses of two cameras on one segment; it scales the map "
         "where no board is in view. The farther apart the better; may be given several times",
     )
-    add_imu(body)
+    add_option(body, "--imu", needs="from_bag")
 
 
 def check_source(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
@@ -69,8 +70,6 @@ def check_source(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
         for flag in given_flags(arguments, "camera"):
             raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
         return _known_distances(arguments)
-    for flag in given_flags(arguments, "rig", "known_distance", "imu"):
-        raise MapError(f"{flag} is for the body cameras of a recording; give --from-bag")
     if source is None:
         raise MapError("give REFERENCE_DIR or VIDEO, or --from-bag BAG, to make a map of")
     if not source.exists():

@@ -2,14 +2,14 @@
 
 import argparse
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bodycam_ros.cli.command_parser import CommandParser
-from bodycam_ros.errors import SettingsError, StationError
+from bodycam_ros.errors import SettingsError
 from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_from_mapping
 from bodycam_ros.shown import shown
 
@@ -21,108 +21,6 @@ N = TypeVar("N", int, float)
 
 PIPELINE = "pipeline_settings:PipelineSettings"
 """Settings of all stages, for ``add_config``."""
-
-
-def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, replaced: str | None = None) -> None:
-    """Add -o and --force.
-
-    Args:
-        replaced: what --force replaces, if not just the output.
-    """
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
-    parser.add_argument("--force", action="store_true", help=f"replace {replaced or metavar} if it exists already")
-
-
-def add_recording(parser: argparse.ArgumentParser) -> None:
-    """Add BAG."""
-    parser.add_argument("recording", type=Path, metavar="BAG", help="ros2 bag folder or .mcap file with the cameras")
-
-
-def add_map(parser: argparse._ActionsContainer, required: bool = True) -> None:
-    """Add --map."""
-    parser.add_argument("--map", type=Path, required=required, help="reference map, a folder made by 'bodycam map'")
-
-
-def add_imu(parser: argparse._ActionsContainer) -> None:
-    """Add --imu."""
-    parser.add_argument(
-        "--imu",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="BAG",
-        help="bag with /<camera>/imu of the same recording, where BAG itself has none; may be given several times",
-    )
-
-
-def add_stations(parser: argparse._ActionsContainer, help_text: str) -> None:
-    """Add --stations."""
-    parser.add_argument("--stations", type=Path, metavar="CAMERAS.YAML", help=help_text)
-
-
-def add_surface(parser: argparse._ActionsContainer) -> None:
-    """Add --surface."""
-    parser.add_argument(
-        "--surface",
-        type=Path,
-        metavar="FOLDER",
-        help="with --stations: a mesh (OBJ or PLY) per segment (default: the folder that the body file names, else "
-        "capsules along the bones)",
-    )
-
-
-def add_start(parser: argparse._ActionsContainer, help_text: str) -> None:
-    """Add --start."""
-    parser.add_argument("--start", type=Path, metavar="START.YAML", help=f"with --stations: {help_text}")
-
-
-def add_height(parser: argparse._ActionsContainer, help_text: str) -> None:
-    """Add --height."""
-    parser.add_argument("--height", type=float, metavar="METRES", help=f"{help_text} lengths of people of this height")
-
-
-def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:
-    """Those of some flags that were given, as a user writes them."""
-    return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) not in (None, [])]
-
-
-def check_no_static_flags(arguments: argparse.Namespace, *names: str) -> None:
-    """Refuse flags of static cameras where --stations is missing.
-
-    Raises:
-        StationError: one of them is given.
-    """
-    for flag in given_flags(arguments, *names):
-        raise StationError(f"{flag} needs --stations, where the static cameras are")
-
-
-def add_equipment(parser: argparse.ArgumentParser) -> None:
-    """Add --equipment."""
-    from bodycam_ros.body.equipment_yaml import supplied_equipment
-
-    parser.add_argument(
-        "--equipment",
-        metavar="NAME_OR_FILE",
-        help="what the person rides, holds or stands on: a YAML file, or the name of a supplied one "
-        f"({', '.join(supplied_equipment())})",
-    )
-
-
-def add_lenses(parser: argparse.ArgumentParser) -> None:
-    """Add --lenses."""
-    parser.add_argument(
-        "--lenses",
-        type=Path,
-        metavar="DIR_OR_FILE",
-        help="folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which has "
-        "their lenses: of bodycam stations, a TOML, .qca.txt",
-    )
-
-
-def add_jobs(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --jobs: number of processes or threads."""
-    jobs = number(int, 1, 1000)
-    parser.add_argument("--jobs", type=jobs, default=os.cpu_count() or 1, help=f"{what} (default: all cores)")
 
 
 def number(kind: Callable[[str], N], low: float, high: float, unit: str = "") -> Callable[[str], N]:
@@ -140,6 +38,79 @@ def number(kind: Callable[[str], N], low: float, high: float, unit: str = "") ->
         return value
 
     return convert
+
+
+_OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "recording": {"metavar": "BAG", "help": "ros2 bag folder or .mcap file with the cameras"},
+    "--map": {"help": "reference map, a folder made by 'bodycam map'"},
+    "--rig": {"help": "YAML: camera -> segment that it is strapped to, segment -> parent"},
+    "--imu": {
+        "action": "append", "default": [], "metavar": "BAG",
+        "help": "bag with /<camera>/imu of the same recording, where BAG itself has none; may be given several times",
+    },
+    "--stations": {"metavar": "CAMERAS.YAML"},
+    "--surface": {
+        "metavar": "FOLDER", "needs": "stations",
+        "help": "with --stations: a mesh (OBJ or PLY) per segment (default: the folder that the body file names, else "
+        "capsules along the bones)",
+    },
+    "--start": {"metavar": "START.YAML", "needs": "stations"},
+    "--height": {"type": float, "metavar": "METRES"},
+    "--lenses": {
+        "metavar": "DIR_OR_FILE",
+        "help": "folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which "
+        "has their lenses: of bodycam stations, a TOML, .qca.txt",
+    },
+    "--jobs": {"type": number(int, 1, 1000), "default": os.cpu_count() or 1},
+}  # fmt: skip
+"""Options that several commands have; they are paths where no other type is given."""
+
+
+def add_option(parser: argparse._ActionsContainer, name: str, **changes: Any) -> None:
+    """Add an option of ``_OPTIONS``, or another path.
+
+    Args:
+        parser: or a group of it.
+        name: of the option.
+        changes: as of argparse; and ``needs``: name of an argument without which this one is refused.
+    """
+    options = {"type": Path, **_OPTIONS.get(name, {}), **changes}
+    needed = options.pop("needs", None)
+    parser.add_argument(name, **options).needs = needed  # type: ignore[attr-defined]  # CommandParser reads it
+
+
+def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, replaced: str | None = None) -> None:
+    """Add -o and --force.
+
+    Args:
+        replaced: what --force replaces, if not just the output.
+    """
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
+    parser.add_argument("--force", action="store_true", help=f"replace {replaced or metavar} if it exists already")
+
+
+def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:
+    """Those of some flags that were given, as a user writes them."""
+    return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) not in (None, [])]
+
+
+def input_paths(arguments: argparse.Namespace) -> tuple[Path, ...]:
+    """All files and folders that a command reads: every path among its arguments but the output."""
+    given = (value for name, value in vars(arguments).items() if name != "output")
+    lists = (value if isinstance(value, list) else [value] for value in given)
+    return tuple(path for paths in lists for path in paths if isinstance(path, Path))
+
+
+def add_equipment(parser: argparse.ArgumentParser) -> None:
+    """Add --equipment."""
+    from bodycam_ros.body.equipment_yaml import supplied_equipment
+
+    parser.add_argument(
+        "--equipment",
+        metavar="NAME_OR_FILE",
+        help="what the person rides, holds or stands on: a YAML file, or the name of a supplied one "
+        f"({', '.join(supplied_equipment())})",
+    )
 
 
 def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:

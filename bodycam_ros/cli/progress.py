@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from bodycam_ros.progress import Advance
 from bodycam_ros.terminal import Terminal
@@ -44,13 +44,3 @@ def shown_progress() -> Iterator[ProgressBars]:
     terminal = Terminal(stderr=True)
     with Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as bars:
         yield ProgressBars(bars)
-
-
-@contextmanager
-def waiting(what: str) -> Iterator[None]:
-    """A spinner while the block lasts, for work of unknown length."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    terminal = Terminal(stderr=True)
-    with Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal) as bars:
-        bars.add_task(what, total=None)
-        yield

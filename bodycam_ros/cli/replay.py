@@ -9,15 +9,9 @@ from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
     add_equipment,
-    add_imu,
-    add_jobs,
-    add_map,
+    add_option,
     add_output,
-    add_recording,
-    add_start,
-    add_stations,
-    add_surface,
-    check_no_static_flags,
+    input_paths,
     number,
     pipeline_settings,
 )
@@ -40,21 +34,21 @@ _COLUMNS = (
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("replay", description=__doc__)
-    add_recording(parser)
-    add_map(parser, required=False)
-    parser.add_argument(
-        "--body", type=Path, required=True, help="body YAML, made by 'bodycam body': segments, joints, camera mounts"
-    )
+    add_option(parser, "recording")
+    add_option(parser, "--map")
+    body_help = "body YAML, made by 'bodycam body': segments, joints, camera mounts"
+    add_option(parser, "--body", required=True, help=body_help)
     add_output(parser, "OUT", "ros2 bag folder to write")
-    add_imu(parser)
+    add_option(parser, "--imu")
     add_equipment(parser)
-    add_stations(
-        parser,
+    stations_help = (
         "where static cameras of the same bag are, as 'bodycam stations' writes it; without --map its own frame is the "
-        "world, and body cameras are left out",
+        "world, and body cameras are left out"
     )
-    add_surface(parser)
-    add_start(parser, "where the segments are in the first image; body cameras measure it as well")
+    add_option(parser, "--stations", help=stations_help)
+    add_option(parser, "--surface")
+    start_help = "with --stations: where the segments are in the first image; body cameras measure it as well"
+    add_option(parser, "--start", help=start_help)
     parser.add_argument(
         "--passes",
         type=number(int, 1, 100),
@@ -68,7 +62,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         action="store_true",
         help="leave tracks and landmarks out of OUT, three quarters of it; reprojection errors are then unknown",
     )
-    add_jobs(parser, "processes for the cameras")
+    add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
     add_config(parser, PIPELINE)
     parser.set_defaults(run=run)
 
@@ -89,8 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = pipeline_settings(arguments)
     equipment = None if arguments.equipment is None else equipment_path(arguments.equipment)
     outside = _outside(arguments)
-    inputs = (arguments.recording, arguments.map, arguments.body, arguments.config, equipment, *arguments.imu)
-    check_output(arguments.output, (*inputs, arguments.stations, arguments.surface, arguments.start))
+    check_output(arguments.output, (*input_paths(arguments), equipment))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
@@ -137,7 +130,6 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
         raise StationError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
         return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
-    check_no_static_flags(arguments, "surface", "start")
     if arguments.map is None:
         raise StationError("give the place's reference map with --map, or static cameras with --stations")
     return None

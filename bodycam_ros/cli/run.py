@@ -4,7 +4,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_config, add_jobs
+from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.cli.study import run_steps
 from bodycam_ros.study.recording_folder import LAYOUT, SOLVED, list_missing, read_recording_folder
 from bodycam_ros.terminal import Terminal
@@ -31,7 +31,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("folder", type=Path, metavar="RECORDING_DIR", help="folder with the recordings, as below")
     parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
-    add_jobs(parser, "processes and threads")
+    add_option(parser, "--jobs", help="processes and threads (default: all cores)")
     add_config(parser)
     parser.set_defaults(run=run)
 

@@ -7,7 +7,7 @@ A calibration file in place of the recording is converted: anipose, FreeMoCap, P
 import argparse
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_config, add_map, add_output, add_recording, read_settings
+from bodycam_ros.cli.options import add_config, add_option, add_output, input_paths, read_settings
 from bodycam_ros.cli.progress import shown_progress
 from bodycam_ros.cli.tables import print_section
 from bodycam_ros.errors import StationError
@@ -27,8 +27,8 @@ _COLUMNS = (
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("stations", description=__doc__)
-    add_recording(parser)
-    add_map(parser, required=False)
+    add_option(parser, "recording")
+    add_option(parser, "--map")
     add_output(parser, "YAML", "file of cameras to write")
     parser.add_argument("--cameras", nargs="+", metavar="NAME", help="static cameras (default: all that do not move)")
     parser.add_argument(
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
 
     settings = read_settings(arguments, StationsSettings)
-    check_output(arguments.output, (arguments.recording, arguments.map, arguments.config), makes_folders=False)
+    check_output(arguments.output, input_paths(arguments), makes_folders=False)
     mark = MARK if arguments.to == "yaml" else TOML_MARK
     check_file(arguments.output, arguments.force, mark.encode(), "file of static cameras that this command wrote")
     if is_calibration(arguments.recording):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from bodycam_ros.cli.options import add_config, add_jobs
+from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
@@ -44,7 +44,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "-o", "--output", type=Path, metavar="DIR", help="folder for all results (default: STUDY, beside the file)"
     )
     parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
-    add_jobs(parser, "processes at a time")
+    add_option(parser, "--jobs", help="processes at a time (default: all cores)")
     add_config(parser)
     parser.set_defaults(run=run)
 

@@ -7,10 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_height, add_map, add_start, add_stations, add_surface, given_flags
+from bodycam_ros.cli.options import add_option, given_flags, input_paths
 from bodycam_ros.errors import ViewError
 from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.shown import shown
 
 if TYPE_CHECKING:
     from bodycam_ros.viewer.sources import Sources
@@ -21,44 +20,31 @@ PORT = 8080
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser("view", description=__doc__)
-    parser.add_argument(
-        "solved",
-        type=Path,
-        nargs="?",
-        metavar="OUT",
-        help="bag that 'bodycam replay' wrote (without it: the body in its N-pose)",
-    )
-    add_map(parser, required=False)
-    parser.add_argument(
-        "--body",
-        type=Path,
-        metavar="BODY.yaml",
-        help="body, which corrections are written to; a video takes that of OUT",
-    )
-    parser.add_argument("--recording", type=Path, metavar="BAG", help="bag that OUT was solved from: shows its images")
-    add_stations(parser, "where static cameras are: shows them and their images")
-    add_surface(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="OUT.mp4", help="write a video of the body, and end; the start of --place"
-    )
-    parser.add_argument(
-        "--over", metavar="CAMERA", help="with -o and --recording: over the images of this camera, not from outside"
-    )
+    out_help = "bag that 'bodycam replay' wrote (without it: the body in its N-pose)"
+    add_option(parser, "solved", nargs="?", metavar="OUT", help=out_help)
+    add_option(parser, "--map")
+    body_help = "body, which corrections are written to; a video takes that of OUT"
+    add_option(parser, "--body", metavar="BODY.yaml", help=body_help)
+    add_option(parser, "--recording", metavar="BAG", help="bag that OUT was solved from: shows its images")
+    add_option(parser, "--stations", help="where static cameras are: shows them and their images")
+    add_option(parser, "--surface")
+    video_help = "write a video of the body, and end; the start of --place"
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help=video_help)
+    over_help = "with -o and --recording: over the images of this camera, not from outside"
+    add_option(parser, "--over", type=str, metavar="CAMERA", needs="output", help=over_help)
     parser.add_argument("--force", action="store_true", help="replace the output if it exists already")
-    parser.add_argument(
-        "--place",
-        type=Path,
-        metavar="BAG",
-        help="place the body by hand in the first images of --stations, and write the START.yaml that -o names",
-    )
-    add_start(parser, "with --place: where the body is at first")
-    add_height(parser, "with --place, instead of --body:")
+    place_help = "place the body by hand in the first images of --stations, and write the START.yaml that -o names"
+    add_option(parser, "--place", metavar="BAG", help=place_help)
+    add_option(parser, "--start", needs="place", help="with --place: where the body is at first")
+    height_help = "with --place, instead of --body: lengths of people of this height"
+    add_option(parser, "--height", needs="place", help=height_help)
     parser.add_argument(
         "--live",
         action="store_true",
         help="show what the running graph publishes (needs ROS 2); --map, --namespace and --port apply",
     )
-    parser.add_argument("--namespace", default="", metavar="NAME", help="with --live: of the person's graph, as anna")
+    name_help = "with --live: of the person's graph, as anna"
+    add_option(parser, "--namespace", type=str, metavar="NAME", needs="live", help=name_help)
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
     parser.set_defaults(run=run, usage_error=parser.error)
 
@@ -70,20 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
         with suppress(KeyboardInterrupt):
             _view_live(arguments)
         return 0
-    if arguments.namespace:
-        raise ViewError(f"--namespace {shown(arguments.namespace)}: is for --live")
     if arguments.place is not None:
         _place(arguments)
         return 0
-    for flag in given_flags(arguments, "start", "height"):
-        raise ViewError(f"{flag}: is for --place")
     if arguments.output is not None:
         _write_video(arguments)
         return 0
     if arguments.body is None:
         arguments.usage_error("the following arguments are required: --body")
-    if arguments.over is not None:
-        raise ViewError(f"--over {shown(arguments.over)}: is for a video; give its file with -o")
     # The web server takes half a second to load; the other commands and --help do without.
     from bodycam_ros.viewer.session import view
 
@@ -117,8 +97,7 @@ def _write_video(arguments: argparse.Namespace) -> None:
 
 
 def _check_output(arguments: argparse.Namespace, mark: bytes, what: str) -> None:
-    inputs = ("solved", "place", "map", "body", "recording", "stations", "surface", "start")
-    check_output(arguments.output, tuple(getattr(arguments, name) for name in inputs), makes_folders=False)
+    check_output(arguments.output, input_paths(arguments), makes_folders=False)
     check_file(arguments.output, arguments.force, mark, what)
 
 
@@ -156,5 +135,5 @@ def _view_live(arguments: argparse.Namespace) -> None:
         ) from error
     from bodycam_ros.viewer.live_session import view_live
 
-    open_listener = partial(listener, namespace=arguments.namespace)
+    open_listener = partial(listener, namespace=arguments.namespace or "")
     view_live(open_listener, arguments.map, arguments.port)

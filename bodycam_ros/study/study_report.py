@@ -6,12 +6,12 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from bodycam_ros.evaluate.page import render_page
-from bodycam_ros.evaluate.sections import Link, Page, Section, Table, find_figure
+from bodycam_ros.evaluate.sections import Columns, Link, Page, Section, column_table, find_figure
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Step, Study
@@ -76,53 +76,25 @@ def read_results(
     return results
 
 
-@dataclass(frozen=True)
-class StudyColumn:
-    """A column of numbers.
+_FIGURES_OF: Mapping[str, tuple[str, ...]] = {
+    "duration_s": ("duration_s",),
+    "registered": ("registered",),
+    "position_error_cm": ("truth.position_cm.mean", "agreement.position_cm.mean"),
+    "angle_error_deg": ("truth.angle_deg.mean", "agreement.angle_deg.mean"),
+    "sliding_mm": ("sliding.all.mean_mm",),
+    "speed_m_s": ("gait.speed_m_s.mean",),
+    "cadence_per_min": ("gait.cadence_per_min.mean",),
+    "took_s": ("took_s",),
+}
+"""Column of the CSV, with the unit -> places of its value in the figures, of which the first that exists is taken."""
 
-    Attributes:
-        heading: with the unit.
-        key: in the CSV, with the unit.
-        places: of its value in the figures, as "truth.angle_deg.mean"; the first that exists is taken.
-        decimals: of the heading's unit.
-        factor: from the CSV's unit to the heading's.
-    """
-
-    heading: str
-    key: str
-    places: tuple[str, ...]
-    decimals: int
-    factor: float = 1.0
-
-    def value(self, result: RecordingResult) -> float | None:
-        """In the CSV's unit; None if it is unknown."""
-        found = (find_figure(result.figures, place) for place in self.places)
-        return next((float(value) for value in found if isinstance(value, int | float)), None)
-
-    def cell(self, result: RecordingResult) -> str:
-        """In the heading's unit; empty if it is unknown."""
-        value = self.value(result)
-        return "" if value is None else f"{self.factor * value:.{self.decimals}f}"
-
-
-_POSITION, _ANGLE = (
-    tuple(f"{source}.{what}.mean" for source in ("truth", "agreement")) for what in ("position_cm", "angle_deg")
-)
-COLUMNS = (
-    StudyColumn("duration [s]", "duration_s", ("duration_s",), 1),
-    StudyColumn("registered [%]", "registered", ("registered",), 1, 100.0),
-    StudyColumn("position error [cm]", "position_error_cm", _POSITION, 2),
-    StudyColumn("angle error [deg]", "angle_error_deg", _ANGLE, 2),
-    StudyColumn("foot sliding [mm]", "sliding_mm", ("sliding.all.mean_mm",), 1),
-    StudyColumn("speed [m/s]", "speed_m_s", ("gait.speed_m_s.mean",), 2),
-    StudyColumn("cadence [1/min]", "cadence_per_min", ("gait.cadence_per_min.mean",), 1),
-    StudyColumn("took [s]", "took_s", ("took_s",), 0),
-)
-
-
-def known_columns(results: Sequence[RecordingResult]) -> list[StudyColumn]:
-    """Those with a value in one of the results."""
-    return [column for column in COLUMNS if any(column.value(result) is not None for result in results)]
+_COLUMNS: Columns = (
+    ("subject", "subject", ""), ("place", "place", ""), ("verdict", "verdict", ""),
+    ("duration [s]", "duration_s", ".1f"), ("registered", "registered", ".1%"),
+    ("position error [cm]", "position_error_cm", ".2f"), ("angle error [deg]", "angle_error_deg", ".2f"),
+    ("foot sliding [mm]", "sliding_mm", ".1f"), ("speed [m/s]", "speed_m_s", ".2f"),
+    ("cadence [1/min]", "cadence_per_min", ".1f"), ("took [s]", "took_s", ".0f"),
+)  # fmt: skip
 
 
 def write_study_report(title: str, results: Sequence[RecordingResult], folder: Path) -> None:
@@ -134,26 +106,27 @@ def write_study_report(title: str, results: Sequence[RecordingResult], folder: P
     Raises:
         OutputError: they cannot be written.
     """
-    columns = known_columns(results)
-    headings = ("recording", "subject", "place", "verdict", *(column.heading for column in columns))
-    rows: list[tuple[str | Link, ...]] = []
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    keys = [column.key for column in COLUMNS]
-    table.writerow(["recording", "subject", "place", "verdict", *keys, "report", "failed_step", "reason"])
+    rows: dict[str, dict[str, Any]] = {}
     for result in results:
-        name, *others = result.names
-        values = ["" if value is None else f"{value:.6g}" for value in (column.value(result) for column in COLUMNS)]
-        report = result.report.relative_to(folder).as_posix()
+        row: dict[str, Any] = dict(zip(("recording", "subject", "place", "verdict"), result.names, strict=True))
+        for name, places in _FIGURES_OF.items():
+            found = (find_figure(result.figures, place) for place in places)
+            row[name] = next((float(value) for value in found if isinstance(value, int | float)), None)
         end = result.failure
-        last = [report, "", ""] if end is None else ["", end.step.name, end.failure or ""]
-        table.writerow([*result.names, *values, *last])
-        first = Link(name, f"{report}/{_REPORT}") if end is None else name
-        rows.append((first, *others, *(column.cell(result) for column in columns)))
-    sections = [Section(table=Table(headings, rows, frozenset(range(4))))]
-    failures = [(r.recording.name, r.failure.step.name, r.failure.failure or "") for r in results if r.failure]
-    if failures:
-        sections.append(Section("Failed", table=Table(("recording", "step", "reason"), failures, frozenset(range(3)))))
+        row["report"] = result.report.relative_to(folder).as_posix() if end is None else ""
+        row |= {"failed_step": end and end.step.name, "reason": end and end.failure}
+        rows[result.recording.name] = row
+    table = column_table("", "recording", _COLUMNS, rows).table
+    assert table is not None
+    links = [Link(name, f"{row['report']}/{_REPORT}") if row["report"] else name for name, row in rows.items()]
+    linked = [(link, *cells[1:]) for link, cells in zip(links, table.rows, strict=True)]
+    failures = {name: row for name, row in rows.items() if row["reason"]}
+    failed = column_table("Failed", "recording", (("step", "failed_step", ""), ("reason", "reason", "")), failures)
+    sections = [Section(table=replace(table, rows=linked)), *([failed] if failures else [])]
+    text = io.StringIO()
+    lines = csv.DictWriter(text, next(iter(rows.values()), {}), lineterminator="\n")
+    lines.writeheader()
+    lines.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows.values())
     with whole_files(folder) as unfinished:
         page = render_page(Page(title, [f"{count_verdicts(results)}."], sections))
         (unfinished / PAGE).write_text(page, encoding="utf-8")

@@ -85,7 +85,7 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
     path = motion.world_T_root[:, :2, 3]
     followed = uniform_filter1d(path, round(_FOLLOW_S * 1e9 / motion.frame_ns), axis=0, mode="nearest")
     first = motion.segments_at(body, 0)
-    opening = OpeningView.of_body(first[body.segment_index[body.root]], points_to_see(body, {}, first))
+    opening = OpeningView.of_body(first[body.segment_index[body.root]], points_to_see(body, first))
     for index, seconds in enumerate(motion.seconds.tolist()):
         moved = np.append(followed[index] - followed[0], 0.0)
         world_T_camera = looking_at(opening.position + moved, opening.look_at + moved)

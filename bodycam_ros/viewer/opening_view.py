@@ -1,16 +1,13 @@
 """The first viewpoint of a browser: the whole body in the middle of the window, its cameras too."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.viewer.motion import mounted_camera
 from bodycam_ros.viewer.skeleton_scene import limbs_of
-from bodycam_ros.viewer.surface_scene import surface_points
 
 FIELD_OF_VIEW = float(np.radians(40.0))
 """Of the browser's camera, from bottom to top [rad]."""
@@ -51,14 +48,8 @@ class OpeningView:
         return cls(centre + distance * away, centre)
 
 
-def points_to_see(body: BodyModel, surfaces: Mapping[str, Surface], world_T_segment: Array) -> Array:
-    """(N, 3) points of all that is shown of a body at poses (S, 4, 4): bones, surface, cameras [m]."""
+def points_to_see(body: BodyModel, world_T_segment: Array) -> Array:
+    """(N, 3) ends of bones, and cameras, of a body at poses (S, 4, 4) [m]."""
     limbs = limbs_of(body, world_T_segment)
     cameras = [mounted_camera(body, world_T_segment, camera)[:3, 3] for camera in body.mounts]
-    return np.concatenate(
-        [
-            *(np.concatenate([limb.start, limb.end]) for limb in limbs),
-            surface_points(surfaces, body, world_T_segment),
-            np.array(cameras).reshape(-1, 3),
-        ]
-    )
+    return np.concatenate([*(end for limb in limbs for end in (limb.start, limb.end)), np.reshape(cameras, (-1, 3))])

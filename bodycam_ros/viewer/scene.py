@@ -126,8 +126,7 @@ class Scene:
 
     def frame_body(self) -> None:
         """Set the viewpoint of browsers, those that open the view and those that have it open, to the body shown."""
-        surfaces = self._surface.surfaces if self.layers[SURFACE] else {}
-        points_world = points_to_see(self._body, surfaces, self._world_T_segment)
+        points_world = points_to_see(self._body, self._world_T_segment)
         root = self._world_T_segment[self._body.segment_index[self._body.root]]
         opening = OpeningView.of_body(root, points_world + np.array(self._world.position))
         initial = self._server.initial_camera

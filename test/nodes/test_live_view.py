@@ -87,7 +87,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
         def is_seen() -> bool:
             publish()
             session.step(0.05)
-            frustum = server.scene.get_handle_by_name(f"{segment_name('head')}/camera_head/pyramid")
+            frustum = server.scene.get_handle_by_name(f"{segment_name('head')}/camera_head")
             return frustum is not None and frustum.color == rgb(REGISTERED)  # type: ignore[attr-defined]
 
         graph.until(is_seen, 60.0, "the head's camera as registered")
@@ -100,7 +100,7 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
         world = server.scene.get_handle_by_name("/world")
         assert world is not None
         assert_allclose(world.position, [-2.0, -1.0, 0.0], atol=1e-6)  # followed
-        other = server.scene.get_handle_by_name(f"{shin}/camera_shin_left/pyramid")
+        other = server.scene.get_handle_by_name(f"{shin}/camera_shin_left")
         assert other is not None and other.color == rgb(LOST)  # type: ignore[attr-defined]
         graph.until(stepped(lambda: "states a second" in session.text), 60.0, "how many instants come")
     finally:

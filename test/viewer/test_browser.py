@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.picture_style import rgb
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.gizmo import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
@@ -61,7 +60,7 @@ class Expected:
         self.motion = motion
         self.left, self.top, self.width, self.height = view.canvas()
         root = motion.world_T_root[0]
-        points = points_to_see(body, capsule_surfaces(body), motion.segments_at(body, 0))
+        points = points_to_see(body, motion.segments_at(body, 0))
         opening = OpeningView.of_body(root, points - root[:3, 3] * [1, 1, 0])
         forward = opening.look_at - opening.position
         forward /= np.linalg.norm(forward)

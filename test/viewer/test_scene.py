@@ -17,7 +17,6 @@ from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.motion import Motion
@@ -199,7 +198,7 @@ def test_legs_alone_are_drawn_to_their_tips_and_fill_the_opening_view(body: Body
     assert {line.segment for line in lines} == kept
     shin = next(line for line in lines if line.segment == "shin_left")
     assert shin.start[0, 2] - shin.end[0, 2] > 0.1
-    points = points_to_see(legs, capsule_surfaces(legs), poses)
+    points = points_to_see(legs, poses)
     view = OpeningView.of_body(poses[0], points)
     forward = (view.look_at - view.position) / np.linalg.norm(view.look_at - view.position)
     right = np.cross(forward, [0.0, 0.0, 1.0])

@@ -115,7 +115,7 @@ def test_the_body_of_out_is_that_of_its_file(sample: Path, sample_out: Path, tmp
         (["--place", "BAG"], "--place needs --stations CAMERAS.YAML and -o START.yaml"),
         (["--place", "BAG", "--stations", "C.yaml", "-o", "start.yaml"], "either --body BODY.yaml or --height METRES"),
         (["--place", "BAG", "OUT"], "leave out OUT"),
-        (["--start", "start.yaml"], "--start: is for --place"),
+        (["--start", "start.yaml"], "--start needs --place"),
         (["--map", "MAP", "-o", "walk.mp4"], "the body is unknown: give its file with --body"),
         (
             ["--place", "BAG", "--stations", "C.yaml", "--height", "1.8", "-o", "start.yaml"],
