@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.evaluate.spread import distance_in_time, spread
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
@@ -195,7 +196,9 @@ def station_figures(record: StationRecord) -> dict[str, Any]:
     }
 
 
-def sensor_figures(sensors: Mapping[str, ImuSamples], residuals: Mapping[str, Array]) -> dict[str, dict[str, float]]:
+def sensor_figures(
+    sensors: Mapping[str, ImuSamples], residuals: Mapping[str, GyroscopeResiduals]
+) -> dict[str, dict[str, float]]:
     """Camera -> figures of its inertial sensor: noise and bias at rest, and the gyroscope against the solved camera.
 
     ``bias_change_deg_s`` is the median of the gyroscope, corrected by the body's calibration, less the solved angular
@@ -203,7 +206,9 @@ def sensor_figures(sensors: Mapping[str, ImuSamples], residuals: Mapping[str, Ar
     """
     figures, degrees = {}, np.degrees(1.0)
     for camera, samples in sensors.items():
-        quality, rad_s = sensor_quality(samples), residuals.get(camera, np.full((1, 3), np.nan))
+        quality, rad_s = sensor_quality(samples), np.full((1, 3), np.nan)
+        if camera in residuals:
+            rad_s = residuals[camera].rad_s
         change = np.median(rad_s, axis=0)
         figures[camera] = {
             "rate_hz": quality.rate_hz,
@@ -216,22 +221,21 @@ def sensor_figures(sensors: Mapping[str, ImuSamples], residuals: Mapping[str, Ar
     return figures
 
 
-def gyroscope_residuals(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -> dict[str, Array]:
-    """Camera -> its gyroscope less its solved angular velocity (N, 3), in its axes, means from state to state [rad/s].
-
-    Of cameras whose sensor the body file calibrates.
-    """
+def gyroscope_residuals(solved: SolvedRecording, sensors: Mapping[str, ImuSamples]) -> dict[str, GyroscopeResiduals]:
+    """Camera -> its gyroscope less its solved angular velocity, of cameras whose sensor the body file calibrates."""
     found = {}
     for record, world_T_camera in solved.solved_cameras():
         imu = solved.body.mounts[record.camera].imu
         if imu is not None and record.camera in sensors:
             each = _residuals(solved, record, world_T_camera, imu.correct(sensors[record.camera]))
-            if len(each):
+            if len(each.seconds):
                 found[record.camera] = each
     return found
 
 
-def _residuals(solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, corrected: ImuSamples) -> Array:
+def _residuals(
+    solved: SolvedRecording, record: CameraRecord, world_T_camera: Array, corrected: ImuSamples
+) -> GyroscopeResiduals:
     R, seconds = world_T_camera[:, :3, :3], solved.seconds(solved.stamps_ns)
     sensor_s, w = solved.seconds(record.time_of(corrected.stamps_ns)), corrected.angular_velocity
     steps = np.diff(sensor_s)[:, None] * (w[1:] + w[:-1]) / 2.0
@@ -240,4 +244,4 @@ def _residuals(solved: SolvedRecording, record: CameraRecord, world_T_camera: Ar
     solved_turn = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:])
     residuals = (np.diff(turned, axis=0) - solved_turn) / np.diff(seconds)[:, None]
     usable = np.isfinite(residuals).all(axis=1) & (np.diff(solved.stamps_ns) <= solved.longest_step_ns)
-    return np.asarray(residuals[usable])
+    return GyroscopeResiduals(seconds[1:][usable], residuals[usable])

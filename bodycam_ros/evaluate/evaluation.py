@@ -20,6 +20,7 @@ from bodycam_ros.evaluate.agreement import (
 from bodycam_ros.evaluate.comparison import Comparison, compare
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.gait import solved_gait
+from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.evaluate.spread import spread
 from bodycam_ros.evaluate.true_motion import read_true_motion
@@ -51,6 +52,7 @@ class Evaluation:
         jitter: (T, S) [m].
         comparison: with the truth, if that was given.
         agreement: with what another system captured, if that was given.
+        gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
     """
 
     solved: SolvedRecording
@@ -61,6 +63,7 @@ class Evaluation:
     jitter: Array
     comparison: Comparison | None
     agreement: Agreement | None
+    gyroscopes: Mapping[str, GyroscopeResiduals]
 
     @property
     def truth_name(self) -> str:
@@ -123,8 +126,9 @@ def evaluate(
     }
     bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
     sensors = {name: s for name, s in read_imus(bags, figures["cameras"]).items() if len(s) >= MIN_SAMPLES}
+    gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
     more = {
-        "sensors": camera_figures.sensor_figures(sensors, camera_figures.gyroscope_residuals(solved, sensors)),
+        "sensors": camera_figures.sensor_figures(sensors, gyroscopes),
         "stations": {record.station: camera_figures.station_figures(record) for record in solved.stations},
         "equipment": solved.equipment and equipment_figures(solved.equipment, solved.start_ns),
         "truth": comparison and comparison.figures(),
@@ -133,7 +137,7 @@ def evaluate(
         "gait": solved_gait(solved, comparison),
     }
     figures = _without_nan(figures | {name: value for name, value in more.items() if value})
-    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement)
+    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, gyroscopes)
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

@@ -11,6 +11,7 @@ from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, dr
 from bodycam_ros.evaluate.page import render_page
 from bodycam_ros.evaluate.report_sections import report_sections
 from bodycam_ros.evaluate.sections import Page, Picture, Section
+from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
 from bodycam_ros.whole_file import whole_files
@@ -19,6 +20,7 @@ FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "joints.png": "How far each joint is off over time.",
+    "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
@@ -90,6 +92,8 @@ def write_report(
         draw_summary(evaluation, unfinished / "summary.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
+        if evaluation.gyroscopes:
+            draw_sensors(evaluation.gyroscopes, unfinished / "sensors.png")
         for views, key, name in ((overlay, BODY_KEY, "overlay.png"), (outside, STATIC_KEY, "outside.png")):
             if views:
                 draw_views(views, key, unfinished / name)

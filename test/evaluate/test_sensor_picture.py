@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from known_walk import START_NS, Walk, write_solved
+from matplotlib.image import imread
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.evaluate.camera_figures import gyroscope_residuals, sensor_figures
 from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
@@ -42,14 +44,20 @@ def samples_of(walk: Walk, camera: str) -> ImuSamples:
     return ImuSamples(stamps_ns, w, np.tile([0.0, -GRAVITY, 0.0], (len(w), 1)))
 
 
-def test_residuals_are_what_a_gyroscope_is_off(calibrated: SolvedRecording, walk: Walk) -> None:
+def test_residuals_are_what_a_gyroscope_is_off(calibrated: SolvedRecording, walk: Walk, tmp_path: Path) -> None:
     sensors = {camera: samples_of(walk, camera) for camera in OFF}
     residuals = gyroscope_residuals(calibrated, sensors)
     for camera, off in OFF.items():
-        np.testing.assert_allclose(np.median(residuals[camera], axis=0), off, atol=0.02)
+        np.testing.assert_allclose(np.median(residuals[camera].rad_s, axis=0), off, atol=0.02)
+        assert 0.0 < residuals[camera].seconds.min() and residuals[camera].seconds.max() < 2.0
     figures = sensor_figures(sensors, residuals)
     assert figures["shin"]["bias_change_deg_s"] == pytest.approx(np.degrees(0.2), abs=1.0)
     assert figures["waist"]["bias_change_deg_s"] < 1.0
+    draw_sensors(residuals, tmp_path / "sensors.png")
+    picture = imread(tmp_path / "sensors.png")
+    height, width = picture.shape[:2]
+    upper, lower = (picture[round(share * height), width // 2, :3].mean() for share in (0.4, 0.65))
+    assert upper > lower  # the waist's row is paler than the shin's
 
 
 def test_sensors_without_a_calibration_have_no_residual(solved: Path, walk: Walk) -> None:
@@ -69,4 +77,4 @@ def test_a_sensor_with_few_samples_is_left_out(walk: Walk, tmp_path: Path, count
             sample = samples.angular_velocity[row], samples.acceleration[row]
             writer.write(f"/waist{IMU_TOPIC}", stamp_ns, imu_message(make, "waist", stamp_ns, *sample))
     evaluation = evaluate(solved, imu_paths=[tmp_path / "imu"])
-    assert [*evaluation.figures.get("sensors", {})] == (["waist"] if count >= 100 else [])
+    assert ("sensors" in evaluation.figures) == (set(evaluation.gyroscopes) == {"waist"}) == (count >= 100)
