@@ -5,7 +5,9 @@ Several recordings are written into a folder, a file each.
 
 import argparse
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from bodycam_ros.cli.options import add_output, given_flags
 from bodycam_ros.cli.progress import shown_progress
@@ -17,6 +19,22 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.shown import printable
 
 ROBOT = "robot"
+_OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "rate": (
+        f"frames a second, at most {MAX_RATE:g}, interpolated on SO(3) (default: the solved ones)",
+        {"type": float, "metavar": "HZ"},
+    ),
+    "pose": ("rest pose: arms down (N, the default), out (T), between (A)", {"choices": REST_POSES}),
+    "up": ("axis that is up", {"choices": UP_AXES}),
+    "scale": ("units per metre, 100 for centimetres", {"type": float, "metavar": "UNITS"}),
+    "names": ("naming convention of bones", {"choices": BONE_NAMES}),
+    "segment": ("segment or camera, or all (default: the root)", {"metavar": "NAME"}),
+    "mass": (
+        "mass of the whole person: links get an inertial, by de Leva 1996 (default: none)",
+        {"type": float, "metavar": "KG"},
+    ),
+}
+"""Field of ``MotionOptions`` -> its meaning, and how it is parsed."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -37,34 +55,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument("--to", choices=sorted([*FORMATS, ROBOT]), required=True, help="format to write")
     add_output(parser, "FILE", "file to write; a folder for several recordings", "files of this format")
-    parser.add_argument(
-        "--rate",
-        type=float,
-        metavar="HZ",
-        help=f"frames a second, at most {MAX_RATE:g}, interpolated on SO(3) (default: the solved ones)"
-        f"{_formats_with('rate')}",
-    )
-    parser.add_argument(
-        "--pose",
-        choices=REST_POSES,
-        help=f"rest pose: arms down (N, the default), out (T), between (A){_formats_with('pose')}",
-    )
-    parser.add_argument("--up", choices=UP_AXES, help=f"axis that is up{_formats_with('up')}")
-    parser.add_argument(
-        "--scale", type=float, metavar="UNITS", help=f"units per metre, 100 for centimetres{_formats_with('scale')}"
-    )
-    parser.add_argument("--names", choices=BONE_NAMES, help=f"naming convention of bones{_formats_with('names')}")
-    parser.add_argument(
-        "--segment",
-        metavar="NAME",
-        help=f"segment or camera, or all (default: the root){_formats_with('segment')}",
-    )
-    parser.add_argument(
-        "--mass",
-        type=float,
-        metavar="KG",
-        help=f"mass of the whole person: links get an inertial, by de Leva 1996 (default: none){_formats_with('mass')}",
-    )
+    for option, (meaning, rest) in _OPTIONS.items():
+        users = ", ".join(name for name, form in FORMATS.items() if option in form.options)
+        parser.add_argument(f"--{option}", help=f"{meaning} ({users})", **rest)
     parser.add_argument("--urdf", type=Path, metavar="FILE", help=f"the robot ({ROBOT})")
     parser.add_argument(
         "--mapping",
@@ -78,15 +71,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     sources, output = arguments.sources, arguments.output
-    options = MotionOptions(
-        arguments.rate,
-        arguments.pose,
-        arguments.up,
-        arguments.scale,
-        arguments.names,
-        arguments.segment,
-        arguments.mass,
-    )
+    options = MotionOptions(**{name: getattr(arguments, name) for name in _OPTIONS})
     if arguments.to == ROBOT:
         return _export_robot(arguments, options)
     if given := given_flags(arguments, "urdf", "mapping"):
@@ -139,7 +124,3 @@ def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
     each_ms = 1e3 * summary.cpu_s / summary.frames
     print(f"{each_ms:.1f} ms of inverse kinematics a frame; written to {printable(str(arguments.output))}")
     return 0
-
-
-def _formats_with(option: str) -> str:
-    return f" ({', '.join(name for name, form in FORMATS.items() if option in form.options)})"

@@ -4,12 +4,12 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
-from types import MappingProxyType
 
 from bodycam_ros.errors import OutputError, RecordingError, SettingsError
 from bodycam_ros.formats import bvh, c3d, csv, glb, mjcf, npz, opensim, ply, trc, tum, urdf, usd
-from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion, sample_motion
+from bodycam_ros.formats.sampled_motion import MotionOptions, sample_motion
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.progress import Progress
 from bodycam_ros.results.solved_body import plain_name, read_solved_body
@@ -20,8 +20,14 @@ logger = logging.getLogger(__name__)
 Content = Mapping[str, str | bytes]
 """Content of a file, under "", and of files beside it, under the suffix that they have instead of the file's own."""
 
-Make = Callable[[Path, MotionOptions, Progress], Content]
-"""Makes the content from a solved bag or, of formats without motion, from a body file."""
+
+class Reads(Enum):
+    """What a format is written of."""
+
+    BODY = "a solved bag or a body file"
+    BAG = "a solved bag, and progress"
+    FRAMES = "the motion at its solved frames"
+    EVEN_FRAMES = "the motion at evenly spaced frames: the file has a rate and no times"
 
 
 @dataclass(frozen=True)
@@ -31,59 +37,46 @@ class Format:
     Attributes:
         what: what it contains, and for which programs.
         mark: what every such file has near its beginning.
-        content: makes it.
+        reads: what it is written of.
+        write: makes the content of that and the options.
         options: fields of ``MotionOptions`` that it uses.
         beside: end of the names of files beside it -> the mark of such a file, and what it is.
         has_equipment: whether it contains the equipment beside the body.
     """
 
     what: str
-    mark: bytes
-    content: Make
+    mark: str | bytes
+    reads: Reads
+    write: Callable[..., str | bytes | Content]
     options: frozenset[str] = frozenset()
     beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
     has_equipment: bool = False
 
+    def content(self, source: Path, options: MotionOptions, progress: Progress) -> Content:
+        """The content made of a source.
 
-def _motion(
-    what: str,
-    mark: bytes,
-    write: Callable[[SampledMotion, MotionOptions], str | bytes | Content],
-    even: bool,
-    options: frozenset[str],
-    beside: Mapping[str, tuple[bytes, str]] = MappingProxyType({}),
-    has_equipment: bool = False,
-) -> Format:
-    """A format of the motion in a solved bag.
+        Raises:
+            BodycamError: the source cannot be read, or lacks what the format needs.
+        """
+        written = self._written(source, options, progress)
+        return {"": written} if isinstance(written, str | bytes) else written
 
-    Args:
-        write: makes the content of the sampled motion.
-        even: the file has a rate and no times.
-        what, mark, options, beside, has_equipment: as of ``Format``.
-    """
-
-    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
-        motion = sample_motion(read_solved_body(source, progress), options.rate, even)
-        if not has_equipment and motion.body.equipment_segments:
+    def _written(self, source: Path, options: MotionOptions, progress: Progress) -> str | bytes | Content:
+        if self.reads is Reads.BODY:
+            return self.write(source, options)
+        if source.is_file() and urdf.is_body_file(source):
+            raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
+        if self.reads is Reads.BAG:
+            return self.write(source, options, progress)
+        motion = sample_motion(read_solved_body(source, progress), options.rate, self.reads is Reads.EVEN_FRAMES)
+        if not self.has_equipment and motion.body.equipment_segments:
             logger.warning(
                 "%s: %s, which are no part of the body, are left out; %s have them",
                 source,
                 ", ".join(sorted(motion.body.equipment_segments)),
                 ", ".join(name for name, form in FORMATS.items() if form.has_equipment),
             )
-        written = write(motion, options)
-        return {"": written} if isinstance(written, str | bytes) else written
-
-    return Format(what, mark, _bag_only(content), options, beside, has_equipment)
-
-
-def _bag_only(make: Make) -> Make:
-    def content(source: Path, options: MotionOptions, progress: Progress) -> Content:
-        if source.is_file() and urdf.is_body_file(source):
-            raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
-        return make(source, options, progress)
-
-    return content
+        return self.write(motion, options)
 
 
 _RATE = frozenset({"rate"})
@@ -92,93 +85,53 @@ _MODEL = {opensim.MODEL_SUFFIX: (opensim.MODEL_MARK.encode(), "OpenSim model")}
 
 FORMATS: Mapping[str, Format] = {
     "urdf": Format(
-        "the body, for RViz and every tool that reads robots",
-        b"<robot",
-        lambda source, options, progress: {"": urdf.robot_description(source, options.mass)},
-        options=frozenset({"mass"}),
+        "the body, for RViz and every tool that reads robots", "<robot", Reads.BODY,
+        lambda source, options: urdf.robot_description(source, options.mass), frozenset({"mass"}),
     ),
     "mjcf": Format(
-        "the body with its loops closed, for MuJoCo",
-        b"<mujoco",
-        lambda source, options, progress: {"": urdf.convert_body(source, mjcf.mjcf_text)},
+        "the body with its loops closed, for MuJoCo", "<mujoco", Reads.BODY,
+        lambda source, options: urdf.convert_body(source, mjcf.mjcf_text),
     ),
-    "bvh": _motion(
-        "the motion as bones, for Blender, MotionBuilder, Maya",
-        bvh.MARK.encode(),
-        bvh.write_bvh,
-        even=True,
-        options=_FIGURE | {"up", "scale"},
+    "bvh": Format(
+        "the motion as bones, for Blender, MotionBuilder, Maya", bvh.MARK, Reads.EVEN_FRAMES, bvh.write_bvh,
+        _FIGURE | {"up", "scale"},
     ),
-    "trc": _motion(
-        "virtual markers, with a model (.osim) beside them, for OpenSim",
-        trc.MARK.encode(),
-        trc.write_trc,
-        even=True,
-        options=_RATE,
-        beside=_MODEL,
+    "trc": Format(
+        "virtual markers, with a model (.osim) beside them, for OpenSim", trc.MARK, Reads.EVEN_FRAMES, trc.write_trc,
+        _RATE, _MODEL,
     ),
-    "mot": _motion(
-        "joint angles, with the model (.osim) that they move beside them, for OpenSim",
-        opensim.MOTION_MARK.encode(),
-        opensim.write_mot,
-        even=True,
-        options=_RATE,
-        beside=_MODEL,
+    "mot": Format(
+        "joint angles, with the model (.osim) that they move beside them, for OpenSim", opensim.MOTION_MARK,
+        Reads.EVEN_FRAMES, opensim.write_mot, _RATE, _MODEL,
     ),
-    "c3d": _motion(
-        "virtual markers, for the programs of motion laboratories",
-        c3d.SOFTWARE.encode(),
-        c3d.write_c3d,
-        even=True,
-        options=_RATE | {"up"},
+    "c3d": Format(
+        "virtual markers, for the programs of motion laboratories", c3d.SOFTWARE, Reads.EVEN_FRAMES, c3d.write_c3d,
+        _RATE | {"up"},
     ),
-    "glb": _motion(
-        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web",
-        glb.MARK.encode(),
-        glb.write_glb,
-        even=False,
-        options=_FIGURE,
+    "glb": Format(
+        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, Reads.FRAMES,
+        glb.write_glb, _FIGURE,
     ),
-    "csv": _motion(
-        "positions, quaternions and joint angles, a row per frame, for spreadsheets",
-        csv.MARK.encode(),
-        csv.write_csv,
-        even=False,
-        options=_RATE,
-        has_equipment=True,
+    "csv": Format(
+        "positions, quaternions and joint angles, a row per frame, for spreadsheets", csv.MARK, Reads.FRAMES,
+        csv.write_csv, _RATE, has_equipment=True,
     ),
-    "tum": _motion(
-        "the trajectory of the root, a segment or a camera, for evo",
-        tum.MARK.encode(),
-        tum.write_tum,
-        even=False,
-        options=_RATE | {"segment"},
-        beside={".tum": (tum.MARK.encode(), "trajectory")},
-        has_equipment=True,
+    "tum": Format(
+        "the trajectory of the root, a segment or a camera, for evo", tum.MARK, Reads.FRAMES, tum.write_tum,
+        _RATE | {"segment"}, {".tum": (tum.MARK.encode(), "trajectory")}, has_equipment=True,
     ),
-    "npz": _motion(
-        "everything as NumPy arrays",
-        npz.MARK,
-        npz.write_npz,
-        even=False,
-        options=_RATE,
-        has_equipment=True,
+    "npz": Format(
+        "everything as NumPy arrays", npz.MARK, Reads.FRAMES, npz.write_npz, _RATE, has_equipment=True
     ),
     "ply": Format(
-        "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare",
-        ply.MARK.encode(),
-        _bag_only(ply.write_ply),
-        options=_RATE,
-        has_equipment=True,
+        "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare", ply.MARK, Reads.BAG,
+        ply.write_ply, _RATE, has_equipment=True,
     ),
-    "usd": _motion(
-        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya",
-        usd.MARK.encode(),
-        usd.write_usd,
-        even=True,
-        options=_FIGURE,
+    "usd": Format(
+        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, Reads.EVEN_FRAMES, usd.write_usd,
+        _FIGURE,
     ),
-}
+}  # fmt: skip
 
 
 def export(
@@ -209,8 +162,9 @@ def export(
             raise OutputError(f"{output}: is a file; several recordings are written into a folder")
         outputs = {output / f"{name}.{format_name}": source for name, source in _unique_names(sources).items()}
         folder = output
+    mark = chosen.mark if isinstance(chosen.mark, bytes) else chosen.mark.encode()
     for path in outputs:
-        check_file(path, force, chosen.mark, format_name)
+        check_file(path, force, mark, format_name)
     contents: dict[Path, bytes] = {}
     for path, source in outputs.items():
         contents |= _contents(source, path, chosen, options, progress)
