@@ -21,7 +21,8 @@ class Ran:
     Attributes:
         output: what it printed.
         code: its exit code.
-        wall_s, cpu_s: time from start to end, and processor time of all processes [s].
+        wall_s, cpu_s: time from start to end, and processor time of the first process, of those that it waited for, and
+            of those that others started, up to a third of a second before their end [s].
         peak_mb: largest sum of proportional set sizes that was sampled [MB].
     """
 
@@ -53,35 +54,39 @@ def run(command: list[str]) -> Ran:
         env=os.environ | {"COLUMNS": "200"},
     )  # fmt: skip
     assert process.stdout is not None
-    with _peak_memory(process.pid) as peak:
+    with _sampled(process.pid) as (peak, others_s):
         output = process.stdout.read()
         _, status, usage = os.wait4(process.pid, 0)
     wall_s, code = time.perf_counter() - began_s, os.waitstatus_to_exitcode(status)
     process.returncode = code
     if code not in (0, 3):
         raise RuntimeError(f"{' '.join(command)}\nended with {code}:\n{output[-2000:]}")
-    return Ran(output, code, wall_s, usage.ru_utime + usage.ru_stime, _MB * max(peak))
+    own_s = usage.ru_utime + usage.ru_stime
+    return Ran(output, code, wall_s, own_s + sum(others_s.values()), _MB * max(peak))
 
 
 @contextmanager
-def _peak_memory(session: int) -> Iterator[list[int]]:
-    """Bytes of all processes of a session, sampled on a thread."""
-    samples, ended = [0], threading.Event()
+def _sampled(session: int) -> Iterator[tuple[list[int], dict[str, float]]]:
+    """Bytes of all processes of a session, sampled on a thread, and processor time [s] of those others started."""
+    samples, seconds, ended = [0], dict[str, float](), threading.Event()
 
     def sample() -> None:
         while not ended.wait(_SAMPLE_S):
-            samples.append(sum(_bytes(pid) for pid in _processes(session)))
+            processes = list(_processes(session))
+            samples.append(sum(_bytes(pid) for pid, _, _ in processes))
+            seconds.update({pid: spent_s for pid, parent, spent_s in processes if parent and parent != session})
 
     thread = threading.Thread(target=sample)
     thread.start()
     try:
-        yield samples
+        yield samples, seconds
     finally:
         ended.set()
         thread.join()
 
 
-def _processes(session: int) -> Iterator[str]:
+def _processes(session: int) -> Iterator[tuple[str, int, float]]:
+    """Processes of a session, the parent of each, 0 of the first's, and its processor time [s]."""
     for entry in os.scandir("/proc"):
         if entry.name.isdigit():
             try:
@@ -89,7 +94,8 @@ def _processes(session: int) -> Iterator[str]:
             except OSError:
                 continue
             if int(fields[3]) == session:
-                yield entry.name
+                parent = 0 if entry.name == str(session) else int(fields[1])
+                yield entry.name, parent, (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _bytes(pid: str) -> int:
