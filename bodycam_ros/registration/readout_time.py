@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
@@ -31,7 +30,6 @@ _ENOUGH_S = 0.00025  # sigma at which the estimate ends: 4 rad/s move the first 
 
 _SPREAD_S = 0.0001  # between units of one make: their clocks differ by some ppm, the rest is the lens' share
 _AGREE = 3.0  # [sigma] cameras whose read-out times differ by more are of two makes
-_EXACT_S = 1e-9  # no read-out time is known better
 
 
 class ReadoutTime:
@@ -90,41 +88,25 @@ def pooled(readouts: Mapping[str, Readout], sizes: Mapping[str, tuple[int, int]]
         readouts: camera -> its own estimate.
         sizes: camera -> width and height of its images [px].
     """
+
+    def agree(one: Readout, other: Readout) -> bool:
+        return abs(one.seconds - other.seconds) <= _AGREE * math.hypot(one.sigma, other.sigma, _SPREAD_S)
+
     found = dict(readouts)
-    for size in {sizes[camera] for camera in readouts}:
-        alike = [camera for camera in readouts if sizes[camera] == size]
-        while alike:
-            together = _agreeing([readouts[camera] for camera in alike])
-            members = [alike[row] for row in np.flatnonzero(together)]
-            for camera in members:
-                others = [readouts[other] for other in members if other != camera]
-                found[camera] = _with_others(readouts[camera], others)
-            alike = [camera for camera in alike if camera not in members]
+    for camera, own in readouts.items():
+        alike = [each for name, each in readouts.items() if name != camera and sizes[name] == sizes[camera]]
+        alike = [each for each in alike if agree(own, each)]
+        if own.is_given or not alike:
+            continue
+        # Of two makes that it agrees with, that of the best known.
+        best = min(alike, key=lambda each: each.sigma)
+        others = [each for each in alike if agree(best, each)]
+        weights = np.array([1.0 / (each.sigma**2 + _SPREAD_S**2) for each in others])
+        mean, variance = weights @ [each.seconds for each in others] / weights.sum(), 1.0 / weights.sum() + _SPREAD_S**2
+        information = own.sigma**-2 + 1.0 / variance
+        seconds = (own.seconds * own.sigma**-2 + mean / variance) / information
+        found[camera] = Readout(float(seconds), float(information**-0.5))
     return found
-
-
-def _agreeing(readouts: list[Readout]) -> NDArray[np.bool_]:
-    """Which of them (N,) share the read-out time of the one that the best known ones agree with; at least one."""
-    means = np.array([readout.seconds for readout in readouts])
-    variances = np.array([readout.sigma**2 + _SPREAD_S**2 for readout in readouts])
-    apart = np.abs(means[:, None] - means)
-    best = np.argmax((apart <= _AGREE * np.sqrt(variances)) @ (1.0 / np.maximum(variances, _EXACT_S**2)))
-    members: NDArray[np.bool_] = apart[best] <= _AGREE * np.sqrt(variances[best] + variances)
-    return members
-
-
-def _with_others(own: Readout, others: list[Readout]) -> Readout:
-    """A camera's own estimate fused with that of others of its make."""
-    if own.is_given or not others:
-        return own
-    means = np.array([readout.seconds for readout in others])
-    weights = 1.0 / np.maximum([readout.sigma**2 + _SPREAD_S**2 for readout in others], _EXACT_S**2)
-    mean = float(np.average(means, weights=weights))
-    # Where they scatter by more than their sigmas, those are enlarged (Birge 1932).
-    scatter = float(weights @ (means - mean) ** 2) / max(len(others) - 1, 1)
-    variance = max(1.0, scatter) / float(weights.sum()) + _SPREAD_S**2
-    information = own.sigma**-2 + 1.0 / variance
-    return Readout((own.seconds * own.sigma**-2 + mean / variance) / information, math.sqrt(1.0 / information))
 
 
 class ReadoutLog:

@@ -34,7 +34,7 @@ def view_mask(camera: CameraModel, max_view_angle_deg: float = MAX_VIEW_ANGLE_DE
     Where the lens model ends before, so does the mask, up to ``_GRID_PX`` short of it.
     """
     coarse = np.stack(
-        np.meshgrid(*[np.arange(0, side + _GRID_PX, _GRID_PX) for side in (camera.width, camera.height)]), axis=-1
+        np.meshgrid(*[np.arange(0.0, side + _GRID_PX, _GRID_PX) for side in (camera.width, camera.height)]), axis=-1
     )
     bearings, valid = camera.unproject(coarse.reshape(-1, 2))
     cosines = np.where(valid, bearings[:, 2], -2.0).reshape(coarse.shape[:2]).astype(np.float32)
