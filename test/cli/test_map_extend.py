@@ -49,7 +49,7 @@ def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: P
     out = tmp_path / "longer"
     done = run("map", "extend", stretch, "--map", part, "-o", out, "--jobs", 2, "--extend.rounds", 2)
     assert done.returncode == 0, done.stderr
-    assert "images registered [%]" in done.stdout and "thigh_left" in done.stdout
+    assert "registered images" in done.stdout and "thigh_left" in done.stdout
     before, after = ReferenceMap.load(part), ReferenceMap.load(out)
     settled = len(before.landmark_ids)
     assert after.grown == len(after.landmark_ids) - settled > 20
