@@ -10,6 +10,7 @@ import yaml
 from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
 from bodycam_ros.camera.model import CameraModel
 from bodycam_ros.camera.perspective import PlumbBobCamera, RationalPolynomialCamera
+from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.errors import LensError
 from bodycam_ros.own_process import MOST_PIXELS
 from bodycam_ros.shown import shown
@@ -22,7 +23,6 @@ _MODELS: dict[str, type[CameraModel]] = {
 # (OpenCV's thin prism and tilted sensor).
 _OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
 _K_FORM = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]"
-_LONGEST_READOUT_S = 0.1
 _LARGEST = 1e6  # of k [px] and d; their powers must be finite
 
 
@@ -112,9 +112,9 @@ def readout_time_from_yaml(path: Path) -> float | None:
     given = document.get("readout_time") if isinstance(document, Mapping) else None
     if given is None:
         return None
-    if isinstance(given, bool) or not isinstance(given, (int, float)) or not 0.0 <= given <= _LONGEST_READOUT_S:
+    if isinstance(given, bool) or not isinstance(given, (int, float)) or not 0.0 <= given <= LONGEST_READOUT_S:
         raise LensError(
-            f"{path}: readout_time must be from 0 to {_LONGEST_READOUT_S:g} s, the time from the first row to the "
+            f"{path}: readout_time must be from 0 to {LONGEST_READOUT_S:g} s, the time from the first row to the "
             f"last, not {shown(given)}"
         )
     return float(given)
