@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import LEFT, RIGHT, SegmentName
+from bodycam_ros.body.segment_name import LEFT, RIGHT, SegmentName
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles

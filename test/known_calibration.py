@@ -8,7 +8,8 @@ import numpy as np
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import BoneLength, SegmentName, expected_stature, judge_bones
+from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.kinematics.joint import Joint
 

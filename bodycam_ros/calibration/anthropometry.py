@@ -1,143 +1,34 @@
 """What the proportions of people say about the bones of a body: a warning when they say no, never a correction.
 
-Bones are compared with de Leva 1996, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", table 4:
-lengths between joint centres of men 1.741 m and women 1.735 m tall. The better known fractions of Drillis and Contini
-1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1) run between points on the skin: their
-upper arm, 0.186 of the stature, begins at the acromion and is 15 % longer than that between the centres of shoulder
-and elbow, which is what cameras can find. Breadths of hips and shoulders are tabulated from skin to skin only, and
-where a spine bends is a matter of the model, so neither is expected to be anything.
-
-Only names of the default body (DESIGN 3) say anything; others are taken as they are.
+Bones are compared with those of average men and women (``body/average_person.py``, de Leva 1996, table 4). The better
+known fractions of Drillis and Contini 1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1)
+run between points on the skin: their upper arm, 0.186 of the stature, begins at the acromion and is 15 % longer than
+that between the centres of shoulder and elbow, which is what cameras can find. Breadths of hips and shoulders are
+tabulated from skin to skin only, and where a spine bends is a matter of the model, so neither is expected to be
+anything.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+from bodycam_ros.body.average_person import (
+    BONE_ENDS,
+    BONE_RANGES,
+    BONES,
+    SHORTEST_M,
+    TALLEST_M,
+    USUAL_STATURE_M,
+)
+from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import BoneDiagnosis
 from bodycam_ros.errors import MapError
-from bodycam_ros.kinematics.joint import LONG_AXIS_Z
-
-LEFT, RIGHT = "_left", "_right"
-
-JOINT_ABOVE = {
-    "torso": "spine",
-    "head": "neck",
-    "upper_arm": "shoulder",
-    "forearm": "elbow",
-    "hand": "wrist",
-    "thigh": "hip",
-    "shin": "knee",
-    "foot": "ankle",
-}
-"""Kind of segment -> the joint that it hangs on."""
-
-_LONG_AXIS_X = "yxz"  # a foot lies along x in the N-pose
-_STRAIGHT = ("shin", "forearm")
-_MOTION = {
-    "torso": "bend forward and sideways, and turn the torso",
-    "head": "nod, tilt and turn the head",
-    "upper_arm": "raise the {limb} forward and sideways, and swing it round",
-    "forearm": "bend and stretch the elbow, swing the {limb}",
-    "thigh": "lift the knee forward, swing the {limb} sideways and turn it",
-    "shin": "bend and stretch the knee, swing the {limb}",
-    "foot": "circle the {limb}, toes up, down, in and out",
-}
-
-
-@dataclass(frozen=True)
-class SegmentName:
-    """A segment's name taken apart: ``shin_left`` is the shin of the left."""
-
-    segment: str
-
-    @property
-    def side(self) -> str:
-        """``_left``, ``_right`` or nothing."""
-        return next((side for side in (LEFT, RIGHT) if self.segment.endswith(side)), "")
-
-    @property
-    def kind(self) -> str:
-        """The name without its side."""
-        return self.segment.removesuffix(self.side)
-
-    @property
-    def words(self) -> str:
-        """In words: left shin."""
-        return f"{self.side[1:]} {self.kind.replace('_', ' ')}".strip()
-
-    @property
-    def joint(self) -> str:
-        """Name of the joint that the segment hangs on."""
-        known = JOINT_ABOVE.get(self.kind)
-        return f"{known}{self.side}" if known else f"{self.segment}_joint"
-
-    @property
-    def angle_axes(self) -> str:
-        """Intrinsic order of the joint's angles, the segment's long axis in the middle."""
-        return _LONG_AXIS_X if self.kind == "foot" else LONG_AXIS_Z
-
-    @property
-    def straight_in_rest(self) -> bool:
-        """Whether the segment continues the one that it hangs on in a straight line in the N-pose."""
-        return self.kind in _STRAIGHT
-
-    @property
-    def exercise(self) -> str:
-        """What a person should do to exercise the segment's joint."""
-        motion = _MOTION.get(self.kind, "turn the {limb} about at least two axes")
-        return motion.format(limb=self.words)
-
-
-def mirrored(name: str) -> str | None:
-    """The same name on the other side; None for a name of the middle."""
-    for side, other in ((LEFT, RIGHT), (RIGHT, LEFT)):
-        if name.endswith(side):
-            return name.removesuffix(side) + other
-    return None
-
-
-_MEN_M, _WOMEN_M = 1.741, 1.735
-"""Statures behind the lengths of de Leva 1996, table 4."""
-
-
-@dataclass(frozen=True)
-class Proportion:
-    """Length of a bone as a fraction of the stature.
-
-    Attributes:
-        low, high: that of women and of men, the shorter first.
-    """
-
-    low: float
-    high: float
-
-    @property
-    def middle(self) -> float:
-        """Of both: the body's sex is not known."""
-        return 0.5 * (self.low + self.high)
-
-
-def _proportion(men_m: float, women_m: float) -> Proportion:
-    fractions = (men_m / _MEN_M, women_m / _WOMEN_M)
-    return Proportion(min(fractions), max(fractions))
-
-
-PROPORTIONS = {
-    ("upper_arm", frozenset({"shoulder", "elbow"})): _proportion(0.2817, 0.2751),
-    ("forearm", frozenset({"elbow", "wrist"})): _proportion(0.2689, 0.2643),
-    ("thigh", frozenset({"hip", "knee"})): _proportion(0.4222, 0.3685),
-    ("shin", frozenset({"knee", "ankle"})): _proportion(0.4403, 0.4386),
-}
-"""Segment and the joints at its ends, without their sides -> de Leva 1996, table 4."""
-
 
 _TOLERANCE = 0.10  # of a bone's expected length outside the range of women and men; proportions differ by some per cent
 _ASYMMETRY_M = 0.015  # whole legs differ by 5 +- 4 mm (Knutson 2005, on anatomic leg-length inequality)
 _SIGMAS = 3.0  # that a difference must exceed as well, or an uncertain length is called odd
 _LEAST_BONES = 3  # of known proportion that make a stature: of three, one may be wrong
 _ODD_BELOW_M, _ODD_ABOVE_M = 1.2, 2.1  # a child under seven; one person in many thousands
-_LEAST_M, _MOST_M = 0.6, 2.75  # no person this short stands; the tallest man known was 2.72 m
 
 
 @dataclass(frozen=True)
@@ -157,16 +48,17 @@ class BoneLength:
     sigma_m: float
 
     @property
-    def proportion(self) -> Proportion | None:
-        """What is known of such a bone; None for one that is not in the table."""
-        ends = frozenset({SegmentName(self.start).kind, SegmentName(self.end).kind})
-        return PROPORTIONS.get((SegmentName(self.segment).kind, ends))
+    def kind(self) -> str | None:
+        """Kind of the segment, if the bone is that of an average person's table; None otherwise."""
+        kind, ends = SegmentName(self.segment).kind, {SegmentName(self.start).kind, SegmentName(self.end).kind}
+        known = kind in BONES and ends == {JOINT_ABOVE[kind], JOINT_ABOVE[BONE_ENDS[kind]]}
+        return kind if known else None
 
     @property
     def words(self) -> str:
         """In words: left thigh; of several bones of a segment: torso from neck to left shoulder."""
         segment = SegmentName(self.segment).words
-        if self.proportion is not None:
+        if self.kind is not None:
             return segment
         return f"{segment} from {SegmentName(self.start).words} to {SegmentName(self.end).words}"
 
@@ -194,7 +86,7 @@ def refuse_impossible(bones: Sequence[BoneLength]) -> None:
         MapError: they are too short or too long for any person.
     """
     statures = _statures(bones)
-    if statures and not _LEAST_M <= (stature_m := median(statures)) <= _MOST_M:
+    if statures and not SHORTEST_M <= (stature_m := median(statures)) <= TALLEST_M:
         raise MapError(
             f"by its bones this body would be {stature_m:.2f} m tall, as nobody is: {_wrong_scale(stature_m)}"
         )
@@ -209,13 +101,12 @@ def odd_scale(stature_m: float | None) -> str:
 
 def _statures(bones: Sequence[BoneLength]) -> list[float]:
     """Stature by each bone of known proportion [m]."""
-    return [bone.length_m / known.middle for bone in bones if (known := bone.proportion) is not None]
+    return [bone.length_m / BONES[kind] for bone in bones if (kind := bone.kind) is not None]
 
 
 def _wrong_scale(stature_m: float) -> str:
-    usual_m = 0.5 * (_MEN_M + _WOMEN_M)
-    factor = max(stature_m / usual_m, usual_m / stature_m)
-    size = "large" if stature_m > usual_m else "small"
+    factor = max(stature_m / USUAL_STATURE_M, USUAL_STATURE_M / stature_m)
+    size = "large" if stature_m > USUAL_STATURE_M else "small"
     return (
         f"the map's scale looks wrong by a factor of about {factor:.2g} (too {size}): is the tag size in board.yaml in "
         "metres? Mend it and build the map again"
@@ -237,7 +128,7 @@ def judge_bones(bones: Sequence[BoneLength]) -> list[BoneDiagnosis]:
         warning = odd[index]
         if other is not None and other > index and not odd[index] and not odd[other]:
             warning = _asymmetry_warning(bone, bones[other])
-        known = bone.proportion
+        kind = bone.kind
         judged.append(
             BoneDiagnosis(
                 segment=bone.segment,
@@ -246,7 +137,7 @@ def judge_bones(bones: Sequence[BoneLength]) -> list[BoneDiagnosis]:
                 length_m=bone.length_m,
                 sigma_m=bone.sigma_m,
                 mirror_m=None if other is None else bones[other].length_m,
-                expected_m=None if known is None or stature_m is None else known.middle * stature_m,
+                expected_m=None if kind is None or stature_m is None else BONES[kind] * stature_m,
                 warning=warning,
             )
         )
@@ -254,12 +145,11 @@ def judge_bones(bones: Sequence[BoneLength]) -> list[BoneDiagnosis]:
 
 
 def _proportion_warning(bone: BoneLength, stature_m: float | None) -> str:
-    known = bone.proportion
-    if known is None or stature_m is None:
+    if (kind := bone.kind) is None or stature_m is None:
         return ""
-    low_m, high_m = known.low * stature_m, known.high * stature_m
+    low_m, high_m = (stature_m * share for share in BONE_RANGES[kind])
     outside_m = max(low_m - bone.length_m, bone.length_m - high_m)
-    allowed_m = max(_TOLERANCE * known.middle * stature_m, _SIGMAS * bone.sigma_m)
+    allowed_m = max(_TOLERANCE * BONES[kind] * stature_m, _SIGMAS * bone.sigma_m)
     if outside_m <= allowed_m:
         return ""
     return (

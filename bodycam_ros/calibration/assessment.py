@@ -7,15 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import (
-    LEFT,
-    BoneLength,
-    SegmentName,
-    expected_stature,
-    judge_bones,
-    mirrored,
-    odd_scale,
-)
+from bodycam_ros.body.segment_name import LEFT, SegmentName, mirrored
+from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones, odd_scale
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.calibration.joint_search import FoundJoints

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.calibration.anthropometry import LEFT, SegmentName, mirrored
+from bodycam_ros.body.segment_name import LEFT, SegmentName, mirrored
 from bodycam_ros.calibration.joint_centre import JointCentre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import rigid

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array

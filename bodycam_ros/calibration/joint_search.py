@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.calibration.anthropometry import BoneLength, SegmentName
+from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.calibration.anthropometry import BoneLength
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre, find_joint_centre
 from bodycam_ros.calibration.rig import Rig

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion
-from bodycam_ros.calibration.anthropometry import LEFT, mirrored
+from bodycam_ros.body.segment_name import LEFT, mirrored
 from bodycam_ros.calibration.first_body import root_at_hips
 from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.errors import RangeOfMotionError

@@ -216,8 +216,8 @@ def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
     Raises:
         BodyError: none is given, or the height is out of range.
     """
+    from bodycam_ros.body.average_person import body_of_height
     from bodycam_ros.body.body_file import read_body
-    from bodycam_ros.static_cameras.person_model import body_of_height
 
     if arguments.initial_body is not None:
         return read_body(arguments.initial_body)

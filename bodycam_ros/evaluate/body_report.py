@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_name import SegmentName, mirrored
 from bodycam_ros.body.stick_figure import body_bones
-from bodycam_ros.calibration.anthropometry import SegmentName, mirrored
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.evaluate.page import render_page
 from bodycam_ros.evaluate.sections import Columns, Page, Picture, Section, column_table

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from bodycam_ros.calibration.anthropometry import JOINT_ABOVE
+from bodycam_ros.body.segment_name import JOINT_ABOVE
 from bodycam_ros.evaluate.anatomical_angles import kind_and_side
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array

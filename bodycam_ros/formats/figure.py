@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import LEFT, RIGHT, SegmentName
+from bodycam_ros.body.segment_name import LEFT, RIGHT, SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.markers import bone_tip
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion, change_axes

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bodycam_ros.body import average_person
 from bodycam_ros.body.body_model import BodyModel, bone_ends, sole_points
-from bodycam_ros.calibration.anthropometry import RIGHT, SegmentName
+from bodycam_ros.body.segment_name import RIGHT, SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.sampled_motion import SampledMotion
 from bodycam_ros.geometry import Array, transform_points
-from bodycam_ros.static_cameras import person_model
 
 _ASIDE_M = 0.06  # as far as skin is from the middle of a limb
 _SHORT_M = 0.1  # length of a segment of which nothing is known
@@ -68,13 +68,13 @@ def marker_positions(motion: SampledMotion, markers: list[Marker]) -> Array:
 
 def bone_tip(body: BodyModel, segment: str) -> Array:
     """(3,) end of a segment without children, in its frame [m]; crown and toes by the proportions of people."""
-    kind, stature = SegmentName(segment).kind, person_model.stature_of(body)
+    kind, stature = SegmentName(segment).kind, average_person.stature_of(body)
     if kind == "head":
-        return np.array([0.0, 0.0, person_model.NECK_TO_VERTEX * stature])
+        return np.array([0.0, 0.0, average_person.NECK_TO_VERTEX * stature])
     if kind == "foot":
-        ball: Array = sole_points(person_model.BONES["shin"] * stature)[1]
+        ball: Array = sole_points(average_person.BONES["shin"] * stature)[1]
         return ball
-    length = person_model.HAND_LENGTH if kind == "hand" else person_model.BONES.get(kind)
+    length = average_person.HAND_LENGTH if kind == "hand" else average_person.BONES.get(kind)
     if length is not None:
         return np.array([0.0, 0.0, -length * stature])
     ends = bone_ends(body, segment)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from bodycam_ros.body.average_person import person_masses
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import BODY, body_from_urdf, urdf_text
@@ -12,7 +13,6 @@ from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint import Joint, default_sigmas
 from bodycam_ros.recording.bag_file import BagFile, is_bag
 from bodycam_ros.results.topics import ROBOT, ROBOT_TYPE, published_robot
-from bodycam_ros.static_cameras.person_model import person_masses
 
 logger = logging.getLogger(__name__)
 

@@ -5,6 +5,7 @@ from collections import deque
 
 from rclpy.duration import Duration
 
+from bodycam_ros.body.average_person import person_masses
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import SettledLengths, learned_body
 from bodycam_ros.body.equipment import Equipment
@@ -17,7 +18,6 @@ from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.static_cameras.person_model import person_masses
 
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",

@@ -5,6 +5,7 @@ from collections import deque
 from functools import partial
 from pathlib import Path
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
@@ -25,7 +26,6 @@ from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
 from bodycam_ros.registration.reference_map import check_metric, load_map
-from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.single_camera import SingleCamera
 from bodycam_ros.static_cameras.start_file import PlacedBody

@@ -13,6 +13,7 @@ from tempfile import gettempdir
 
 from threadpoolctl import threadpool_limits
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
@@ -44,7 +45,6 @@ from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imu
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
-from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.verdict import Verdict
 from bodycam_ros.whole_file import scratch_folder

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
+from bodycam_ros.body import average_person
 from bodycam_ros.body.body_model import BONE_RADIUS_M, THICKEST, THINNEST, BodyModel
-from bodycam_ros.calibration.anthropometry import mirrored
+from bodycam_ros.body.segment_name import mirrored
 from bodycam_ros.geometry import Array
 from bodycam_ros.settings import SettingsGroups, setting
-from bodycam_ros.static_cameras import person_model
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 
 
@@ -58,7 +58,7 @@ class BodyShape:
 
     def __init__(self, body: BodyModel, settings: ShapeSettings) -> None:
         self._body, self._settings = body, settings
-        self._stature = person_model.stature_of(body)
+        self._stature = average_person.stature_of(body)
         self.lengths = [
             (joint, axis)
             for joint in body.tree_joints
@@ -82,7 +82,7 @@ class BodyShape:
         ]
         body = replace(self._body, joints=tuple(joints))
         # Girths are relative to those of people of the body's size, and its size may have changed.
-        girths = np.clip(self._stature / person_model.stature_of(body) * values[count:], THINNEST, THICKEST)
+        girths = np.clip(self._stature / average_person.stature_of(body) * values[count:], THINNEST, THICKEST)
         return replace(body, girths=dict(zip(self.thick, girths.tolist(), strict=True)))
 
     def prior(self, shares: Array) -> tuple[Array, Array]:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bodycam_ros.body import average_person as person
 from bodycam_ros.body.body_model import BONE_RADIUS_M, BodyModel, bone_ends, sole_points
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras import person_model as person
 from bodycam_ros.static_cameras.surface import Faces, Surface, join_meshes
 
 _AROUND = 24  # vertices of each ring

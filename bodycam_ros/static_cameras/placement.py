@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.static_cameras.limb_search import chains_of

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body_state import SegmentPose
-from bodycam_ros.calibration.anthropometry import SegmentName
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody

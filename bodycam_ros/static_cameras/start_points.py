@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody

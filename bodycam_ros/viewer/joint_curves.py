@@ -3,7 +3,7 @@
 import numpy as np
 from viser import GuiApi, uplot
 
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.picture_style import INK, side_colour
 from bodycam_ros.viewer.inbox import Inbox, set_value
 from bodycam_ros.viewer.motion import Motion

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
+from bodycam_ros.body.average_person import body_of_height, with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.errors import RecordingError
@@ -12,7 +13,6 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.person_model import body_of_height, with_hands
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.topics import published_body
-from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.viewer.correction import BodyFile

@@ -2,13 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from bodycam_ros.calibration.anthropometry import (
-    PROPORTIONS,
-    BoneLength,
-    expected_stature,
-    judge_bones,
-    refuse_impossible,
-)
+from bodycam_ros.body.average_person import BONES
+from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones, refuse_impossible
 from bodycam_ros.errors import MapError
 
 SIGMA_M = 0.002
@@ -20,7 +15,7 @@ def limbs(stature_m: float) -> list[BoneLength]:
     bones = []
     for side in ("_left", "_right"):
         for kind, (start, end) in ENDS.items():
-            length_m = PROPORTIONS[kind, frozenset({start, end})].middle * stature_m
+            length_m = BONES[kind] * stature_m
             bones.append(BoneLength(f"{kind}{side}", f"{start}{side}", f"{end}{side}", length_m, SIGMA_M))
     return bones
 

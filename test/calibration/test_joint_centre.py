@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.calibration.anthropometry import SegmentName
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.calibration.joint_centre import check_exercised, find_joint_centre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError

@@ -13,13 +13,13 @@ import pytest
 from altered_sample import write_altered_sample
 from live_graph import live_graph, player
 
+from bodycam_ros.body.average_person import person_masses
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.results.solved_recording import read_solved
-from bodycam_ros.static_cameras.person_model import person_masses
 
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")

@@ -7,11 +7,11 @@ import numpy as np
 import pinocchio
 import pytest
 
+from bodycam_ros.body.average_person import body_of_height, person_masses
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import BodyError
-from bodycam_ros.static_cameras.person_model import body_of_height, person_masses
 
 KG = 72.5
 

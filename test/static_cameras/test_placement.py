@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 from static_cameras.dressed_body import MIDDLE, looking_at, small_motion, stations_around
 from static_cameras.painted_bag import dressed_body
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
-from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.static_cameras.person_model import body_of_height
+from bodycam_ros.body.average_person import body_of_height
 from bodycam_ros.static_cameras.segment_support import SegmentSupport
 
 BODY = body_of_height(1.75, "anyone")

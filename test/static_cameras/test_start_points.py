@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from static_cameras.dressed_body import stations_around
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.read_captured import read_joint_points
 from bodycam_ros.geometry import Array, exp_so3, rigid
-from bodycam_ros.static_cameras.person_model import with_hands
 from bodycam_ros.static_cameras.start_points import place_points
 
 NAMES = {"thigh": "Hip", "shin": "Knee", "foot": "Ankle", "upper_arm": "Shoulder", "forearm": "Elbow", "hand": "Wrist"}

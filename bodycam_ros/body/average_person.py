@@ -8,7 +8,7 @@ not in it: means of 4082 men, 175.6 cm tall, and 1986 women, 162.9 cm tall, of G
 survey of U.S. Army personnel*. The height of the head, hand and foot: Drillis and Contini 1966 (in Winter,
 *Biomechanics and Motor Control of Human Movement*, figure 4.1); from the neck up: de Leva 1996, table 4.
 
-Limbs are those of the proportions that calibrations are judged by, of de Leva 1996, table 4, and shoulders are as high
+Limbs are those of de Leva 1996, table 4, and shoulders are as high
 above the hips as the middle of the shoulders there: 515.5 mm of men, 497.9 mm of women. All that is used of that table
 was compared with another transcription of it. The spine bends and the neck begins where Dumas, Cheze and Verriest 2007,
 "Adjustments to McConville et al. and Young et al. body segment inertial parameters", put the joints between pelvis,
@@ -32,10 +32,32 @@ from statistics import median
 import numpy as np
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, BodyModel, Mass, combined, sole_points
-from bodycam_ros.calibration.anthropometry import LEFT, PROPORTIONS, RIGHT, SegmentName
+from bodycam_ros.body.segment_name import LEFT, RIGHT, SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.kinematics.joint import Joint
+
+_STATURES_M = np.array([1.741, 1.735])  # of the men and women of the table
+
+# Men, then women: length [m]; share of the mass; centre's distance from the upper end in lengths; radii of gyration in
+# lengths about the sagittal (forward), transverse (to the side) and longitudinal axis.
+_TABLE = {
+    "head": ((0.2429, 0.0694, 0.5002, 0.303, 0.315, 0.261), (0.2437, 0.0668, 0.4841, 0.271, 0.295, 0.261)),
+    "upper trunk": ((0.2421, 0.1596, 0.5066, 0.505, 0.320, 0.465), (0.2280, 0.1545, 0.5050, 0.466, 0.314, 0.449)),
+    "middle trunk": ((0.2155, 0.1633, 0.4502, 0.482, 0.383, 0.468), (0.2053, 0.1465, 0.4512, 0.433, 0.354, 0.415)),
+    "lower trunk": ((0.1457, 0.1117, 0.6115, 0.615, 0.551, 0.587), (0.1815, 0.1247, 0.4920, 0.433, 0.402, 0.444)),
+    "upper_arm": ((0.2817, 0.0271, 0.5772, 0.285, 0.269, 0.158), (0.2751, 0.0255, 0.5754, 0.278, 0.260, 0.148)),
+    "forearm": ((0.2689, 0.0162, 0.4574, 0.276, 0.265, 0.121), (0.2643, 0.0138, 0.4559, 0.261, 0.257, 0.094)),
+    "hand": ((0.1879, 0.0061, 0.3624, 0.288, 0.235, 0.184), (0.1701, 0.0056, 0.3427, 0.244, 0.208, 0.154)),
+    "thigh": ((0.4222, 0.1416, 0.4095, 0.329, 0.329, 0.149), (0.3685, 0.1478, 0.3612, 0.369, 0.364, 0.162)),
+    "shin": ((0.4403, 0.0433, 0.4395, 0.251, 0.246, 0.102), (0.4386, 0.0481, 0.4352, 0.267, 0.263, 0.092)),
+    "foot": ((0.2581, 0.0137, 0.4415, 0.257, 0.245, 0.124), (0.2283, 0.0129, 0.4014, 0.299, 0.279, 0.139)),
+}
+"""Head from the vertex to the cervicale, upper trunk from there to the xiphion, middle trunk to the omphalion, lower
+trunk to the middle of the hips; hand from the wrist to the tip of the middle finger, foot from heel to toe."""
+
+BONE_ENDS = {"torso": "head", "upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
+"""Kind of segment -> kind of the segment at the far end of its bone."""
 
 THIGH, KNEE, CALF, ANKLE = (girth / (2.0 * np.pi) for girth in (0.332, 0.212, 0.211, 0.130))
 BICEPS, FOREARM, WRIST, NECK = (girth / (2.0 * np.pi) for girth in (0.182, 0.152, 0.094, 0.215))
@@ -50,13 +72,20 @@ NECK_TO_VERTEX = 0.140 + 0.023  # from the joint of the neck, below the cervical
 FOOT_LENGTH, FOOT_BREADTH, HEEL_BREADTH = 0.152, 0.055, 0.041
 HAND_LENGTH, HAND_BREADTH = 0.108, 0.049
 
-BONES = {kind: proportion.middle for (kind, _), proportion in PROPORTIONS.items()}
-"""Kind of segment -> length of its bone."""
+_BONE_STATURES = {
+    kind: tuple(_TABLE[kind][sex][0] / _STATURES_M[sex] for sex in (0, 1))
+    for kind in ("upper_arm", "forearm", "thigh", "shin")
+}
+BONE_RANGES = {kind: (float(min(both)), float(max(both))) for kind, both in _BONE_STATURES.items()}
+"""Kind of segment -> length of its bone in statures, of men and of women, the shorter first."""
+
+BONES = {kind: 0.5 * (shorter + longer) for kind, (shorter, longer) in BONE_RANGES.items()}
+"""Kind of segment -> length of its bone: the body's sex is not known."""
 
 SLENDERNESS = 0.15
 """Mean radius over length of a bone that nobody measured; those of the four limbs are 0.12 to 0.20."""
 
-_USUAL_STATURE_M = 1.738
+USUAL_STATURE_M = 1.738
 
 
 def stature_of(body: BodyModel) -> float:
@@ -67,7 +96,7 @@ def stature_of(body: BodyModel) -> float:
         if known is not None and above is not None and joint.type != "free":
             length = float(np.linalg.norm(joint.parent_T_joint[:3, 3] - above.child_T_joint[:3, 3]))
             said += [length / known] if length > BONE_RADIUS_M else []
-    return median(said) if said else _USUAL_STATURE_M
+    return median(said) if said else USUAL_STATURE_M
 
 
 SHORTEST_M, TALLEST_M = 0.6, 2.75
@@ -107,28 +136,6 @@ def body_of_height(height_m: float, name: str) -> BodyModel:
 
 
 _X, _Z = np.eye(3)[[0, 2]]
-_STATURES_M = np.array([1.741, 1.735])  # of the men and women of the table
-
-# Men, then women: length [m]; share of the mass; centre's distance from the upper end in lengths; radii of gyration in
-# lengths about the sagittal (forward), transverse (to the side) and longitudinal axis.
-_TABLE = {
-    "head": ((0.2429, 0.0694, 0.5002, 0.303, 0.315, 0.261), (0.2437, 0.0668, 0.4841, 0.271, 0.295, 0.261)),
-    "upper trunk": ((0.2421, 0.1596, 0.5066, 0.505, 0.320, 0.465), (0.2280, 0.1545, 0.5050, 0.466, 0.314, 0.449)),
-    "middle trunk": ((0.2155, 0.1633, 0.4502, 0.482, 0.383, 0.468), (0.2053, 0.1465, 0.4512, 0.433, 0.354, 0.415)),
-    "lower trunk": ((0.1457, 0.1117, 0.6115, 0.615, 0.551, 0.587), (0.1815, 0.1247, 0.4920, 0.433, 0.402, 0.444)),
-    "upper_arm": ((0.2817, 0.0271, 0.5772, 0.285, 0.269, 0.158), (0.2751, 0.0255, 0.5754, 0.278, 0.260, 0.148)),
-    "forearm": ((0.2689, 0.0162, 0.4574, 0.276, 0.265, 0.121), (0.2643, 0.0138, 0.4559, 0.261, 0.257, 0.094)),
-    "hand": ((0.1879, 0.0061, 0.3624, 0.288, 0.235, 0.184), (0.1701, 0.0056, 0.3427, 0.244, 0.208, 0.154)),
-    "thigh": ((0.4222, 0.1416, 0.4095, 0.329, 0.329, 0.149), (0.3685, 0.1478, 0.3612, 0.369, 0.364, 0.162)),
-    "shin": ((0.4403, 0.0433, 0.4395, 0.251, 0.246, 0.102), (0.4386, 0.0481, 0.4352, 0.267, 0.263, 0.092)),
-    "foot": ((0.2581, 0.0137, 0.4415, 0.257, 0.245, 0.124), (0.2283, 0.0129, 0.4014, 0.299, 0.279, 0.139)),
-}
-"""Head from the vertex to the cervicale, upper trunk from there to the xiphion, middle trunk to the omphalion, lower
-trunk to the middle of the hips; hand from the wrist to the tip of the middle finger, foot from heel to toe."""
-
-_BONE_ENDS = {"torso": "head", "upper_arm": "forearm", "forearm": "hand", "thigh": "shin", "shin": "foot"}
-"""Kind of segment -> kind of the segment at the far end of its bone."""
-
 _OF_BOTH_SIDES = ("upper_arm", "forearm", "hand", "thigh", "shin", "foot")
 
 _AXES = {"forearm": (1, 0, 2), "hand": (1, 0, 2), "foot": (2, 1, 0)}
@@ -207,7 +214,7 @@ def _by_stature(row: Sequence[float], stature_m: float) -> Array:
 def _bone(body: BodyModel, segment: str) -> Array | None:
     """(3,) from a segment's origin to the joint at the end of its bone [m]; None if it has none."""
     name = SegmentName(segment)
-    end = f"{_BONE_ENDS.get(name.kind)}{name.side}"
+    end = f"{BONE_ENDS.get(name.kind)}{name.side}"
     ends = [joint.parent_T_joint[:3, 3] for joint in body.tree_joints if (joint.parent, joint.child) == (segment, end)]
     return ends[0] if ends and np.linalg.norm(ends[0]) > BONE_RADIUS_M else None
 
