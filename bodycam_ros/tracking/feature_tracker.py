@@ -25,22 +25,38 @@ _MIN_DISTANCE_PX = 3.0  # an old track this near to a fresh keypoint ends, and o
 MAX_VIEW_ANGLE_DEG = 86.0
 """Fisheye pictures end near 90 degrees from the axis, and their rim is no feature of the world."""
 
-_GRID_PX = 4  # of the angles to the axis, between which they are linear to some hundredths of a pixel
+_RIM_SAMPLES = 1440
+"""Between two of them a rim of 2000 px radius bends by 0.005 px."""
+
+_NEAR_PX = 5  # width of the band along the rim that is tested pixel by pixel
+_FAR = 4.0  # image sizes from the principal point: farther pixels are moved there
 
 
 def view_mask(camera: CameraModel, max_view_angle_deg: float = MAX_VIEW_ANGLE_DEG) -> NDArray[np.uint8]:
-    """(H, W) mask, 255 where a pixel's bearing is at most this far from the optical axis.
+    """(H, W) mask, 255 where a pixel's bearing is at most this far from the optical axis."""
+    max_angle = np.radians(max_view_angle_deg)
+    rim = _rim(camera, min(max_angle, camera.max_angle)).round().astype(np.int32)
+    mask, near = np.zeros((2, camera.height, camera.width), np.uint8)
+    cv2.fillPoly(mask, [rim], 255)
+    cv2.polylines(near, [rim], isClosed=True, color=255, thickness=_NEAR_PX)
+    rows, columns = np.nonzero(near)
+    bearings, valid = camera.unproject(np.column_stack([columns, rows]))
+    mask[rows, columns] = np.where(valid & (bearings[:, 2] > np.cos(max_angle)), 255, 0)
+    return mask
 
-    Where the lens model ends before, so does the mask, up to ``_GRID_PX`` short of it.
-    """
-    coarse = np.stack(
-        np.meshgrid(*[np.arange(0.0, side + _GRID_PX, _GRID_PX) for side in (camera.width, camera.height)]), axis=-1
+
+def _rim(camera: CameraModel, angle: float) -> NDArray[np.float64]:
+    """Pixels (N, 2) at an angle to the axis [rad], those far outside the image moved to ``_FAR``."""
+    turn = np.linspace(0.0, 2.0 * np.pi, _RIM_SAMPLES, endpoint=False)
+    bearings = np.column_stack(
+        [np.sin(angle) * np.cos(turn), np.sin(angle) * np.sin(turn), np.full(_RIM_SAMPLES, np.cos(angle))]
     )
-    bearings, valid = camera.unproject(coarse.reshape(-1, 2))
-    cosines = np.where(valid, bearings[:, 2], -2.0).reshape(coarse.shape[:2]).astype(np.float32)
-    columns, rows = np.meshgrid(*[np.arange(n, dtype=np.float32) / _GRID_PX for n in (camera.width, camera.height)])
-    seen = cv2.remap(cosines, columns, rows, cv2.INTER_LINEAR) > np.cos(np.radians(max_view_angle_deg))
-    return np.where(seen, 255, 0).astype(np.uint8)
+    centre = np.array([camera.cx, camera.cy])
+    outwards = camera.project(bearings)[0] - centre
+    reach = np.linalg.norm(outwards, axis=1, keepdims=True)
+    farthest = _FAR * (camera.width + camera.height)
+    rim: NDArray[np.float64] = centre + outwards * np.minimum(1.0, farthest / np.maximum(reach, 1.0))
+    return rim
 
 
 class FeatureTracker:
