@@ -145,8 +145,9 @@ def test_checks_of_a_signature() -> None:
 
 def test_other_threads_run_meanwhile() -> None:
     prepare_kernels()
-    table, rows = np.zeros((1000, 128), np.uint8), np.arange(4_000_000) % 1000
-    kernel = threading.Thread(target=descriptor_kernels.squared_distances, args=(table, rows, table, rows))
+    table, landmarks = np.zeros((2000, 128), np.uint8), np.arange(2000, dtype=np.uint32)
+    one_list = np.zeros((2000, 1), np.int64), np.array([0, 2000]), np.arange(2000)
+    kernel = threading.Thread(target=descriptor_kernels.search_lists, args=(table, *one_list, table, landmarks))
     counted = 0
     kernel.start()
     while kernel.is_alive():

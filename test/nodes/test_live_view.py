@@ -30,7 +30,7 @@ def server() -> Iterator[LocalServer]:
 def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalServer, sample: Path) -> None:
     from bodycam_ros.messages.diagnostics import text_message
     from bodycam_ros.messages.factory import header_message
-    from bodycam_ros.messages.poses import pose_with_covariance_message, stamped_pose_message
+    from bodycam_ros.messages.poses import pose_with_covariance_message
     from bodycam_ros.nodes.body_listener import BodyListener
     from bodycam_ros.nodes.parameters import latched, message_class, node_messages
 
@@ -70,7 +70,13 @@ def test_the_scene_follows_what_the_graph_publishes(graph: Any, server: LocalSer
             nonlocal stamp
             stamp += SECOND // 30
             joints.publish(nobodys)
-            camera.publish(stamped_pose_message(make, stamp, np.eye(4), covariance))
+            camera.publish(
+                make(
+                    "geometry_msgs/msg/PoseWithCovarianceStamped",
+                    header=header_message(make, stamp, "map"),
+                    pose=pose_with_covariance_message(make, np.eye(4), covariance),
+                )
+            )
             joints.publish(
                 message_class("sensor_msgs/msg/JointState")(
                     header=header_message(make, stamp, "map"), name=list(names), position=angles.tolist()

@@ -115,10 +115,10 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     warnings = " ".join(caplog.text.split())
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
     assert "camera torso_front: stamps of 1 images do not increase" in warnings
-    rows = {
-        cells[1].strip(): cells[4].strip() for line in printed.out.splitlines() if len(cells := line.split("│")) == 8
-    }
-    assert rows == {"waist_front": "1", "torso_front": "1", "thigh_left": ""}
+    rows = {words[0]: words for line in printed.out.splitlines() if len(words := line.split()) > 2}
+    assert rows["camera"][:4] == ["camera", "images", "registered", "dropped"]
+    assert rows["waist_front"][3] == rows["torso_front"][3] == "1"
+    assert len(rows["thigh_left"]) == len(rows["waist_front"]) - 1
     assert "12 of 12 frames solved" in printed.out
     assert "Traceback" not in printed.err
 
@@ -197,8 +197,10 @@ def test_what_is_lost_is_said_of_each_camera(
     (bag / "metadata.yaml").write_text(yaml.safe_dump(metadata))
     assert run(sample, bag, tmp_path / "out") == 0
     printed = capfd.readouterr().out
+    heading = next(line for line in printed.splitlines() if "registered" in line and "images" in line)
+    assert heading.split()[:4] == ["camera", "images", "registered", "missing"]
     row = next(line for line in printed.splitlines() if CAMERAS[0] in line)
-    assert [cell.strip() for cell in row.split("│")[1:-2]] == [CAMERAS[0], "12", "66.7%", "", "4"]
+    assert row.split()[:4] == [CAMERAS[0], "12", "66.7%", "4"]
     assert f"camera {CAMERAS[0]}: 4 images that the recording should have are not in it" in caplog.text
 
 

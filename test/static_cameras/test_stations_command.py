@@ -77,8 +77,9 @@ def test_who_stands_is_written_and_who_does_not_is_named(
     for name, photograph in (("door", "ref_0099.jpg"), ("window", "ref_0107.jpg")):
         apart = log_se3(inverse(taken_from(photograph)) @ stations[name].world_T_camera)
         assert np.degrees(np.linalg.norm(apart[:3])) < 0.05 and 1e3 * np.linalg.norm(apart[3:]) < 3.0
-        assert f"│ {name}" in said
-    assert "3 of 4" in said and "2 of 6 cameras written to" in said
+        assert any(line.split()[:1] == [name] for line in said.splitlines())
+    assert ["door", "3", "4"] in [line.split()[:3] for line in said.splitlines()]
+    assert "2 of 6 cameras written to" in said
     for told in (
         "NOT placed: camera hand: it moves",
         "NOT placed: camera blank: 0 of its 2 images show where it stands; photograph what it sees",
