@@ -116,7 +116,7 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
     assert "camera torso_front: stamps of 1 images do not increase" in warnings
     rows = {words[0]: words for line in printed.out.splitlines() if len(words := line.split()) > 2}
-    assert rows["camera"][:4] == ["camera", "images", "registered", "dropped"]
+    assert ["camera", "images", "registered", "dropped"] in [line.split()[:4] for line in printed.out.splitlines()]
     assert rows["waist_front"][3] == rows["torso_front"][3] == "1"
     assert len(rows["thigh_left"]) == len(rows["waist_front"]) - 1
     assert "12 of 12 frames solved" in printed.out
