@@ -139,12 +139,14 @@ def report_sections(diagnosis: CalibrationDiagnosis) -> list[Section]:
     joints = {joint.name: joint for joint in diagnosis.joints}
     bones = {f"{SegmentName(bone.segment).words}: {bone.start} to {bone.end}": bone for bone in diagnosis.bones}
     cameras = {camera.camera: camera for camera in diagnosis.cameras}
-    flagged = {name for name, joint in joints.items() if joint.advice}
-    flagged |= {name for name, each in (bones | cameras).items() if each.warning}
+    # Apart: a camera may be named as a joint is.
+    untrained = {name for name, joint in joints.items() if joint.advice}
+    odd = {name for name, bone in bones.items() if bone.warning}
+    faulty = {name for name, camera in cameras.items() if camera.warning}
     return [
-        column_table("joints", "joint", _JOINTS, joints, _JOINTS_NOTE, flagged),
-        column_table("bones", "bone", _BONES, bones, _BONES_NOTE, flagged),
-        column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, flagged),
+        column_table("joints", "joint", _JOINTS, joints, _JOINTS_NOTE, untrained),
+        column_table("bones", "bone", _BONES, bones, _BONES_NOTE, odd),
+        column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, faulty),
     ]
 
 

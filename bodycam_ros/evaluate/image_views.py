@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -96,27 +97,28 @@ def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[Imag
         RecordingError: not a recording, or an image that cannot be decoded.
         LensError: the recording's intrinsics cannot be used.
     """
-    at_ns, footage = middle_stamp(solved), Footage(recording, solved.path)
-    known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in footage.cameras]
-    for record, poses in _pick_evenly(known):
-        image = footage.image_at(record.camera, at_ns, solved.frame_ns // 2)
-        if image is None or (matches := footage.matches_of(image)) is None:
-            continue
-        time_ns = int(record.time_of(np.array([image.stamp_ns]))[0])
-        is_placed = solved.placed[np.abs(solved.stamps_ns - time_ns).argmin()]
-        bones = solved.bones(solved.segments_near(time_ns)[None])
-        picture = draw_picture(
-            image,
-            footage.model(record.camera),
-            pose_near(solved.stamps_ns, poses, time_ns),
-            [bone for bone in bones if is_placed or not bone.is_equipment],
-            matches,
-        )
-        error = f", {picture.error_px:.2f} px median" if np.isfinite(picture.error_px) else ""
-        state = "" if matches.world_T_camera is not None else ", LOST"
-        seconds = float(solved.seconds(np.array([time_ns]))[0])
-        note = f"{seconds:.2f} s, {len(matches.pixels)} landmarks{error}{state}"
-        yield ImageView(record.camera, note, picture.pixels)
+    at_ns = middle_stamp(solved)
+    with closing(Footage(recording, solved.path)) as footage:
+        known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in footage.cameras]
+        for record, poses in _pick_evenly(known):
+            image = footage.image_at(record.camera, at_ns, solved.frame_ns // 2)
+            if image is None or (matches := footage.matches_of(image)) is None:
+                continue
+            time_ns = int(record.time_of(np.array([image.stamp_ns]))[0])
+            is_placed = solved.placed[np.abs(solved.stamps_ns - time_ns).argmin()]
+            bones = solved.bones(solved.segments_near(time_ns)[None])
+            picture = draw_picture(
+                image,
+                footage.model(record.camera),
+                pose_near(solved.stamps_ns, poses, time_ns),
+                [bone for bone in bones if is_placed or not bone.is_equipment],
+                matches,
+            )
+            error = f", {picture.error_px:.2f} px median" if np.isfinite(picture.error_px) else ""
+            state = "" if matches.world_T_camera is not None else ", LOST"
+            seconds = float(solved.seconds(np.array([time_ns]))[0])
+            note = f"{seconds:.2f} s, {len(matches.pixels)} landmarks{error}{state}"
+            yield ImageView(record.camera, note, picture.pixels)
 
 
 def static_camera_views(

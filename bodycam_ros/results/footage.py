@@ -19,7 +19,7 @@ _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 
 
 class Footage:
-    """Images by camera and time, each read when it is asked for; the recording stays open.
+    """Images by camera and time, each read when it is asked for; the recording stays open until ``close``.
 
     Args:
         recording: bag with images.
@@ -37,6 +37,10 @@ class Footage:
         self.model = cache(self._recording.camera_model)
         self._clock = cache(lambda camera: None if solved is None else read_clock(solved, camera))
         self._matches = cache(self._read_matches)
+
+    def close(self) -> None:
+        """Close the recording: no image is read any more."""
+        self._open.close()
 
     @property
     def cameras(self) -> tuple[str, ...]:

@@ -1,4 +1,5 @@
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,13 @@ def test_rows_that_a_warning_speaks_of_are_flagged_and_no_others(diagnosis: Cali
     (index,) = found["bones"].flagged
     assert diagnosis.bones[index].segment == SHORT_THIGH
     assert not any(table.flagged for table in tables(good_diagnosis(calibrated_body())).values())
+
+
+def test_a_camera_that_is_named_as_a_doubtful_joint_is_not_flagged(diagnosis: CalibrationDiagnosis) -> None:
+    cameras = [camera for camera in diagnosis.cameras if camera.camera != SLIPPED_CAMERA]
+    renamed = replace(diagnosis, cameras=(replace(cameras[0], camera=STIFF_JOINT), *cameras[1:]))
+    found = tables(renamed)
+    assert len(found["joints"].flagged) == 1 and not found["cameras"].flagged
 
 
 def test_the_terminal_shows_every_joint_camera_and_warning(diagnosis: CalibrationDiagnosis) -> None:
