@@ -14,7 +14,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
 from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY
-from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _GRAVITY, _IDENTITY = np.array([0.0, 0.0, -GRAVITY]), np.eye(3)
@@ -156,7 +155,7 @@ def measured_turns(
     return turns
 
 
-def _loosen_joints(link: Transition, measured: Sequence[Between], tangent: TreeTangent) -> Transition:
+def _loosen_joints(link: Transition, measured: Sequence[Between]) -> Transition:
     """The same, but joints beside segments whose rotations are measured move by these alone.
 
     Smooth motion of joints, and rotations of both of their segments, would determine the angle between them (as of a
@@ -165,7 +164,7 @@ def _loosen_joints(link: Transition, measured: Sequence[Between], tangent: TreeT
     rows = {each.row for each in measured if isinstance(each, SegmentTurn)}
     if not rows:
         return link
-    covariance = link.after.covariance.copy()
+    tangent, covariance = link.after.at.tangent, link.after.covariance.copy()
     for row, ends in enumerate(tangent.tree.joint_ends.tolist()):
         if rows & set(ends):
             columns = np.arange(*tangent.columns[row].indices(tangent.count))
@@ -173,7 +172,7 @@ def _loosen_joints(link: Transition, measured: Sequence[Between], tangent: TreeT
     return Transition(link.before, Estimate(link.after.at, covariance), link.cross)
 
 
-def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangent) -> Transition:
+def condition(link: Transition, measured: Sequence[Between]) -> Transition:
     """The same two states given measurements between them (iterated extended Kalman update of both).
 
     It is repeated about its outcome: a limb that is observed again may be far from its prediction, and what is smoothed
@@ -181,13 +180,13 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
     """
     if not measured:
         return link
-    link, K = _loosen_joints(link, measured, tangent), tangent.count
+    link, K = _loosen_joints(link, measured), link.after.at.tangent.count
     both = start = Coordinates.stacked(link.before.at, link.after.at)
     for iteration in range(_ITERATIONS):
-        r, H_before, H = _linearise(both, measured, tangent)
+        r, H_before, H = _linearise(both, measured)
         width = H.shape[1]
         if iteration:
-            moved = start.step_to(tangent, both)
+            moved = start.step_to(both)
             r += H @ moved[1, :width] + H_before @ moved[0, :width]
         # Covariances of the measured numbers with both states.
         of_after = link.after.covariance[:, :width] @ H.T + link.cross[:, :width] @ H_before.T
@@ -196,7 +195,7 @@ def condition(link: Transition, measured: Sequence[Between], tangent: TreeTangen
         solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
         gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
         steps = np.stack([of_before @ scaled, of_after @ scaled])
-        both = start.moved(tangent, steps)
+        both = start.moved(steps)
         # Nothing measured depends on the other coordinates.
         if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max(initial=0.0) < _NEAR:
             break
@@ -213,15 +212,15 @@ def _lessened(covariance: Array, gain: Array, of_measured: Array) -> Array:
     return np.subtract(covariance, change, out=change)
 
 
-def _linearise(both: Coordinates, measured: Sequence[Between], tangent: TreeTangent) -> tuple[Array, Array, Array]:
+def _linearise(both: Coordinates, measured: Sequence[Between]) -> tuple[Array, Array, Array]:
     """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
-    rows = [one.row for one in measured]
+    tangent, rows = both.tangent, [one.row for one in measured]
     if set(rows) == {tangent.root}:
         # Mostly: cameras observe all else.
         rows, poses = [0] * len(rows), both.root[:, None]
         J = np.broadcast_to(np.eye(6, tangent.count), (2, len(rows), 6, tangent.count))
     else:
-        poses = both.poses(tangent)
+        poses = both.poses
         J = tangent.segment_jacobians(poses, rows)
     twists = (J @ both.velocity[:, None, :, None])[..., 0]
     each = [

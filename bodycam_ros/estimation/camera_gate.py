@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.estimation.measurements import SegmentPoses
 from bodycam_ros.geometry import Array
-from bodycam_ros.kinematics.tangent import TreeTangent
 
 _GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
@@ -36,11 +35,9 @@ class GatedCameras:
     at: Coordinates
 
 
-def gate_cameras(
-    predicted: Estimate, cameras: SegmentPoses, tangent: TreeTangent, unobserved: NDArray[np.bool_]
-) -> GatedCameras:
+def gate_cameras(predicted: Estimate, cameras: SegmentPoses, unobserved: NDArray[np.bool_]) -> GatedCameras:
     """Weigh cameras, where some coordinates (K,) of the prediction had no measurement."""
-    K, at, weights = tangent.count, predicted.at, np.ones(len(cameras))
+    K, at, weights = len(unobserved), predicted.at, np.ones(len(cameras))
     covariance = predicted.covariance[:K, :K].copy()
     covariance[unobserved, unobserved] += _UNOBSERVED**2
     prior = np.linalg.inv(covariance)
@@ -49,16 +46,15 @@ def gate_cameras(
         spread = cameras.covariances[kept] / weights[kept, None, None] + np.diag(_GROSS**2)
         at, step = predicted.at, np.zeros(K)
         for _ in range(_ITERATIONS):
-            at = at.moved(tangent, step)
-            poses = at.poses(tangent)
-            J, r = tangent.segment_jacobians(poses)[cameras.rows[kept]], cameras.residuals(poses)[kept]
+            at = at.moved(step)
+            J, r = at.jacobians[cameras.rows[kept]], cameras.residuals(at.poses)[kept]
             weighted = np.swapaxes(J, 1, 2) @ np.linalg.inv(spread)
             C = np.linalg.inv(prior + (weighted @ J).sum(axis=0))
             b = (weighted @ r[..., None])[..., 0].sum(axis=0)
-            step = C @ (b - prior @ predicted.at.step_to(tangent, at)[:K])
+            step = C @ (b - prior @ predicted.at.step_to(at)[:K])
             if np.abs(step).max() < _LINEAR:
                 break
-        at = at.moved(tangent, step)
+        at = at.moved(step)
         off, known = r - J @ step, J @ C @ np.swapaxes(J, 1, 2)
         squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread - known, off[..., None])[..., 0])
         if squared.max() < _GATE:

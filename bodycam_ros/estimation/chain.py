@@ -15,7 +15,6 @@ from bodycam_ros.estimation.measurements import JointRotations, Measurements
 from bodycam_ros.estimation.motion_model import MotionModel, MotionPrior
 from bodycam_ros.geometry import Array, inverse, nearest_rotation
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.kinematics.tangent import TreeTangent
 
 Mask = NDArray[np.bool_]
 
@@ -47,7 +46,7 @@ def predict_step(
     motion: MotionModel, before: Estimate, dt_s: float, prior: MotionPrior | None, between: Sequence[Between]
 ) -> Step:
     """The state ``dt_s`` [s] after another, by the motion prior (A eq. 10-11) and measurements of both (A eq. 2)."""
-    link = condition(motion.predict(before, dt_s, prior), between, motion.tangent)
+    link = condition(motion.predict(before, dt_s, prior), between)
     return Step(dt_s, link.after, link, prior, between)
 
 
@@ -108,12 +107,12 @@ class ChainState:
         self.is_unmeasured = self.is_unmeasured and not latest.is_observed
 
 
-def smooth(states: Sequence[ChainState], tangent: TreeTangent) -> list[Estimate]:
+def smooth(states: Sequence[ChainState]) -> list[Estimate]:
     """Estimates of states given all of them: the last one, carried back to the first (Rauch, Tung, Striebel 1965)."""
     estimates = [states[-1].estimate]
     for later in reversed(states[1:]):
         assert later.step.link is not None  # only the first has none
-        estimates.append(later.step.link.smoothed(tangent, estimates[-1], covariance=False))
+        estimates.append(later.step.link.smoothed(estimates[-1], covariance=False))
     return estimates[::-1]
 
 

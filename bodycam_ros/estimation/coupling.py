@@ -124,7 +124,7 @@ class Coupling:
         measured = tuple(attachments.measured.tolist())
         if measured != self._searched_with:
             self._search_due_ns, self._search_wait_ns, self._searched_with = stamp_ns, _SEARCH_NS, measured
-        self._was_placed, gaps = self.placed, attachments.gaps(start.poses(self._tangent))
+        self._was_placed, gaps = self.placed, attachments.gaps(start.poses)
         if self.placed:
             attachments.update(gaps)
         if self.placed and not attachments.are_contradicted(gaps):
@@ -146,7 +146,7 @@ class Coupling:
         if found is None:
             return None
         start = replace(start, motion=found.joint_motion)
-        after = attachments.gaps(start.poses(self._tangent))
+        after = attachments.gaps(start.poses)
         if self.placed and not after[attachments.measured].sum() < gaps[attachments.measured].sum():
             return None
         self.placed, self._was_placed = True, False
@@ -173,7 +173,7 @@ class Coupling:
         """That the root is upright, once: when it is placed."""
         sigma, poses = self.equipment.upright_sigma, []
         if self.placed and not self._was_placed and np.isfinite(sigma):
-            level = start.poses(self._tangent)[self._root]
+            level = start.poses[self._root]
             up = level[:3, 2]
             lean = np.cross(up, [0.0, 0.0, 1.0])
             sine = float(np.linalg.norm(lean))
@@ -196,7 +196,7 @@ class Coupling:
     def report(self, at: Coordinates, covariance: Array, active: ActiveAttachments | None) -> EquipmentReport:
         """Published report of a state with its covariance (2K, 2K) and active attachments; None: it was not placed."""
         names, (shifts, sigmas) = self.attachments.names, self._length_estimates(at, covariance)
-        gaps = self.attachments.gaps(at.poses(self._tangent))
+        gaps = self.attachments.gaps(at.poses)
         return EquipmentReport(
             name=self.equipment.name,
             placed=active is not None,

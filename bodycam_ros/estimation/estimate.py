@@ -19,11 +19,13 @@ class Coordinates:
     """Where a body is and how it moves; of several states (``stacked``) each array has one more axis in front.
 
     Attributes:
+        tangent: of the body.
         root: (4, 4) world_T_root [m].
         motion: (J, 4, 4) joint motions.
         velocity: (K) rate of the increments of ``TreeTangent`` [rad/s], [m/s].
     """
 
+    tangent: TreeTangent
     root: Array
     motion: Array
     velocity: Array
@@ -32,26 +34,33 @@ class Coordinates:
     def stacked(first: "Coordinates", second: "Coordinates") -> "Coordinates":
         """Those of two states, whose Jacobians and increments cost hardly more together than those of one."""
         pairs = zip(*((of.root, of.motion, of.velocity) for of in (first, second)), strict=True)
-        return Coordinates(*(np.stack(pair) for pair in pairs))
+        return Coordinates(first.tangent, *(np.stack(pair) for pair in pairs))
 
     def __getitem__(self, row: int) -> "Coordinates":
         """One of several states."""
-        return Coordinates(self.root[row], self.motion[row], self.velocity[row])
+        return Coordinates(self.tangent, self.root[row], self.motion[row], self.velocity[row])
 
-    def moved(self, tangent: TreeTangent, step: Array) -> "Coordinates":
+    def moved(self, step: Array) -> "Coordinates":
         """The coordinates after an increment (2K) of coordinates and velocities, or (K) of coordinates alone."""
-        root, motion = tangent.moved(self.root, self.motion, step[..., : tangent.count])
-        rest = step[..., tangent.count :]
-        return Coordinates(root, motion, self.velocity + rest if rest.shape[-1] else self.velocity)
+        K = self.tangent.count
+        root, motion = self.tangent.moved(self.root, self.motion, step[..., :K])
+        velocity = self.velocity + step[..., K:] if step.shape[-1] > K else self.velocity
+        return Coordinates(self.tangent, root, motion, velocity)
 
-    def step_to(self, tangent: TreeTangent, other: "Coordinates") -> Array:
+    def step_to(self, other: "Coordinates") -> Array:
         """The increment (2K) from these coordinates to others."""
-        step = tangent.step_between(self.root, self.motion, other.root, other.motion)
+        step = self.tangent.step_between(self.root, self.motion, other.root, other.motion)
         return np.concatenate([step, other.velocity - self.velocity], axis=-1)
 
-    def poses(self, tangent: TreeTangent) -> Array:
+    @cached_property
+    def poses(self) -> Array:
         """(S, 4, 4) world_T_segment."""
-        return tangent.tree.forward_kinematics(self.root, self.motion)
+        return self.tangent.tree.forward_kinematics(self.root, self.motion)
+
+    @cached_property
+    def jacobians(self) -> Array:
+        """(S, 6, K) of the poses, tangents in the segments' axes."""
+        return self.tangent.segment_jacobians(self.poses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +88,17 @@ class Transition:
     def _gain(self) -> Array:
         return np.asarray(np.linalg.solve(self.after.covariance, self.cross).T, np.float64)
 
-    def fitted(self, tangent: TreeTangent, after: Estimate) -> "Transition":
+    def fitted(self, after: Estimate) -> "Transition":
         """The same two states given the later one's measurements."""
-        return Transition(self.smoothed(tangent, after), after, after.covariance @ self._gain.T)
+        return Transition(self.smoothed(after), after, after.covariance @ self._gain.T)
 
-    def smoothed(self, tangent: TreeTangent, after: Estimate, covariance: bool = True) -> Estimate:
+    def smoothed(self, after: Estimate, covariance: bool = True) -> Estimate:
         """The earlier state given another estimate of the later one (Rauch, Tung, Striebel 1965).
 
         It is the back-substitution of a factor graph that is a chain of states.
         """
-        step = self._gain @ self.after.at.step_to(tangent, after.at)
-        at = self.before.at.moved(tangent, step)
+        step = self._gain @ self.after.at.step_to(after.at)
+        at = self.before.at.moved(step)
         if not covariance:
             return replace(self.before, at=at)
         change = self._gain @ (after.covariance - self.after.covariance) @ self._gain.T
@@ -100,17 +109,16 @@ _CORRELATED_S = 0.3  # errors of registrations last so long (0.9 from image to i
 _BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)  # [rad], [m] of the calibrated body, the same in all states
 
 
-def body_uncertainty(estimate: Estimate, tangent: TreeTangent, dt_s: float, root_observed: bool) -> BodyUncertainty:
+def body_uncertainty(estimate: Estimate, dt_s: float, root_observed: bool) -> BodyUncertainty:
     """Covariances of an estimate.
 
     Args:
         estimate: of the state.
-        tangent: its coordinates.
         dt_s: since the state before [s]; 0 where there is none.
         root_observed: whether a camera observes the root.
     """
-    K, P = tangent.count, estimate.covariance
-    J = tangent.segment_jacobians(estimate.at.poses(tangent))
+    tangent, P, J = estimate.at.tangent, estimate.covariance, estimate.at.jacobians
+    K = tangent.count
     segments = (J.reshape(-1, K) @ P[:K, :K]).reshape(J.shape) @ np.swapaxes(J, -1, -2) + _BODY
     joints = np.zeros((len(tangent.twists), 3, 3))
     for row, (joint, columns) in enumerate(zip(tangent.tree.tree_joints, tangent.columns, strict=True)):

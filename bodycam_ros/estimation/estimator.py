@@ -191,7 +191,7 @@ class BodyEstimator:
         self, frame: BodyFrame, registered: Mapping[str, SegmentPose], step: Step, placed: Sequence[SegmentPose] = ()
     ) -> ChainState:
         """One state: gate the cameras, collect the other measurements, fit, then add contacts."""
-        static, tangent, ends = self._static, self._tangent, self.body.joint_ends
+        static, ends = self._static, self.body.joint_ends
         accepted, start = self._gate(registered, step)
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
@@ -208,7 +208,7 @@ class BodyEstimator:
             measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start)
         # The state that fits them best (A eq. 8, B eq. 15).
         estimate = self._fit.fit(step.after, measured, start)
-        self._prior.add(self.body.joint_rotations(estimate.at.poses(tangent)), joints_observed, step.dt_s)
+        self._prior.add(self.body.joint_rotations(estimate.at.poses), joints_observed, step.dt_s)
         step, estimate = self._add_contacts(step, estimate, observed, turning)
         if self._coupling:
             self._coupling.remember(estimate)
@@ -223,19 +223,19 @@ class BodyEstimator:
             by_static=by_static,
             observed=observed,
             cameras_used=len(accepted) + static.camera_count,
-            uncertainty=static.widen(body_uncertainty(estimate, tangent, step.dt_s, bool(observed[self._root]))),
+            uncertainty=static.widen(body_uncertainty(estimate, step.dt_s, bool(observed[self._root]))),
             active=self._coupling.active if self._coupling else None,
         )
         rows = self._published
         covariances = state.uncertainty.segments[rows]
-        now = LatestState(state.stamp_ns, estimate.at.poses(tangent)[rows], covariances, observed[rows])
+        now = LatestState(state.stamp_ns, estimate.at.poses[rows], covariances, observed[rows])
         self.latest_states = [*self.latest_states[-1:], now]
         return state
 
     def _gate(self, registered: Mapping[str, SegmentPose], step: Step) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        gated = gate_cameras(step.after, poses, self._tangent, self._unobserved_columns())
+        gated = gate_cameras(step.after, poses, self._unobserved_columns())
         weights = dict(zip(registered, gated.weights.tolist(), strict=True))
         self.rejected.update(name for name, weight in weights.items() if weight < 1.0)
         accepted = {
@@ -261,7 +261,7 @@ class BodyEstimator:
 
         A limb that was searched and found elsewhere did not move there: its motion restarts.
         """
-        poses = start.poses(self._tangent)
+        poses = start.poses
         self._static.measure(frame, poses, step.dt_s, known, on_body)
         if not self._static.rows.any():
             return step, start
@@ -307,11 +307,11 @@ class BodyEstimator:
         """Both states of a step, given the points of the soles that rest between them."""
         if step.link is None:
             return step, estimate
-        before, poses = step.link.before.at.poses(self._tangent), estimate.at.poses(self._tangent)
+        before, poses = step.link.before.at.poses, estimate.at.poses
         resting = resting_points(self._soles, before, poses, step.dt_s, observed, turning)
         if not resting:
             return step, estimate
-        link = condition(step.link.fitted(self._tangent, estimate), resting, self._tangent)
+        link = condition(step.link.fitted(estimate), resting)
         return replace(step, link=link, between=[*step.between, *resting]), link.after
 
     def flush(self) -> list[BodyState]:
@@ -348,7 +348,7 @@ class BodyEstimator:
         if self.settings.whole_recording:
             estimates = self._whole.solve(waiting, len(pending), self._coupling)
         else:
-            estimates = smooth(waiting, self._tangent)
+            estimates = smooth(waiting)
         for state in pending:
             state.is_published = True
         self._chain = [state for state in self._chain[:-1] if not state.is_published] + self._chain[-1:]
@@ -362,7 +362,7 @@ class BodyEstimator:
         return BodyState(
             stamp_ns=state.stamp_ns,
             segments=self.body.segments[rows],
-            world_T_segment=estimate.at.poses(self._tangent)[rows],
+            world_T_segment=estimate.at.poses[rows],
             uncertainty=replace(uncertainty, joints=joints, segments=segments),
             observed=state.observed[rows],
             cameras_used=state.cameras_used,

@@ -6,7 +6,7 @@ is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inve
 """
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -164,11 +164,11 @@ class StateFit:
         at = predicted.at if start is None else start
         robust = False
         for _ in range(_STEPS):
-            A, b = self._normal_equations(at.poses(self._tangent), at.motion, measured, robust)
+            A, b = self._normal_equations(at, measured, robust)
             information = prior + A
-            x = predicted.at.step_to(self._tangent, at)[:K]
+            x = predicted.at.step_to(at)[:K]
             step = np.asarray(np.linalg.solve(information, b - prior @ x), np.float64)
-            at = at.moved(self._tangent, step)
+            at = at.moved(step)
             moved = float(np.abs(step).max())
             if robust and moved < _SETTLED:
                 break
@@ -182,18 +182,15 @@ class StateFit:
         both[:K, K:] = both[K:, :K].T
         both[K:, K:] = P[K:, K:] - gain @ (P[:K, :K] - covariance) @ gain.T
         velocity = predicted.at.velocity + gain @ (x + step)
-        return Estimate(Coordinates(at.root, at.motion, velocity), both)
+        return Estimate(replace(at, velocity=velocity), both)
 
-    def _normal_equations(
-        self, poses: Array, motion: Array, measured: Measurements, robust: bool
-    ) -> tuple[Array, Array]:
-        """Matrix (K, K) and right side (K) of all measurements about poses (S, 4, 4)."""
+    def _normal_equations(self, at: Coordinates, measured: Measurements, robust: bool) -> tuple[Array, Array]:
+        """Matrix (K, K) and right side (K) of all measurements about coordinates."""
         K = self._tangent.count
         A, b = np.zeros((K, K)), np.zeros(K)
-        J_all = self._tangent.segment_jacobians(poses)
         if len(measured.cameras):
-            r = measured.cameras.residuals(poses)
-            J = log_jacobian(r) @ J_all[measured.cameras.rows]
+            r = measured.cameras.residuals(at.poses)
+            J = log_jacobian(r) @ at.jacobians[measured.cameras.rows]
             information = np.asarray(np.linalg.inv(measured.cameras.covariances), np.float64)
             if robust:
                 information = information * cauchy(_squared(information, r), KERNEL)[:, None, None]
@@ -204,16 +201,16 @@ class StateFit:
         for row, rotation, sigmas in zip(expected.rows.tolist(), expected.rotations, expected.sigmas, strict=True):
             columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3]
             W = self._child_R_joint[row] / sigmas[:, None]
-            r = log_so3(motion[row, :3, :3].T @ rotation)
+            r = log_so3(at.motion[row, :3, :3].T @ rotation)
             J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
         for row, sigmas in self._soft.items():
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
-            b[columns] -= twists.T @ log_se3(motion[row]) / sigmas**2
+            b[columns] -= twists.T @ log_se3(at.motion[row]) / sigmas**2
         for each in (*self._loops, *measured.closed):
-            gap, J = self._tangent.gap(each.joint, poses, J_all)
+            gap, J = self._tangent.gap(each.joint, at.poses, at.jacobians)
             weight = cauchy(_squared(each.information, gap), each.kernel)
             A += weight * (J.T @ each.information @ J)
             b -= weight * (J.T @ (each.information @ gap))

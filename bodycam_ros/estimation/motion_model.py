@@ -4,7 +4,7 @@ The paper penalises the change of pose between frames. That pulls every motion t
 change of velocity, whose size in people is known: accelerations of limbs in m/s^2 and rad/s^2.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -70,12 +70,12 @@ class MotionModel:
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
         self._root_information = 1.0 / (sigmas * np.sqrt(LASTS_S))
 
-    def _density(self, poses: Array, known: Array | None) -> Array:
-        """(K, K) spectral density of the coordinates' accelerations, at poses (S, 4, 4), which move every segment.
+    def _density(self, at: Coordinates, known: Array | None) -> Array:
+        """(K, K) spectral density of the coordinates' accelerations, which move every segment.
 
         Its inverse sums up over segments what their accelerations cost: A eq. 10-11 in joint coordinates.
         """
-        J = self._root_information[:, None] * self.tangent.segment_jacobians(poses)[self._of_people]
+        J = self._root_information[:, None] * at.jacobians[self._of_people]
         of_rows = J.reshape(-1, self.tangent.count)
         information = of_rows.T @ of_rows
         if known is None:
@@ -90,26 +90,28 @@ class MotionModel:
         covariance = estimate.covariance.copy()
         covariance[both], covariance[:, both] = 0.0, 0.0
         covariance[both, both] = self._first[both] ** 2
-        return Estimate(Coordinates(at.root, at.motion, np.where(columns, 0.0, at.velocity)), covariance)
+        return Estimate(replace(at, velocity=np.where(columns, 0.0, at.velocity)), covariance)
 
     def initial(self, root: Array, motion: Array) -> Estimate:
         """The first state, at a pose (4, 4) and joint motions (J, 4, 4), which its measurements determine alone."""
-        at = Coordinates(root, motion, np.zeros(self.tangent.count))
+        at = Coordinates(self.tangent, root, motion, np.zeros(self.tangent.count))
         return Estimate(at, np.diag(self._first**2))
 
     def predict(self, before: Estimate, dt_s: float, prior: MotionPrior | None = None) -> Transition:
         """The body ``dt_s`` [s] after a state; ``prior`` of coordinates that do not move as people do."""
         fade_s = self.fade_s if prior is None else prior.fade_s
-        Q = self._density(before.at.poses(self.tangent), None if prior is None else prior.density)
+        Q = self._density(before.at, None if prior is None else prior.density)
         K, keep = self.tangent.count, np.exp(-dt_s / fade_s)
         reach = fade_s * (1.0 - keep)
-        at = before.at.moved(self.tangent, reach * before.at.velocity)
-        at = Coordinates(at.root, at.motion, keep * before.at.velocity)
+        at = replace(before.at.moved(reach * before.at.velocity), velocity=keep * before.at.velocity)
         P = before.covariance
         # F = [[1, reach], [0, keep]], by columns.
         cross = np.concatenate([P[:K] + reach[:, None] * P[K:], keep[:, None] * P[K:]])
         covariance = np.concatenate([cross[:, :K] + cross[:, K:] * reach, cross[:, K:] * keep], axis=1)
-        covariance += np.kron([[dt_s**3 / 3.0, dt_s**2 / 2.0], [dt_s**2 / 2.0, dt_s]], Q)
+        covariance[:K, :K] += dt_s**3 / 3.0 * Q
+        covariance[:K, K:] += dt_s**2 / 2.0 * Q
+        covariance[K:, :K] += dt_s**2 / 2.0 * Q
+        covariance[K:, K:] += dt_s * Q
         return Transition(before, Estimate(at, covariance), cross)
 
 

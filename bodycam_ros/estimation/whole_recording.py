@@ -39,7 +39,7 @@ class WholeRecording:
         prior: PosePrior,
         on_progress: Callable[[float], None],
     ) -> None:
-        self._body, self._tangent, self._motion, self._fit = body, motion.tangent, motion, fit
+        self._body, self._motion, self._fit = body, motion, fit
         self._prior, self._on_progress = prior, on_progress
         self.reset()
 
@@ -50,7 +50,7 @@ class WholeRecording:
 
     def solve(self, states: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Estimate]:
         """Estimates of the first ``count`` states given all."""
-        estimates = smooth(states, self._tangent)
+        estimates = smooth(states)
         coasted = self._coast(states, estimates, coupling) if coupling else {}
         predicted = self._predicted(states, estimates, count)
         again: list[ChainState] = []
@@ -68,7 +68,7 @@ class WholeRecording:
             again.append(replace(state, estimate=fitted, step=step, measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
-        return smooth(again, self._tangent)[:count]
+        return smooth(again)[:count]
 
     def _coast(
         self, states: Sequence[ChainState], estimates: list[Estimate], coupling: Coupling
@@ -94,7 +94,7 @@ class WholeRecording:
         self, states: Sequence[ChainState], estimates: Sequence[Estimate], count: int
     ) -> list[JointRotations]:
         """Unobserved joints by these states and those of the blocks before."""
-        rotations = np.array([self._body.joint_rotations(estimate.at.poses(self._tangent)) for estimate in estimates])
+        rotations = np.array([self._body.joint_rotations(estimate.at.poses) for estimate in estimates])
         stamps_ns = np.array([state.stamp_ns for state in states])
         observed = np.array([state.joints_observed for state in states])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)

@@ -20,7 +20,7 @@ SIGMA = 0.05  # [rad], [m] of the prediction
 
 def predicted() -> Estimate:
     poses = true_poses(BODY, 7)
-    at = Coordinates(poses[0], BODY.joint_poses(poses), np.zeros(TANGENT.count))
+    at = Coordinates(TANGENT, poses[0], BODY.joint_poses(poses), np.zeros(TANGENT.count))
     return Estimate(at, SIGMA**2 * np.eye(2 * TANGENT.count))
 
 
@@ -38,7 +38,7 @@ def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses
 
 def weights(off: dict[str, np.ndarray], unobserved: np.ndarray | None = None) -> dict[str, float]:
     nothing = np.zeros(TANGENT.count, bool)
-    gated = gate_cameras(predicted(), measured(off), TANGENT, nothing if unobserved is None else unobserved)
+    gated = gate_cameras(predicted(), measured(off), nothing if unobserved is None else unobserved)
     return dict(zip(CAMERAS, gated.weights.tolist(), strict=True))
 
 
@@ -90,10 +90,10 @@ def test_a_limb_that_nothing_measured_may_be_elsewhere() -> None:
 def test_coordinates_are_those_without_the_rejected_camera() -> None:
     off = {"wrist": shifted(5.0)}
     nothing = np.zeros(TANGENT.count, bool)
-    gated = gate_cameras(predicted(), measured(off), TANGENT, nothing)
+    gated = gate_cameras(predicted(), measured(off), nothing)
     all_cameras = measured(off)
     kept = SegmentPoses(all_cameras.rows[:3], all_cameras.world_T_segment[:3], all_cameras.covariances[:3])
-    alone = gate_cameras(predicted(), kept, TANGENT, nothing)
+    alone = gate_cameras(predicted(), kept, nothing)
     assert gated.weights[3] == 0.0
     # Both are linearised where their iterations ended.
-    assert np.abs(gated.at.step_to(TANGENT, alone.at)).max() < 2e-3
+    assert np.abs(gated.at.step_to(alone.at)).max() < 2e-3

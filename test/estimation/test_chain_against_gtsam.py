@@ -108,8 +108,8 @@ class Graph:
         settings, at = MotionSettings(), belief.at
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)
         information, small = np.zeros((self.K, self.K)), 1e-6
-        ends = [at.moved(tangent, small * one).poses(tangent) for one in np.eye(self.K)]
-        for row, pose in enumerate(at.poses(tangent)):
+        ends = [at.moved(small * one).poses for one in np.eye(self.K)]
+        for row, pose in enumerate(at.poses):
             steps = [gtsam.Pose3.Logmap(gtsam.Pose3(pose).between(gtsam.Pose3(end[row]))) / small for end in ends]
             J = np.stack(steps, axis=1) / sigmas[:, None]
             information += J.T @ J / LASTS_S
@@ -166,12 +166,12 @@ def estimator(body: BodyModel) -> BodyEstimator:
 
 
 def test_the_chain_is_the_graph_that_gtsam_solves(body: BodyModel, estimator: BodyEstimator) -> None:
-    instants, tangent = estimator._chain, TreeTangent(body, SLIDES_M)
+    instants = estimator._chain
     assert not any(len(instant.measured.expected.rows) for instant in instants)
     graph = Graph(body, instants)
     values = graph.solve()
     marginals = gtsam.Marginals(graph.graph, values)
-    beliefs = smooth(instants, tangent)
+    beliefs = smooth(instants)
     for t, belief in enumerate(beliefs):
         # The chain is linearised once, going forwards: far below the cameras' 4 mm.
         for key, place in zip(graph.keys(t), graph.places(belief.at), strict=True):
