@@ -15,6 +15,8 @@ from rich.text import Text
 from bodycam_ros.shown import printable
 
 _ANY_WIDTH = 10_000
+_NARROWEST = 128
+"""Columns of what is written to a file or pipe, whose width nobody knows."""
 
 
 class Terminal(Console):
@@ -25,10 +27,13 @@ class Terminal(Console):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"markup": False, "highlight": False, "emoji": False, **options})
+        if not self.is_terminal and "width" not in options:
+            self.width = max(self.width, _NARROWEST)
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print; tables that are wider than the terminal give way where they can."""
-        super().print(*(self._fitted(each) if isinstance(each, Table) else each for each in objects), **options)
+        """Print lines as they are, and tables that are wider than the terminal narrower where they can be."""
+        fitted = [self._fitted(each) if isinstance(each, Table) else each for each in objects]
+        super().print(*fitted, **{"soft_wrap": not any(isinstance(each, Table) for each in fitted), **options})
 
     def _fitted(self, table: Table) -> Table:
         """The table; one that is too wide without frames, the words of a heading one below the other."""
@@ -47,17 +52,6 @@ class Terminal(Console):
         for segment in super().render(renderable, options):
             text, style, control = segment
             yield segment if control else Segment(printable(text), style)
-
-
-_NARROWEST = 128
-"""Columns of a table that is written to a file or pipe, whose width nobody knows."""
-
-
-def widened(console: Terminal) -> Terminal:
-    """The console, with room for wide tables where it is no terminal."""
-    if not console.is_terminal:
-        console.width = max(console.width, _NARROWEST)
-    return console
 
 
 def log_to_terminal(verbose: bool) -> None:

@@ -3,52 +3,52 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_output, number
+from bodycam_ros.cli.options import add_output, check_files, number
 from bodycam_ros.errors import OutputError
-from bodycam_ros.output_place import check_file, check_output
 
 _KINDS = ("apriltag", "charuco", "checkerboard")
-_PAGES = ("A4", "A3", "letter")
-_PAGE_MM = (80.0, 5000.0)
-_MM = number(float, 0.1, _PAGE_MM[1], "mm")
-_STRETCH = 0.2
-"""Largest relative error of a ruler: of a printer that fits a page to another size."""
-_DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
+PAGES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "letter": (279.4, 215.9)}
+"""Widths and heights [mm], lying on their long side."""
 
-_EPILOG = """
+_LEAST_MM, _MOST_MM = 80.0, 5000.0  # of a page
+_STRETCH = 0.2  # largest relative error of a ruler: of a printer that fits a page to another size
+
+EPILOG = """
 Print at 100 % ("actual size"), glue it to something flat and stiff, and measure the rulers. If their lengths are not
 those printed beside them, give what you measured with --ruler-mm and --force: board.yaml then describes this print.
 """
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("board", description=__doc__, epilog=_EPILOG)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_output(parser, "BOARD.pdf", "page to write, and beside it BOARD.yaml", "BOARD.pdf and BOARD.yaml")
     parser.add_argument("--kind", choices=_KINDS, default="apriltag", help="what is on it (%(default)s)")
     parser.add_argument(
-        "--page", default="A4", type=_page, metavar="A4|A3|letter|WxH", help="paper, or its width x height [mm] (A4)"
+        "--page",
+        default=PAGES["A4"],
+        type=_page,
+        metavar="A4|A3|letter|WxH",
+        help="paper, or its width x height [mm] (A4)",
     )
     parser.add_argument(
         "--up",
-        choices=_DIRECTIONS,
+        choices=("x", "y", "z", "-x", "-y", "-z"),
         default="z",
         help="which way of the board points up where it is placed: z if it lies, y if it hangs on a wall (%(default)s)",
     )
     parser.add_argument(
         "--ruler-mm",
-        type=_MM,
+        type=number(float, 0.1, _MOST_MM, "mm"),
         nargs=2,
         metavar=("ACROSS", "UPWARDS"),
         help="how long the printed rulers really are: board.yaml becomes right for that print",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.lens.board_design import MARK, board_caption, board_yaml, design_layout, scale_layout
-    from bodycam_ros.lens.board_page import PAGES, board_pdf, print_area, ruler_lengths
+    from bodycam_ros.lens.board_page import board_pdf, print_area, ruler_lengths
     from bodycam_ros.terminal import Terminal
     from bodycam_ros.whole_file import whole_files
 
@@ -56,10 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     if pdf.suffix.lower() != ".pdf":
         raise OutputError(f"{pdf}: the page is a PDF; give a name that ends with .pdf")
     description = pdf.with_suffix(".yaml")
-    for path, mark, what in ((pdf, b"%PDF", "PDF"), (description, MARK.encode(), "board that bodycam wrote")):
-        check_output(path, ())
-        check_file(path, arguments.force, mark, what)
-    page = PAGES[arguments.page] if arguments.page in PAGES else _size_mm(arguments.page)
+    check_files(arguments, (pdf, b"%PDF", "PDF"), (description, MARK.encode(), "board that bodycam wrote"))
+    page: tuple[float, float] = arguments.page
     layout = design_layout(arguments.kind, print_area(page))
     words, rulers = board_caption(layout), ruler_lengths(page)
     content = board_pdf(layout, page, words)
@@ -70,12 +68,11 @@ def run(arguments: argparse.Namespace) -> int:
         (scratch / pdf.name).write_bytes(content)
         (scratch / description.name).write_text(text, encoding="utf-8")
     console = Terminal()
-    console.print(f"{words}; on {page[0]:g} x {page[1]:g} mm, written to {pdf}", soft_wrap=True)
+    console.print(f"{words}; on {page[0]:g} x {page[1]:g} mm, written to {pdf}")
     console.print(
         f"Print it at 100 %. The rulers must measure {rulers[0]:g} mm across and {rulers[1]:g} mm upwards; if not, "
         f"give their lengths with --ruler-mm: {description} is for "
-        + ("true scale." if arguments.ruler_mm is None else "the print that you measured."),
-        soft_wrap=True,
+        + ("true scale." if arguments.ruler_mm is None else "the print that you measured.")
     )
     return 0
 
@@ -91,21 +88,15 @@ def _shares(measured_mm: list[float], rulers_mm: tuple[float, float]) -> tuple[f
     return across, upwards
 
 
-def _page(text: str) -> str:
-    if text in _PAGES:
-        return text
+def _page(text: str) -> tuple[float, float]:
+    """Width and height [mm]."""
     try:
-        sizes = _size_mm(text)
+        width, height = PAGES.get(text) or map(float, text.lower().split("x"))
+        if _LEAST_MM <= min(width, height) and max(width, height) <= _MOST_MM:
+            return width, height
     except ValueError:
-        sizes = (0.0, 0.0)
-    if not all(_PAGE_MM[0] <= size <= _PAGE_MM[1] for size in sizes):
-        raise argparse.ArgumentTypeError(
-            f"expected {', '.join(_PAGES)}, or width x height from {_PAGE_MM[0]:g} to {_PAGE_MM[1]:g} mm as in 1189x841"
-            f", not '{text}'"
-        )
-    return text
-
-
-def _size_mm(text: str) -> tuple[float, float]:
-    width, height = map(float, text.lower().split("x"))
-    return width, height
+        pass
+    raise argparse.ArgumentTypeError(
+        f"expected {', '.join(PAGES)}, or width x height from {_LEAST_MM:g} to {_MOST_MM:g} mm as in 1189x841, not "
+        f"'{text}'"
+    )

@@ -15,17 +15,15 @@ from bodycam_ros.cli.options import (
     add_config,
     add_option,
     add_output,
+    check_files,
     given_flags,
-    input_paths,
     number,
     pipeline_settings,
     read_settings,
 )
-from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import print_section
+from bodycam_ros.cli.output import print_section, print_table, shown_progress
 from bodycam_ros.errors import BodyError
-from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.terminal import Terminal, widened
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
@@ -36,12 +34,10 @@ _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
 )  # fmt: skip
 _GIRTHS = (("found", "found", ".2f"), ("sigma", "sigma", ".2f"))
-_SUFFIXES = (".yaml", ".yml")
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("body", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     for name in ("recording", "--imu", "--map", "--rig"):
         add_option(parser, name)
     add_output(parser, "BODY", "body YAML to write, and beside it a report, BODY with .html", "BODY and its report")
@@ -72,7 +68,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "calibration.body_calibrator:CalibrationSettings",
         "static_cameras.body_shape:MeasureSettings",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -80,38 +75,25 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.body.checked_fields import name_of
 
     output: Path = arguments.output
-    if output.suffix.lower() not in _SUFFIXES:
+    if output.suffix.lower() not in (".yaml", ".yml"):
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
-    _check_flags(arguments)
+    if arguments.stations is not None:
+        for flag in given_flags(arguments, "rig", "facing"):
+            raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
+    elif arguments.map is None or arguments.rig is None:
+        raise BodyError(
+            "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
+            "--initial-body or --height"
+        )
     page = output.with_suffix(".html")
-    written = [(output, b"segments:", "body file")]
-    written += [(page, b"<title>Body ", "report")] if arguments.stations is None else []
-    for path, mark, what in written:
-        check_output(path, input_paths(arguments), makes_folders=False)
-        check_file(path, arguments.force, mark, what)
+    reports = [(page, b"<title>Body ", "report")] if arguments.stations is None else []
+    check_files(arguments, (output, b"segments:", "body file"), *reports)
     name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
     if arguments.stations is None:
         _calibrate(arguments, name, page)
     else:
         _measure(arguments, name)
     return 0
-
-
-def _check_flags(arguments: argparse.Namespace) -> None:
-    """Refuse flags of body cameras with static ones, and the reverse.
-
-    Raises:
-        BodyError: such flags, or flags that are missing.
-    """
-    if arguments.stations is not None:
-        for flag in given_flags(arguments, "rig", "facing"):
-            raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
-        return
-    if arguments.map is None or arguments.rig is None:
-        raise BodyError(
-            "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
-            "--initial-body or --height"
-        )
 
 
 def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
@@ -126,8 +108,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     from bodycam_ros.evaluate.body_report import body_report, write_html_report
     from bodycam_ros.offline.measure_body import calibrate
 
-    pipeline = pipeline_settings(arguments)
-    settings = read_settings(arguments, CalibrationSettings)
+    pipeline, settings = pipeline_settings(arguments), read_settings(arguments, CalibrationSettings)
     with shown_progress() as progress:
         calibrated = calibrate(
             arguments.recording,
@@ -144,33 +125,31 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
     write_body(body, arguments.output)
     write_html_report(body, calibrated.diagnosis, page)
-    print_report(calibrated.diagnosis)
-    Terminal().print(f"\nbody written to {arguments.output}, report to {page}", soft_wrap=True)
+    terminal = Terminal()
+    print_report(calibrated.diagnosis, terminal)
+    terminal.print(f"\nbody written to {arguments.output}, report to {page}")
 
 
-def print_report(diagnosis: "CalibrationDiagnosis", console: Terminal | None = None) -> None:
+def print_report(diagnosis: "CalibrationDiagnosis", terminal: Terminal) -> None:
     """Print the tables of a diagnosis, then its warnings; rows with a warning are red."""
     from bodycam_ros.evaluate.body_report import report_sections, summary_line
 
-    console = console or widened(Terminal())
-    console.print(summary_line(diagnosis))
+    terminal.print(summary_line(diagnosis))
     for section in report_sections(diagnosis):
-        print_section(console, section)
+        print_section(terminal, section)
     for count, warning in enumerate(diagnosis.warnings, start=1):
-        console.print(Text.assemble((f"warning {count}: ", "bold red"), warning))
+        terminal.print(Text.assemble((f"warning {count}: ", "bold red"), warning))
     if not diagnosis.warnings:
-        console.print(Text("no warnings", "green"))
+        terminal.print("no warnings", style="green")
 
 
 def _measure(arguments: argparse.Namespace, name: str) -> None:
     from bodycam_ros.body.body_file import write_body
-    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.offline.measure_body import measure_body
     from bodycam_ros.static_cameras.body_shape import MeasureSettings
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-    pipeline = pipeline_settings(arguments)
-    settings = read_settings(arguments, MeasureSettings)
+    pipeline, settings = pipeline_settings(arguments), read_settings(arguments, MeasureSettings)
     initial = _initial_body(arguments, name)
     with shown_progress() as progress:
         measured = measure_body(
@@ -188,26 +167,24 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
     girths = {each.name: each for each in measured.girths}
     vague_ones = {name for name, each in (lengths | girths).items() if not each.told}
     note = "from joint to joint, along an axis; red: not measured, about the initial value"
-    print_section(terminal, column_table("lengths", "joint", _LENGTHS, lengths, note, vague_ones))
+    print_table("lengths", "joint", _LENGTHS, lengths, note, vague_ones)
     note = "times as thick as people of this size; red: not measured"
-    print_section(terminal, column_table("girths", "segment", _GIRTHS, girths, note, vague_ones))
+    print_table("girths", "segment", _GIRTHS, girths, note, vague_ones)
     if vague := sorted({each.name for each in measured.lengths if not each.told}):
         terminal.print(
             f"the recording does not measure the lengths at {', '.join(vague)}: bend these joints widely, in view of "
             "several cameras",
             style="yellow",
-            soft_wrap=True,
         )
     if not measured.converged:
         terminal.print(
             f"lengths still changed after {measured.rounds} rounds; continue with --initial-body {arguments.output}",
             style="yellow",
-            soft_wrap=True,
         )
     terminal.print(
         f"{measured.instants} frames, {measured.rounds} rounds; {measured.seen:.0%} of the segments observed"
     )
-    terminal.print(f"\nbody written to {arguments.output}", soft_wrap=True)
+    terminal.print(f"\nbody written to {arguments.output}")
 
 
 def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":

@@ -1,4 +1,8 @@
-"""bodycam body check: degrees of freedom of a body with its equipment, and constraints that conflict."""
+"""bodycam body check: degrees of freedom of a body with its equipment, and constraints that conflict.
+
+Before anything is recorded: the degrees of freedom of body and equipment, joints that move together, redundant
+constraints, and attachments that this body cannot satisfy together.
+"""
 
 import argparse
 from collections.abc import Iterator
@@ -11,27 +15,21 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.options import add_equipment
-from bodycam_ros.terminal import Terminal, widened
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.body.body_model import BodyModel
     from bodycam_ros.body.equipment import Equipment
     from bodycam_ros.body.mobility import Contradiction, Mobility
 
-_DESCRIPTION = """
-Before anything is recorded: the degrees of freedom of body and equipment, joints that move together, redundant
-constraints, and attachments that this body cannot satisfy together.
-"""
-_EXIT_CODES = "Exit code: 0 if all constraints can be satisfied, 3 if not, 1 if a file cannot be used."
+EPILOG = "Exit code: 0 if all constraints can be satisfied, 3 if not, 1 if a file cannot be used."
 _MAX_SIGMAS = 2.0  # of a length; beyond it the needed change is printed
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("body check", description=_DESCRIPTION, epilog=_EXIT_CODES)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument("body", type=Path, metavar="BODY", help="body file, YAML or URDF")
     add_equipment(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,15 +42,15 @@ def run(arguments: argparse.Namespace) -> int:
     body = read_body(arguments.body)
     equipment = None if arguments.equipment is None else held_equipment(arguments.equipment, body)
     found = mobility(body, equipment)
-    terminal = widened(Terminal())
-    terminal.print("\n".join(_counts(found, body, equipment)), soft_wrap=True)
+    terminal = Terminal()
+    terminal.print("\n".join(_counts(found, body, equipment)))
     terminal.print(_motions(found))
     for line in _remarks(found):
-        terminal.print(line, soft_wrap=True)
+        terminal.print(line)
     for contradiction in found.contradictions:
-        terminal.print(Text.assemble(("conflict: ", "bold red"), _conflict(contradiction)), soft_wrap=True)
+        terminal.print(Text.assemble(("conflict: ", "bold red"), _conflict(contradiction)))
     if not found.contradictions:
-        terminal.print(Text("verdict: all constraints can be satisfied", "green"), soft_wrap=True)
+        terminal.print(Text("verdict: all constraints can be satisfied", "green"))
         return 0
     names = ", ".join(contradiction.name for contradiction in found.contradictions)
     against = sorted({other for contradiction in found.contradictions for other in contradiction.against})
@@ -61,8 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
             f"verdict: constraints conflict; measure the points of {names} again, and of "
             f"{', '.join(against) or 'the other attachments'}; or leave {names} out",
             "bold red",
-        ),
-        soft_wrap=True,
+        )
     )
     return WRONG_RESULT
 

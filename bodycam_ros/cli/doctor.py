@@ -8,9 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.options import add_option
-from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import STYLES
-from bodycam_ros.shown import printable
+from bodycam_ros.cli.output import STYLES, shown_progress
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -18,15 +16,14 @@ if TYPE_CHECKING:
 
     from bodycam_ros.verdict import Finding
 
-_EXIT_CODES = (
+EPILOG = (
     "Exit code: 0 if nothing is wrong, 3 if something is: mend it and record again; 1 if a file cannot be used. "
     "Samples are checked: what is good may still fail, what is wrong will."
 )
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("doctor", description=__doc__, epilog=_EXIT_CODES)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     recording_help = "ros2 bag folder or .mcap file, or a video or a folder with videos"
     add_option(parser, "recording", metavar="RECORDING", help=recording_help)
     add_option(parser, "--map")
@@ -42,7 +39,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_option(parser, "--imu")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_option(parser, "--jobs", help="threads (default: all cores)")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _print(findings)
         for check in skipped_checks(given):
-            Terminal().print(f"not checked: {check}", soft_wrap=True)
+            Terminal().print(f"not checked: {check}")
         verdict = {
             Level.GOOD: "good: nothing speaks against it",
             Level.DOUBTFUL: "doubtful: it can be used, and would be better with the changes above",
@@ -88,5 +84,5 @@ def _print(findings: "Sequence[Finding]") -> None:
         for finding in sorted(of_check, key=lambda finding: -finding.level):
             if finding.level or finding is of_check[-1]:
                 style = STYLES[finding.level]
-                table.add_row(check, Text(finding.level.word, style), Text(printable(finding.text)))
+                table.add_row(check, Text(finding.level.word, style), Text(finding.text))
     Terminal().print(table)

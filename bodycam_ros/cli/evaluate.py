@@ -4,23 +4,17 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.text import Text
-
 from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
-from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import exit_code, print_section, print_verdict
+from bodycam_ros.cli.output import exit_code, print_section, print_verdict, shown_progress
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.terminal import Terminal, widened
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.evaluate.agreement import AgreementOptions
-_ALIGNMENTS = ("similarity", "rigid")
-_FOUND, _SHARED = "found", "shared"
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("evaluate", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")
     add_output(
         parser, "DIR", "folder for report.html, summary.json and their pictures", "pictures in DIR of other origin"
@@ -37,11 +31,11 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "folder of .tum",
     )
     truth.add_argument(
-        "--align", choices=_ALIGNMENTS, help="how worlds are aligned (default: similarity, as in the paper)"
+        "--align", choices=("similarity", "rigid"), help="how worlds are aligned (default: similarity, as in the paper)"
     )
     truth.add_argument(
         "--clock",
-        choices=(_FOUND, _SHARED),
+        choices=("found", "shared"),
         help="whether the other system's stamps are of our clock, or offset and rate are found by the motion (default: "
         "found)",
     )
@@ -57,7 +51,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     add_option(static, "--stations", needs="recording", help=stations_help)
     add_option(static, "--surface")
     add_option(static, "--map", needs="stations")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,15 +60,11 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.image_views import ImageView, body_camera_views, static_camera_views
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
-    from bodycam_ros.output_place import check_output
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     folder, recording = arguments.output, arguments.recording
     options = _agreement_options(arguments)
-    check_report_folder(folder)
-    check_output(folder, input_paths(arguments))
-    if not arguments.force:
-        _check_earlier(folder)
+    check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
         progress.show("reading and measuring", 0.0)
         evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
@@ -87,14 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
             files = StaticCameraFiles(arguments.stations, arguments.surface, None)
             views = static_camera_views(evaluation.solved, recording, files, arguments.map)
         write_report(evaluation, folder, overlay, views)
-    console = widened(Terminal())
+    terminal = Terminal()
     for section in report_sections(evaluation.figures):
-        print_section(console, section)
-    for line in (*report_lines(evaluation), f"written to {folder}"):
-        console.print(line, soft_wrap=True)
+        print_section(terminal, section)
+    terminal.print("\n".join([*report_lines(evaluation), f"written to {folder}"]))
     for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
-        console.print(Text(f"doubtful: {doubt}", "yellow"), soft_wrap=True)
-    print_verdict(Terminal(), evaluation.verdict)
+        terminal.print(f"doubtful: {doubt}", style="yellow")
+    print_verdict(terminal, evaluation.verdict)
     return exit_code(evaluation.verdict)
 
 
@@ -111,19 +99,4 @@ def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | Non
         for flag in given_flags(arguments, "align", "clock", "points"):
             raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
         return None
-    return AgreementOptions(arguments.align != _ALIGNMENTS[1], arguments.clock == _SHARED, arguments.points)
-
-
-def _check_earlier(folder: Path) -> None:
-    """Refuse to replace pictures that no evaluation wrote: it writes a summary with them.
-
-    Raises:
-        OutputError: there are such.
-    """
-    from bodycam_ros.evaluate.report import FIGURES, WRITTEN
-    from bodycam_ros.output_place import check_file
-
-    check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
-    if not (folder / FIGURES).exists():
-        for name in WRITTEN:
-            check_file(folder / name, force=False, mark=b"", what="part of a report")
+    return AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bodycam_ros.cli.options import add_output, given_flags
-from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.formats.export import FORMATS, export
 from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
@@ -36,16 +36,14 @@ _OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 }
 """Field of ``MotionOptions`` -> its meaning, and how it is parsed."""
 
+EPILOG = f"""
+formats: {"; ".join(f"{name}: {form.what}" for name, form in FORMATS.items())}; {ROBOT}: a bag with the joint states of
+a robot that follows the person
+"""
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "export",
-        description=__doc__,
-        epilog="formats: "
-        + "; ".join(f"{name}: {form.what}" for name, form in FORMATS.items())
-        + f"; {ROBOT}: a bag with the joint states of a robot that follows the person",
-    )
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument(
         "sources",
         type=Path,
@@ -65,7 +63,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="YAML",
         help=f"links of the robot and their segments, as in config/robot ({ROBOT})",
     )
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:

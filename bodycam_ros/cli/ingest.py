@@ -1,21 +1,19 @@
 """bodycam ingest: videos of cameras in, one bag out, and a report on their clocks."""
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, add_output, input_paths, number
-from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import print_section
+from bodycam_ros.cli.output import print_table, shown_progress
 from bodycam_ros.errors import OutputError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.sections import Section
     from bodycam_ros.ingest.camera_offsets import Offsets
-    from bodycam_ros.ingest.ingest import IngestedCamera, IngestSummary
+    from bodycam_ros.ingest.ingest import IngestSummary
+    from bodycam_ros.ingest.ingest_camera import IngestCamera
 
 _CLOCKS = (
     ("by", "by", ""), ("start [s]", "time.start_s", "+.4f"), ("sigma [ms]", "time.start_sigma_s", ".1f", 1e3),
@@ -23,15 +21,14 @@ _CLOCKS = (
     ("confidence", "confidence", ".2f"),
 )  # fmt: skip
 _WRITTEN = (
-    ("frames", "stream.tally.frames", "d"), ("per second", "rate_hz", ".2f"), ("size", "size", ""),
-    ("read-out [ms]", "stream.camera.readout_s", ".1f", 1e3), ("imu [Hz]", "imu_hz", ".0f"),
+    ("frames", "frames", "d"), ("per second", "rate_hz", ".2f"), ("size", "size", ""),
+    ("read-out [ms]", "readout_s", ".1f", 1e3), ("imu [Hz]", "imu_hz", ".0f"),
     ("in the bag", "encoding", ""),
 )  # fmt: skip
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("ingest", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument(
         "videos",
         type=Path,
@@ -67,7 +64,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="reduce frames to this share of their size, lenses too (%(default)s)",
     )
     add_option(parser, "--jobs", help="threads (default: all cores)")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -104,15 +100,13 @@ def run(arguments: argparse.Namespace) -> int:
         faults += lens_remarks(cameras, lambda done, total: progress.show("comparing lenses", done / max(1, total)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
-    for section in _tables(summary, offsets):
-        print_section(console, section)
+    _print_tables(summary, offsets)
     for remark in [*faults, *summary.faults, *offsets.remarks, *(r for c in summary.cameras for r in c.remarks)]:
-        console.print(remark, style="red", soft_wrap=True)
+        console.print(remark, style="red")
     frames = sum(camera.stream.tally.frames for camera in summary.cameras)
     console.print(
         f"{len(summary.cameras)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
-        f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}",
-        soft_wrap=True,
+        f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}"
     )
     return 0
 
@@ -130,38 +124,32 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
         raise OutputError(f"{report}: exists already; choose another BAG, or replace it with --force")
 
 
-def _tables(summary: "IngestSummary", offsets: "Offsets") -> "Iterator[Section]":
+def _print_tables(summary: "IngestSummary", offsets: "Offsets") -> None:
     """Clocks, in the order in which the cameras started, and what was written of each camera."""
-    from bodycam_ros.evaluate.sections import column_table
-
     times = dict(sorted(offsets.times.items(), key=lambda item: item[1].start_s))
     by = {name: "reference" if name == offsets.reference else time.source for name, time in times.items()}
     clocks = {
         name: {"time": time, "by": by[name], "confidence": offsets.confidence[name]} for name, time in times.items()
     }
-    yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
+    print_table("clocks of the cameras", "camera", _CLOCKS, clocks)
     written = {}
     for camera in summary.cameras:
-        stream = camera.stream
-        rate_hz = camera.imu_samples / max(1e-9, stream.camera.video.duration_s)
-        written[stream.camera.name] = {
-            "stream": stream,
-            "rate_hz": _rate_hz(camera),
-            "size": f"{stream.camera.written_lens.width} x {stream.camera.written_lens.height}",
-            "imu_hz": rate_hz or None,
-            "encoding": _encoding(camera),
+        source, tally = camera.stream.camera, camera.stream.tally
+        seconds = 1e-9 * (tally.last_ns - tally.first_ns)
+        written[source.name] = {
+            "frames": tally.frames,
+            "rate_hz": (tally.frames - 1) / seconds if tally.frames > 1 else 0.0,
+            "size": f"{source.written_lens.width} x {source.written_lens.height}",
+            "readout_s": source.readout_s,
+            "imu_hz": camera.imu_samples / max(1e-9, source.video.duration_s) or None,
+            "encoding": _encoding(source),
         }
     flagged = {camera.stream.camera.name for camera in summary.cameras if camera.remarks}
-    yield column_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
+    print_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
 
 
-def _rate_hz(camera: "IngestedCamera") -> float:
-    tally = camera.stream.tally
-    return 1e9 * (tally.frames - 1) / (tally.last_ns - tally.first_ns) if tally.frames > 1 else 0.0
-
-
-def _encoding(camera: "IngestedCamera") -> str:
-    source, facts = camera.stream.camera, camera.stream.camera.video.facts
+def _encoding(source: "IngestCamera") -> str:
+    facts = source.video.facts
     if source.is_copied:
         return facts.codec
     why = [f"at {source.scale:.0%} of its size"] if source.scale != 1.0 else []

@@ -4,11 +4,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_output
-from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import print_section
+from bodycam_ros.cli.options import add_output, check_files
+from bodycam_ros.cli.output import print_table, shown_progress
 from bodycam_ros.errors import OutputError
-from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
 
@@ -26,7 +24,7 @@ _COLUMNS = (
 
 _MARK = "# lens measured by bodycam"
 
-_EPILOG = """
+EPILOG = """
 Film in the mode that will be recorded in, stabilisation off, for a minute: the board still while the camera looks, near
 enough to fill a third of the picture, in every part of it out to the corners, straight and tilted by 30 to 45 deg to
 all sides. A checkerboard has to be whole in each picture. Exit code: 0 if LENS.yaml was written, with warnings where it
@@ -34,9 +32,8 @@ is less certain than it could be; 3 if no lens explains the pictures; 1 if somet
 """
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("lens", description=__doc__, epilog=_EPILOG)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     parser.add_argument(
         "pictures", type=Path, nargs="+", metavar="VIDEO_OR_IMAGES", help="a video, images, or a folder with images"
     )
@@ -56,12 +53,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="camera model; auto: the one that explains pictures left out best (%(default)s)",
     )
     parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.lens.board_detector import LensBoard
     from bodycam_ros.lens.calibration_plot import calibration_plot
     from bodycam_ros.lens.lens_calibration import calibrate_lens
@@ -72,9 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise OutputError(f"{output}: a lens is a camera_info YAML; give a name that ends with .yaml")
     picture = output.with_suffix(".png")
-    for path, mark, what in ((output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")):
-        check_output(path, (*arguments.pictures, arguments.board))
-        check_file(path, arguments.force, mark, what)
+    files = (output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")
+    check_files(arguments, *files, makes_folders=True)
     board = LensBoard.from_yaml(arguments.board)
     models = _MODELS if arguments.model == "auto" else (arguments.model,)
     name = arguments.name or output.stem
@@ -83,19 +77,19 @@ def run(arguments: argparse.Namespace) -> int:
         calibration = calibrate_lens(pictures, board, models, progress)
     console = Terminal()
     rows = {trial.model: trial for trial in calibration.trials}
-    print_section(console, column_table(f"lens: {calibration.chosen.model}", "model", _COLUMNS, rows))
+    print_table(f"lens: {calibration.chosen.model}", "model", _COLUMNS, rows)
     _print_found(console, calibration)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(picture, calibration_plot(calibration, f"Lens {name}: {calibration.chosen.model}"))
     for warning in calibration.warnings:
-        console.print(f"less certain than it could be: {warning}", style="yellow", soft_wrap=True)
+        console.print(f"less certain than it could be: {warning}", style="yellow")
     if calibration.objections:
         for why in calibration.objections:
-            console.print(f"rejected: {why}", style="red", soft_wrap=True)
-        console.print(f"no lens was written; {picture} shows where the board was seen", soft_wrap=True)
+            console.print(f"rejected: {why}", style="red")
+        console.print(f"no lens was written; {picture} shows where the board was seen")
         return WRONG_RESULT
     write_whole(output, _text(calibration, name, board.name))
-    console.print(f"written to {output}; {picture} shows coverage and errors", soft_wrap=True)
+    console.print(f"written to {output}; {picture} shows coverage and errors")
     return 0
 
 
@@ -118,9 +112,8 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
 def _print_found(console: Terminal, calibration: "LensCalibration") -> None:
     area, views = calibration.area, calibration.chosen.fit.views
     if calibration.remark:
-        console.print(calibration.remark, style="yellow", soft_wrap=True)
+        console.print(calibration.remark, style="yellow")
     console.print(
         f"{calibration.given} pictures, {calibration.found} show the board, {len(views)} taken; it was "
-        f"seen in {area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, turned {area.tilts} ways",
-        soft_wrap=True,
+        f"seen in {area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, turned {area.tilts} ways"
     )

@@ -42,8 +42,8 @@ GROUPS = {
 }
 """Group -> command -> purpose.
 
-Each command is a module of ``bodycam_ros.cli`` with ``add_parser(subparsers)``, which sets ``run``: arguments -> exit
-code. Its import and ``add_parser`` load nothing heavy, so that help is there at once.
+Each command is a module of ``bodycam_ros.cli``, whose docstring and ``EPILOG`` are its help, with
+``add_arguments(parser)`` and ``run``: arguments -> exit code. The import loads nothing heavy: help is there at once.
 A command of two words ("map extend") is ``map_extend``; a folder that is really named "extend" is ``./extend``.
 """
 
@@ -139,10 +139,12 @@ def make_parser(words: Sequence[str] = ()) -> CommandParser:
     subparsers = parser.add_subparsers(prog="bodycam", metavar="COMMAND", required=True, help=argparse.SUPPRESS)
     asked = next((word for word in words if not word.startswith("-")), None)
     for command in COMMANDS:
+        own = subparsers.add_parser(command)
         if command == asked:
-            import_module(f"bodycam_ros.cli.{command.replace(' ', '_')}").add_parser(subparsers)
-        else:
-            subparsers.add_parser(command)
+            module = import_module(f"bodycam_ros.cli.{command.replace(' ', '_')}")
+            own.description, own.epilog = module.__doc__, getattr(module, "EPILOG", None)
+            own.set_defaults(run=module.run)
+            module.add_arguments(own)
     return parser
 
 

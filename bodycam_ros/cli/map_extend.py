@@ -4,21 +4,19 @@ import argparse
 
 from bodycam_ros.cli.map import add_coverage
 from bodycam_ros.cli.options import PIPELINE, add_config, add_option, add_output, input_paths, pipeline_settings
-from bodycam_ros.cli.progress import shown_progress
+from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.cli.replay import print_rounds
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("map extend", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_option(parser, "recording")
     add_option(parser, "--map", required=True)
     add_output(parser, "MAP2", "map folder to write")
     add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
     add_config(parser, PIPELINE)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -39,10 +37,10 @@ def run(arguments: argparse.Namespace) -> int:
         extended, draw, coverage = add_coverage(extension.reference_map, output.name, progress)
     extended.save(output, force=arguments.force, also=draw)
     print_rounds(extension.rounds)
-    Terminal().print("\n".join(coverage), soft_wrap=True)
     Terminal().print(
+        *coverage,
         f"{extended.grown} landmarks added by body cameras to {known}, {len(extended.image_names)} pictures; "
         f"written to {output}",
-        soft_wrap=True,
+        sep="\n",
     )
     return 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError
+from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_from_mapping
 from bodycam_ros.shown import shown
 
@@ -101,12 +102,28 @@ def input_paths(arguments: argparse.Namespace) -> tuple[Path, ...]:
     return tuple(path for paths in lists for path in paths if isinstance(path, Path))
 
 
+def check_files(arguments: argparse.Namespace, *files: tuple[Path, bytes, str], makes_folders: bool = False) -> None:
+    """Refuse files that cannot be written, or must not be replaced, before the work.
+
+    Args:
+        files: path, mark and kind of each, as of ``check_file``.
+        makes_folders: the command makes the folders above them.
+
+    Raises:
+        OutputError: one is an input, cannot be written, or is something else.
+    """
+    for path, mark, what in files:
+        check_output(path, input_paths(arguments), makes_folders)
+        check_file(path, arguments.force, mark, what)
+
+
 def add_equipment(parser: argparse.ArgumentParser) -> None:
     """Add --equipment."""
-    from bodycam_ros.body.equipment_yaml import supplied_equipment
+    from bodycam_ros.body.equipment_yaml import equipment_path, supplied_equipment
 
     parser.add_argument(
         "--equipment",
+        type=equipment_path,
         metavar="NAME_OR_FILE",
         help="what the person rides, holds or stands on: a YAML file, or the name of a supplied one "
         f"({', '.join(supplied_equipment())})",

@@ -15,12 +15,12 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
+from bodycam_ros.cli.output import exit_code, print_section, print_table, print_verdict, shown_progress
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_output
-from bodycam_ros.terminal import Terminal, widened
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.evaluate.sections import Section
     from bodycam_ros.offline.extension_record import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -29,11 +29,14 @@ _COLUMNS = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),
     ("missing", "missing", "d"), ("read-out [ms]", "readout", ""),
 )  # fmt: skip
+_NOTE = (
+    "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; read-out: "
+    "time of all rows, 0 for a global shutter"
+)
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("replay", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_option(parser, "recording")
     add_option(parser, "--map")
     body_help = "body YAML, made by 'bodycam body': segments, joints, camera mounts"
@@ -64,7 +67,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
     add_config(parser, PIPELINE)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -73,17 +75,13 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.offline.worker_process import warm_up
 
     warm_up()
-    from bodycam_ros.body.equipment_yaml import equipment_path
-    from bodycam_ros.cli.progress import shown_progress
-    from bodycam_ros.cli.tables import exit_code
     from bodycam_ros.offline.replay import replay
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
 
     settings = pipeline_settings(arguments)
-    equipment = None if arguments.equipment is None else equipment_path(arguments.equipment)
     outside = _outside(arguments)
-    check_output(arguments.output, (*input_paths(arguments), equipment))
+    check_output(arguments.output, input_paths(arguments))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with open_recording(arguments.recording) as recording:
@@ -100,22 +98,13 @@ def run(arguments: argparse.Namespace) -> int:
             force=arguments.force,
             on_step=progress.show,
             on_progress=lambda seconds: progress.show(f"replay of {duration_s:.1f} s", seconds / duration_s),
-            equipment=equipment,
+            equipment=arguments.equipment,
             outside=outside,
             slim=arguments.slim,
             imu_paths=arguments.imu,
         )
-    _print(summary, (*summary.remarks, *_lens_remarks(arguments.recording, summary.doubted_cameras)), arguments.output)
+    _print(summary, arguments.recording, arguments.output)
     return exit_code(summary.verdict)
-
-
-def _lens_remarks(recording: Path, doubted: Sequence[str]) -> Sequence[str]:
-    """Which of the doubted cameras seem to have another lens, a line each."""
-    if not doubted:
-        return ()
-    from bodycam_ros.lens.lens_check import find_mismatches
-
-    return tuple(match.text for match in find_mismatches(recording, doubted))
 
 
 def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
@@ -135,53 +124,13 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     return None
 
 
-def _print(summary: "ReplaySummary", remarks: Sequence[str], output: Path) -> None:
-    from bodycam_ros.cli.tables import print_section, print_verdict
+def _print(summary: "ReplaySummary", recording: Path, output: Path) -> None:
+    from bodycam_ros.lens.lens_check import find_mismatches
     from bodycam_ros.offline.replay_output import clock_remarks
 
     terminal = Terminal()
     if summary.rounds:
         print_rounds(summary.rounds)
-    print_section(terminal, _table(summary))
-    if summary.equipment is not None:
-        from bodycam_ros.evaluate.equipment import equipment_figures
-        from bodycam_ros.evaluate.report_sections import equipment_sections
-
-        for section in equipment_sections(equipment_figures(summary.equipment, summary.start_ns)):
-            print_section(widened(Terminal()), section)
-    for remark in remarks:
-        terminal.print(remark, style="red", soft_wrap=True)
-    for line in clock_remarks(summary.timings, summary.speeds):
-        terminal.print(line, soft_wrap=True)
-    for camera, count in summary.rejected.most_common():
-        terminal.print(f"camera {camera}: down-weighted or rejected at {count} frames, where the others contradict it")
-    share = summary.solved / summary.instants if summary.instants else 0.0
-    terminal.print(
-        f"{summary.solved} of {summary.instants} frames solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
-        f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}",
-        soft_wrap=True,
-    )
-    print_verdict(terminal, summary.verdict)
-
-
-def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
-    """Print the share of registered images per camera and round of map extension."""
-    from bodycam_ros.cli.tables import print_section
-    from bodycam_ros.evaluate.sections import column_table
-
-    columns = [(f"round {count}", str(count), ".1%") for count in range(1, len(rounds) + 1)]
-    rows = {
-        camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)
-    }
-    rows["all"] = {str(n): one.share for n, one in enumerate(rounds, 1)}
-    print_section(Terminal(), column_table("registered images", "camera", columns, rows))
-    Terminal().print(f"{rounds[0].absolute:.1%} of all images are registered by landmarks of the photographs")
-
-
-def _table(summary: "ReplaySummary") -> "Section":
-    from bodycam_ros.evaluate.sections import column_table
-
     rows = {
         camera: {
             "images": images,
@@ -192,9 +141,35 @@ def _table(summary: "ReplaySummary") -> "Section":
         }
         for camera, images in sorted((summary.images + summary.lost).items())
     }
-    note = (
-        "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; "
-        "read-out: time of all rows, 0 for a global shutter"
+    print_table("cameras", "camera", _COLUMNS, rows, _NOTE, {finding.subject for finding in summary.verdict.findings})
+    if summary.equipment is not None:
+        from bodycam_ros.evaluate.equipment import equipment_figures
+        from bodycam_ros.evaluate.report_sections import equipment_sections
+
+        for section in equipment_sections(equipment_figures(summary.equipment, summary.start_ns)):
+            print_section(terminal, section)
+    mismatches = find_mismatches(recording, summary.doubted_cameras) if summary.doubted_cameras else ()
+    for remark in (*summary.remarks, *(match.text for match in mismatches)):
+        terminal.print(remark, style="red")
+    for line in clock_remarks(summary.timings, summary.speeds):
+        terminal.print(line)
+    for camera, count in summary.rejected.most_common():
+        terminal.print(f"camera {camera}: down-weighted or rejected at {count} frames, where the others contradict it")
+    share = summary.solved / summary.instants if summary.instants else 0.0
+    terminal.print(
+        f"{summary.solved} of {summary.instants} frames solved ({share:.1%}), {summary.predicted} of them without "
+        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
+        f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}"
     )
-    doubted = {finding.subject for finding in summary.verdict.findings}
-    return column_table("cameras", "camera", _COLUMNS, rows, note, doubted)
+    print_verdict(terminal, summary.verdict)
+
+
+def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
+    """Print the share of registered images per camera and round of map extension."""
+    columns = [(f"round {count}", str(count), ".1%") for count in range(1, len(rounds) + 1)]
+    rows = {
+        camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)
+    }
+    rows["all"] = {str(n): one.share for n, one in enumerate(rounds, 1)}
+    print_table("registered images", "camera", columns, rows)
+    Terminal().print(f"{rounds[0].absolute:.1%} of all images are registered by landmarks of the photographs")

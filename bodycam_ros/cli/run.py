@@ -10,7 +10,7 @@ from bodycam_ros.study.recording_folder import LAYOUT, SOLVED, list_missing, rea
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
 
-_END = f"""
+EPILOG = f"""
 A RECORDING_DIR holds
 
 {LAYOUT}
@@ -24,16 +24,13 @@ or something is missing, 128 + the number of the signal that ended it.
 """
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "run", description=__doc__, epilog=_END, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("folder", type=Path, metavar="RECORDING_DIR", help="folder with the recordings, as below")
     parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
     add_option(parser, "--jobs", help="processes and threads (default: all cores)")
     add_config(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -48,12 +45,12 @@ def run(arguments: argparse.Namespace) -> int:
     terminal = Terminal()
     missing = list_missing(study)
     for lack in missing:
-        terminal.print(f"missing in {arguments.folder}: {lack}", style="red", soft_wrap=True)
+        terminal.print(f"missing in {arguments.folder}: {lack}", style="red")
     if failures or missing:
         return 1
     if arguments.dry_run:
         return 0
     for step in steps:
         if step.stage == "evaluate":
-            terminal.print(f"{step.name.partition(':')[0]}: {step.output / 'summary.png'}", soft_wrap=True)
+            terminal.print(f"{step.name.partition(':')[0]}: {step.output / 'summary.png'}")
     return WRONG_RESULT if any(notes.exit_code(step) == WRONG_RESULT for step in steps) else 0

@@ -7,12 +7,9 @@ A calibration file in place of the recording is converted: anipose, FreeMoCap, P
 import argparse
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_config, add_option, add_output, input_paths, read_settings
-from bodycam_ros.cli.progress import shown_progress
-from bodycam_ros.cli.tables import print_section
+from bodycam_ros.cli.options import add_config, add_option, add_output, check_files, read_settings
+from bodycam_ros.cli.output import print_table, shown_progress
 from bodycam_ros.errors import StationError
-from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.shown import printable
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -24,9 +21,8 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("stations", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     add_option(parser, "recording")
     add_option(parser, "--map")
     add_output(parser, "YAML", "file of cameras to write")
@@ -38,12 +34,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="yaml: for bodycam replay (default); toml: for anipose, Pose2Sim, FreeMoCap and Caliscope, in metres",
     )
     add_config(parser, "static_cameras.station_registration:StationsSettings")
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
@@ -52,13 +46,12 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
 
     settings = read_settings(arguments, StationsSettings)
-    check_output(arguments.output, input_paths(arguments), makes_folders=False)
     mark = MARK if arguments.to == "yaml" else TOML_MARK
-    check_file(arguments.output, arguments.force, mark.encode(), "file of static cameras that this command wrote")
+    check_files(arguments, (arguments.output, mark.encode(), "file of static cameras that this command wrote"))
     if is_calibration(arguments.recording):
         converted = read_stations(arguments.recording)
         write_stations(arguments.output, converted.values(), arguments.to)
-        Terminal().print(f"{len(converted)} cameras written to {printable(str(arguments.output))}", soft_wrap=True)
+        Terminal().print(f"{len(converted)} cameras written to {arguments.output}")
         return 0
     if arguments.map is None:
         raise StationError("give with --map the map in which the cameras stand")
@@ -81,13 +74,11 @@ def run(arguments: argparse.Namespace) -> int:
     if found:
         rows = {each.station.name: each for each in found}
         note = "sigma: of the pose, by its landmarks, all axes together"
-        print_section(terminal, column_table("static cameras", "camera", _COLUMNS, rows, note))
+        print_table("static cameras", "camera", _COLUMNS, rows, note)
     for camera in unplaced:
-        terminal.print(f"NOT placed: {camera.reason}", soft_wrap=True)
+        terminal.print(f"NOT placed: {camera.reason}")
     if not found:
         raise StationError(f"{arguments.recording}: no camera could be placed in {arguments.map}; nothing is written")
     write_stations(arguments.output, [camera.station for camera in found], arguments.to)
-    terminal.print(
-        f"{len(found)} of {len(cameras)} cameras written to {printable(str(arguments.output))}", soft_wrap=True
-    )
+    terminal.print(f"{len(found)} of {len(cameras)} cameras written to {arguments.output}")
     return 0

@@ -8,10 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
 from bodycam_ros.cli.options import add_config, add_option
-from bodycam_ros.shown import printable
+from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
 
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
     from bodycam_ros.study.step_runner import StepEnd
     from bodycam_ros.study.study import Step
 
-_END = """
+EPILOG = """
 STUDY.yaml lists who was recorded where, as docs/study.md describes. The commands
 are those of 'bodycam run'; --dry-run prints them, for a cluster say. It may be
 interrupted, and continues where it was. A step runs again where its command, a
@@ -34,11 +32,9 @@ failed, 128 + the number of the signal that ended it.
 """
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "study", description=__doc__, epilog=_END, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("study", type=Path, metavar="STUDY.YAML", help="which recordings, of whom, where")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder for all results (default: STUDY, beside the file)"
@@ -46,7 +42,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--dry-run", action="store_true", help="only print the commands of the steps that would run")
     add_option(parser, "--jobs", help="processes at a time (default: all cores)")
     add_config(parser)
-    parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,9 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.study.study_file import check_results_folder, read_study
     from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report
 
-    study = read_study(arguments.study)
-    study = replace(study, settings=arguments.config or study.settings)
     path: Path = arguments.study
+    study = read_study(path)
+    study = replace(study, settings=arguments.config or study.settings)
     beside = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_study")
     folder = check_results_folder(arguments.output or beside, study)
     steps = study_steps(study, folder)
@@ -69,9 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
     terminal = Terminal()
     for result in results:
         if result.failure is not None:
-            line = f"{result.recording.name}: {result.failure.step.name}: {result.failure.failure}"
-            terminal.print(line, style="red", soft_wrap=True)
-    terminal.print(f"{count_verdicts(results)}; written to {folder / PAGE}", soft_wrap=True)
+            failure = result.failure
+            terminal.print(f"{result.recording.name}: {failure.step.name}: {failure.failure}", style="red")
+    terminal.print(f"{count_verdicts(results)}; written to {folder / PAGE}")
     if any(result.failure is not None for result in results):
         return 1
     return WRONG_RESULT if any(result.verdict == "wrong" for result in results) else 0
@@ -99,28 +94,25 @@ def run_steps(
         if step.name not in names:
             terminal.print(f"{step.name}: is done", style="green")
         elif dry_run:
-            terminal.print(printable(f"{step.name}: bodycam {shlex.join(step.words)}"), soft_wrap=True)
+            terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
     failures: dict[str, StepEnd] = {}
     if dry_run or not planned:
         return notes, failures
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    hidden = logs is None or not Terminal(stderr=True).is_terminal
     with (
         study_lock(folder) as lock,
-        Progress(*columns, console=Terminal(stderr=True), transient=True, disable=hidden) as bars,
+        shown_progress(hidden=logs is None) as progress,
+        progress.step("steps", len(planned)) as advance,
         closing(StepRunner(notes, jobs, logs, lock).run(planned)) as events,
     ):
-        task = bars.add_task("steps", total=len(planned))
         for event in events:
             if not isinstance(event, StepEnd):
                 if logs is None:
-                    line = printable(f"{event.name}: bodycam {shlex.join(event.words)}")
-                    terminal.print(line, style="bold", soft_wrap=True)
+                    terminal.print(f"{event.name}: bodycam {shlex.join(event.words)}", style="bold")
                 continue
-            bars.advance(task)
+            advance()
             if event.failure is None:
                 terminal.print(f"{event.step.name}: done in {event.seconds:.0f} s", style="green")
             else:
                 failures[event.step.name] = event
-                terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red", soft_wrap=True)
+                terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red")
     return notes, failures

@@ -7,9 +7,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_option, given_flags, input_paths
+from bodycam_ros.cli.options import add_option, check_files, given_flags
+from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import ViewError
-from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.viewer.sources import Sources
@@ -17,9 +18,8 @@ if TYPE_CHECKING:
 PORT = 8080
 
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser("view", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
     out_help = "bag that 'bodycam replay' wrote (without it: the body in its N-pose)"
     add_option(parser, "solved", nargs="?", metavar="OUT", help=out_help)
     add_option(parser, "--map")
@@ -46,7 +46,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     name_help = "with --live: of the person's graph, as anna"
     add_option(parser, "--namespace", type=str, metavar="NAME", needs="live", help=name_help)
     parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
-    parser.set_defaults(run=run, usage_error=parser.error)
+    parser.set_defaults(usage_error=parser.error)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,19 +55,17 @@ def run(arguments: argparse.Namespace) -> int:
         # It has no end of its own: to be stopped, by a launch file for instance, is no failure.
         with suppress(KeyboardInterrupt):
             _view_live(arguments)
-        return 0
-    if arguments.place is not None:
+    elif arguments.place is not None:
         _place(arguments)
-        return 0
-    if arguments.output is not None:
+    elif arguments.output is not None:
         _write_video(arguments)
-        return 0
-    if arguments.body is None:
+    elif arguments.body is None:
         arguments.usage_error("the following arguments are required: --body")
-    # The web server takes half a second to load; the other commands and --help do without.
-    from bodycam_ros.viewer.session import view
+    else:
+        # The web server takes half a second to load; the other commands and --help do without.
+        from bodycam_ros.viewer.session import view
 
-    view(_read_sources(arguments), arguments.port)
+        view(_read_sources(arguments), arguments.port)
     return 0
 
 
@@ -85,20 +83,13 @@ def _read_sources(arguments: argparse.Namespace) -> "Sources":
 
 
 def _write_video(arguments: argparse.Namespace) -> None:
-    from bodycam_ros.cli.progress import shown_progress
-    from bodycam_ros.terminal import Terminal
     from bodycam_ros.viewer.film import write_film
 
-    _check_output(arguments, b"ftyp", "video")
+    check_files(arguments, (arguments.output, b"ftyp", "video"))
     sources = _read_sources(arguments)
     with shown_progress() as progress:
         write_film(sources, arguments.over, arguments.output, progress)
-    Terminal().print(f"video written to {arguments.output}", soft_wrap=True)
-
-
-def _check_output(arguments: argparse.Namespace, mark: bytes, what: str) -> None:
-    check_output(arguments.output, input_paths(arguments), makes_folders=False)
-    check_file(arguments.output, arguments.force, mark, what)
+    Terminal().print(f"video written to {arguments.output}")
 
 
 def _place(arguments: argparse.Namespace) -> None:
@@ -107,7 +98,7 @@ def _place(arguments: argparse.Namespace) -> None:
         arguments.usage_error("--place needs --stations CAMERAS.YAML and -o START.yaml")
     if (arguments.body is None) == (arguments.height is None):
         arguments.usage_error("--place needs either --body BODY.yaml or --height METRES")
-    _check_output(arguments, b": [", "start")
+    check_files(arguments, (arguments.output, b": [", "start"))
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
     from bodycam_ros.viewer.placing import place_body
     from bodycam_ros.viewer.placing_sources import PlacingSources

@@ -1,7 +1,7 @@
 """Writes an evaluation into a folder: figures, pictures and one page with all of them, or nothing."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
@@ -14,6 +14,7 @@ from bodycam_ros.evaluate.sections import Page, Picture, Section
 from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
+from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.whole_file import whole_files
 
 FIGURES, PAGE = "summary.json", "report.html"
@@ -24,21 +25,32 @@ _CAPTIONS = {
     "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
     "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
-WRITTEN = (*_CAPTIONS, PAGE)
-"""Names of what may be written beside the figures."""
 
 
-def check_report_folder(folder: Path) -> None:
+def check_report_folder(folder: Path, inputs: Iterable[Path], force: bool) -> None:
     """Refuse a place that cannot become a report folder, before the work is done.
+
+    Args:
+        folder: to be.
+        inputs: what the evaluation reads.
+        force: replace pictures that no evaluation wrote, too: it writes a summary with them.
 
     Raises:
         RecordingError: it is a file, or a bag.
+        OutputError: it cannot be written to, or there are such pictures.
     """
     what = f"give another folder for {FIGURES} and {PAGE}"
     if folder.exists() and not folder.is_dir():
         raise RecordingError(f"{folder}: is a file; {what}")
     if (folder / "metadata.yaml").exists():
         raise RecordingError(f"{folder}: is a ros2 bag folder; {what}")
+    check_output(folder, inputs)
+    if force:
+        return
+    check_file(folder / FIGURES, force=True, mark=b'"image_coverage"', what="summary of 'bodycam evaluate'")
+    if not (folder / FIGURES).exists():
+        for name in (*_CAPTIONS, PAGE):
+            check_file(folder / name, force=False, mark=b"", what="part of a report")
 
 
 def report_lines(evaluation: Evaluation) -> list[str]:
@@ -82,10 +94,8 @@ def write_report(
         outside: views of static cameras.
 
     Raises:
-        RecordingError: the place cannot become a report folder.
-        OutputError: it cannot be written.
+        OutputError: they cannot be written.
     """
-    check_report_folder(folder)
     figures = evaluation.figures
     with whole_files(folder) as unfinished:
         (unfinished / FIGURES).write_text(json.dumps(figures, indent=1, allow_nan=False) + "\n")

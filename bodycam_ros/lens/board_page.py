@@ -10,9 +10,6 @@ from matplotlib.path import Path as Outline
 
 from bodycam_ros.lens.board_layout import BoardLayout, PrintArea
 
-PAGES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "letter": (279.4, 215.9)}
-"""Widths and heights [mm], lying on their long side."""
-
 _MM_PER_INCH = 25.4
 _BORDER = 8.0  # [mm] that printers leave white
 _RULER = 10.0  # [mm] breadth of a ruler with its numbers

@@ -82,13 +82,13 @@ class LocalServer(viser.ViserServer):
                         self.notify("This did not work", str(error), "red")
             finally:
                 if unwritten := view.unwritten:
-                    Terminal(stderr=True).print(f"bodycam: not written to {unwritten}", soft_wrap=True)
+                    Terminal(stderr=True).print(f"bodycam: not written to {unwritten}")
         finally:
             self.stop()
 
     def print_address(self) -> None:
         """Print what to open in a browser."""
-        Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it", soft_wrap=True)
+        Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it")
 
     def notify(self, title: str, text: str, colour: Literal["green", "red"]) -> None:
         """Show a notice in all browsers; a red one stays until it is closed."""

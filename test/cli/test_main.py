@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -20,14 +21,9 @@ from bodycam_ros.errors import RecordingError
 
 def run_with(monkeypatch: pytest.MonkeyPatch, run: Callable[[argparse.Namespace], int]) -> int:
     """Exit code of ``bodycam probe`` where probe is a command that does what ``run`` does."""
-
-    class Probe:
-        @staticmethod
-        def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-            subparsers.add_parser("probe").set_defaults(run=run)
-
+    probe = SimpleNamespace(add_arguments=lambda parser: None, run=run)
     monkeypatch.setattr(command_line, "COMMANDS", {"probe": "probe"})
-    monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", Probe)
+    monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", probe)
     before = [signal.getsignal(number) for number in SIGNALS]
     code = command_line.main(["probe"])
     assert [signal.getsignal(number) for number in SIGNALS] == before
@@ -53,17 +49,20 @@ def test_a_command_may_have_two_words(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
     class Probe:
-        name, prefix = "probe", ""
+        prefix = ""
 
-        @classmethod
-        def add_parser(cls, subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-            parser = subparsers.add_parser(cls.name)
+        @staticmethod
+        def add_arguments(parser: argparse.ArgumentParser) -> None:
             parser.add_argument("source")
             parser.add_argument("--force", action="store_true")
-            parser.set_defaults(run=lambda arguments: print(cls.prefix + arguments.source) or 0)
+
+        @classmethod
+        def run(cls, arguments: argparse.Namespace) -> int:
+            print(cls.prefix + arguments.source)
+            return 0
 
     class ProbeDeep(Probe):
-        name, prefix = "probe deep", "deep: "
+        prefix = "deep: "
 
     monkeypatch.setattr(command_line, "COMMANDS", {"probe": "probe", "probe deep": "probe deeper"})
     monkeypatch.setitem(sys.modules, "bodycam_ros.cli.probe", Probe)

@@ -7,9 +7,9 @@ import numpy as np
 import pypdfium2
 import pytest
 
+from bodycam_ros.cli.board import PAGES
 from bodycam_ros.cli.main import main
 from bodycam_ros.lens.board_design import read_layout
-from bodycam_ros.lens.board_page import PAGES
 from bodycam_ros.mapping.board import read_board
 
 _PIXELS_PER_MM = 6.0

@@ -1,0 +1,111 @@
+"""What a command shows on the terminal: bars of progress, tables of sections, a verdict."""
+
+from collections.abc import Iterator, Mapping, Set
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Literal
+
+from rich.box import SIMPLE_HEAD
+from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from bodycam_ros.progress import Advance
+from bodycam_ros.terminal import Terminal
+from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
+
+if TYPE_CHECKING:
+    from bodycam_ros.evaluate.sections import Columns, Section
+
+_LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
+
+STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
+"""Of text on the terminal."""
+
+
+def print_table(
+    title: str,
+    heading: str,
+    columns: "Columns",
+    rows: Mapping[str, object],
+    note: str = "",
+    flagged: Set[str] = frozenset(),
+) -> None:
+    """Print a table of figures, as of ``column_table``."""
+    from bodycam_ros.evaluate.sections import column_table
+
+    print_section(Terminal(), column_table(title, heading, columns, rows, note, flagged))
+
+
+def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
+    """Print a line for each finding and the verdict."""
+    for finding in verdict.findings:
+        line = Text.assemble((f"{finding.level.word}: ", STYLES[finding.level]), finding.text)
+        terminal.print(line)
+    terminal.print(Text(f"verdict: {verdict.text}", STYLES[verdict.level]))
+
+
+def exit_code(verdict: Verdict) -> int:
+    """0, or that of a result that should not be used."""
+    return WRONG_RESULT if verdict.level is Level.WRONG else 0
+
+
+def print_section(terminal: Terminal, section: "Section") -> None:
+    """Print heading, notes and table of a section; rows with a warning are red."""
+    terminal.print(
+        Text.assemble("\n", (section.heading, "bold"), "  ", (" ".join(section.notes), "dim")), soft_wrap=False
+    )
+    content = section.table
+    if content is None:
+        return
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    for index, heading in enumerate(content.columns):
+        is_text = index in content.text_columns
+        justify: Literal["left", "right"] = "left" if is_text else "right"
+        # Text, not str: square brackets hold units here, not rich's markup. Folded, no letter is lost on any width.
+        table.add_column(
+            Text(heading.replace(" [", "\n[")),
+            justify=justify,
+            overflow="fold",
+            max_width=_LIST_WIDTH if is_text and index and index == len(content.columns) - 1 else None,
+        )
+    for index, row in enumerate(content.rows):
+        cells = (cell if isinstance(cell, str) else cell.text for cell in row)
+        table.add_row(*map(Text, cells), style="bold red" if index in content.flagged else None)
+    terminal.print(table)
+
+
+class ProgressBars:
+    """A bar for each step, in the order in which they start."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+        self._tasks: dict[str, TaskID] = {}
+
+    def show(self, step: str, share: float) -> None:
+        """Show that so much of a step is done, 0 to 1."""
+        if step not in self._tasks:
+            self._tasks[step] = self._bars.add_task(step, total=1.0)
+        self._bars.update(self._tasks[step], completed=share)
+
+    @contextmanager
+    def step(self, name: str, total: int) -> Iterator[Advance]:
+        """Show a step of ``total`` units."""
+        done = 0
+        self.show(name, 0.0)
+
+        def advance(units: int = 1) -> None:
+            nonlocal done
+            done += units
+            self.show(name, done / max(1, total))
+
+        yield advance
+        self.show(name, 1.0)
+
+
+@contextmanager
+def shown_progress(hidden: bool = False) -> Iterator[ProgressBars]:
+    """Bars that are shown on a terminal while the block lasts, unless they are hidden."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    terminal = Terminal(stderr=True)
+    with Progress(*columns, console=terminal, transient=True, disable=hidden or not terminal.is_terminal) as bars:
+        yield ProgressBars(bars)
