@@ -7,16 +7,17 @@ corrected by what is known so far.
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_evidence import CORRELATED, MARGIN_NS, window_evidence
+from bodycam_ros.timing.clock_evidence import MARGIN_NS, clock_evidence
 from bodycam_ros.timing.clock_filter import DRIFT_SIGMA, ClockFilter
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockHistory, ClockSettings, ClockState, correct_stamps
-from bodycam_ros.timing.stamps import SharedStamps, StampIntervals, Stamps, find_shared_stamps, share_stamps
+from bodycam_ros.timing.stamps import SharedStamps, Stamps, find_break, find_shared_stamps, share_stamps
 
 LOOKAHEAD_S = 8.0
 """How far ahead of the body clocks are estimated offline; four seconds of walking give them to 2 or 3 ms."""
@@ -24,7 +25,6 @@ LOOKAHEAD_S = 8.0
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
 _CATCH_UP = 3  # times the pace at which images come; a window passed on at once would keep those who register waiting
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
-_OFF_S, _OFF_SIGMAS = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
 
 
 @dataclass
@@ -34,14 +34,10 @@ class _Camera:
     queue: deque[LandmarkMatches] = field(default_factory=deque)
     images: deque[LandmarkMatches] = field(default_factory=deque)
     clocks: list[ClockState] = field(default_factory=list)
-    intervals: StampIntervals = field(default_factory=StampIntervals)
     first_ns: int = -1
-    latest_ns: int = -1
     passed: tuple[int, int] = (-1, -1)
 
     def add(self, image: LandmarkMatches) -> None:
-        self.intervals.add(image.stamp_ns)
-        self.latest_ns = image.stamp_ns
         self.first_ns = image.stamp_ns if self.first_ns < 0 else self.first_ns
         self.queue.append(image)
         self.images.append(image)
@@ -49,13 +45,22 @@ class _Camera:
     def restart(self) -> None:
         """A new epoch: only the clock is kept."""
         self.images.clear()
-        self.intervals = StampIntervals()
-        self.first_ns = self.latest_ns = -1
+        self.first_ns = -1
         self.clocks = [replace(clock, since_ns=0) for clock in self.clocks[-1:]]
+
+    def forget(self, before_ns: int) -> None:
+        """Drop images of the window before a stamp [ns]."""
+        while self.images and self.images[0].stamp_ns < before_ns:
+            self.images.popleft()
 
     def stamps_ns(self, from_ns: int = 0, to_ns: int = 2**63 - 1) -> Stamps:
         """Stamps (N) of the latest images [ns]."""
         return np.array([image.stamp_ns for image in self.images if from_ns <= image.stamp_ns < to_ns], np.int64)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether its images are of a time in which stamps can be compared."""
+        return bool(self.images) and self.images[-1].stamp_ns - self.images[0].stamp_ns >= _FIRST_NS
 
 
 class ClockEstimator:
@@ -69,7 +74,7 @@ class ClockEstimator:
         live: whether to let every image pass at once.
 
     Attributes:
-        shared: the cameras that share their stamps; None before enough images have come.
+        shared: the cameras that share their stamps, and always did; None before enough images have come.
     """
 
     def __init__(
@@ -80,13 +85,10 @@ class ClockEstimator:
         floor: Array,
         live: bool,
     ) -> None:
-        self._body, self._sigma, self._floor, self._live = body, settings.sigma, floor, live
+        self._body, self._floor, self._live = body, floor, live
         self._cameras = {camera: _Camera() for camera in cameras}
-        self._filter = ClockFilter(settings.sigma)
-        self._order: list[str] = []
-        self._strayed: set[str] = set()
+        self._sigma, self._filter = settings.sigma, ClockFilter(settings.sigma)
         self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = self._filter_ns = -1
-        self._is_provisional = False
         self.shared: SharedStamps | None = None
 
     @property
@@ -120,7 +122,7 @@ class ClockEstimator:
     @property
     def sharing(self) -> frozenset[str]:
         """Cameras that share their stamps with most others, and always did."""
-        return self.shared.cameras - self._strayed if self.shared else frozenset()
+        return self.shared.cameras if self.shared else frozenset()
 
     def join(self, camera: str) -> None:
         """Use one more camera."""
@@ -135,27 +137,30 @@ class ClockEstimator:
         if self._first_ns < 0:
             self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = stamp_ns
         advance_ns, self._latest_ns = max(0, stamp_ns - self._latest_ns), max(self._latest_ns, stamp_ns)
-        if self.shared is None or self._is_provisional:
-            if not self._has_enough():
+        if self.shared is None:
+            is_enough = 2 * sum(each.is_long for each in self._cameras.values()) > len(self._cameras)
+            if not is_enough and self._latest_ns - self._first_ns < _FIRST_AT_MOST_NS:
                 return []
             self._initialise()
         while self._latest_ns > self._window_ns + _WINDOW_NS + MARGIN_NS:
             self._estimate_until(self._window_ns + _WINDOW_NS)
         if self._live:
             return self._release(None)
-        self._passed_ns = min(self._passed_ns + _CATCH_UP * advance_ns, self._known_until_ns())
+        # Shared stamps need no correction, unless the present window shows otherwise.
+        all_share = self.sharing >= {name for name, each in self._cameras.items() if each.queue}
+        known_ns = self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
+        self._passed_ns = min(self._passed_ns + _CATCH_UP * advance_ns, known_ns)
         return self._release(self._passed_ns)
 
     def flush(self) -> list[LandmarkMatches]:
         """All that is left: the recording or the epoch is over or, live, no image has come for a while."""
         if self._first_ns < 0:
             return []
-        if self.shared is None or self._is_provisional:
+        if self.shared is None:
             self._initialise()
-            if self._live and not self._has_enough():
-                # So few stamps do not decide who shares them. A single image has no period: it is kept.
-                self._is_provisional = True
-                return self._release(None) if self.sharing or (self.shared and self.shared.period_ns) else []
+            if self._live and not (self.shared and self.shared.period_ns):
+                self.shared = None  # single images have no period: they are kept
+                return []
         while self._latest_ns - self._window_ns > _WINDOW_NS // 4:
             self._estimate_until(self._latest_ns + 1)
         return self._release(None)
@@ -166,36 +171,25 @@ class ClockEstimator:
             camera.restart()
         self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = -1
 
-    def _known_until_ns(self) -> int:
-        """Stamp up to which clocks are known well enough to pass images on."""
-        # Shared stamps need no correction, unless the present window shows otherwise.
-        all_share = self.sharing >= {name for name, camera in self._cameras.items() if camera.queue}
-        return self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
-
-    def _has_enough(self) -> bool:
-        long = sum(0 <= camera.first_ns <= camera.latest_ns - _FIRST_NS for camera in self._cameras.values())
-        return 2 * long > len(self._cameras) or self._latest_ns - self._first_ns >= _FIRST_AT_MOST_NS
-
     def _initialise(self) -> None:
         """Find the cameras that share their stamps, and start to estimate."""
-        self._is_provisional = False
         stamps = {name: own for name, camera in self._cameras.items() if len(own := camera.stamps_ns())}
         shared = find_shared_stamps(stamps, self._body.cameras_on(self._body.root), alone=len(self._cameras) == 1)
         self.shared, self._filter, self._filter_ns = shared, ClockFilter(self._sigma), self._first_ns
-        self._order, self._strayed = [], set()
         for name in sorted(stamps, key=lambda name: (name != shared.reference, name)):
             self._enter(name, name in shared.cameras)
 
     def _enter(self, name: str, triggered: bool) -> None:
-        self._order.append(name)
-        self._filter.add_camera(triggered)
+        self._filter.add_camera(name, triggered)
         sigma = TRIGGER_SIGMA_S if triggered else self._sigma
         self._cameras[name].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, DRIFT_SIGMA)]
 
-    def _stray(self, name: str) -> None:
-        """A camera's clock is not what it was estimated to be, and not that of the others."""
-        self._filter.free(self._order.index(name))
-        self._strayed.add(name)
+    def _stray(self, names: Iterable[str]) -> None:
+        """The clocks of cameras are not what they were estimated to be, and not that of the others."""
+        assert self.shared is not None
+        for name in names:
+            self._filter.free(self._filter.cameras.index(name))
+            self.shared = replace(self.shared, cameras=self.shared.cameras - {name})
 
     def _compare_stamps(self, from_ns: int, to_ns: int) -> None:
         """Which cameras left those that they shared stamps with; do cameras that started late share them?"""
@@ -203,11 +197,10 @@ class ClockEstimator:
         stamps = {name: self._cameras[name].stamps_ns(from_ns, to_ns) for name in self.sharing}
         several = {name: own for name, own in stamps.items() if len(own) > 1}
         if len(several) > 1:
-            together = find_shared_stamps(several).cameras or {self._order[self._filter.reference]}
-            for name in sorted(set(several) - together):
-                self._stray(name)
+            together = find_shared_stamps(several).cameras or {self._filter.cameras[self._filter.reference]}
+            self._stray(sorted(set(several) - together))
         for name, camera in self._cameras.items():
-            if not camera.clocks and camera.images and camera.latest_ns - camera.first_ns >= _FIRST_NS:
+            if not camera.clocks and camera.is_long:
                 triggered = any(share_stamps(camera.stamps_ns(), others) for others in several.values())
                 if triggered:
                     self.shared = replace(self.shared, cameras=self.shared.cameras | {name})
@@ -215,56 +208,33 @@ class ClockEstimator:
 
     def _estimate_until(self, to_ns: int) -> None:
         """Estimate from the window after the last one; it ends early where a clock may have been set."""
-        from_ns, breaks = self._window_ns, dict[str, int]()
-        for name, camera in self._cameras.items():
-            at_ns = camera.intervals.breaks_ns
-            while at_ns and at_ns[0] <= from_ns:
-                at_ns.popleft()
-            if at_ns and at_ns[0] < to_ns:
-                breaks[name] = at_ns[0]
-        self._window_ns = min(breaks.values(), default=to_ns)
+        from_ns = self._window_ns
+        breaks = {name: find_break(camera.stamps_ns(to_ns=to_ns)) for name, camera in self._cameras.items()}
+        self._window_ns = min((at_ns for at_ns in breaks.values() if at_ns and at_ns > from_ns), default=to_ns)
         if self._window_ns - from_ns >= _WINDOW_NS // 8:
             self._compare_stamps(from_ns, self._window_ns)
             self._update_clocks(from_ns, self._window_ns)
         for name, camera in self._cameras.items():
-            if breaks.get(name) == self._window_ns and camera.clocks:
-                self._stray(name)
+            if breaks[name] == self._window_ns and camera.clocks:
+                self._stray([name])
                 camera.clocks.append(replace(camera.clocks[-1], since_ns=self._window_ns, at_ns=self._window_ns))
-                camera.images = deque(image for image in camera.images if image.stamp_ns >= self._window_ns)
-            while camera.images and camera.images[0].stamp_ns < self._window_ns - 2 * MARGIN_NS:
-                camera.images.popleft()
+                camera.forget(self._window_ns)
+            camera.forget(self._window_ns - 2 * MARGIN_NS)
 
     def _update_clocks(self, from_ns: int, to_ns: int) -> None:
         """Estimate all clocks from a window [ns]; a clock that contradicts its estimate is reset, once."""
-        self._filter.advance(1e-9 * (to_ns - self._filter_ns))
+        clocks, images = self._filter, {name: camera.images for name, camera in self._cameras.items()}
+        clocks.advance(1e-9 * (to_ns - self._filter_ns))
         self._filter_ns = to_ns
-        images = {name: self._cameras[name].images for name in self._order}
-        for is_repeated in (False, True):
-            offsets = dict(zip(self._order, self._filter.offsets.tolist(), strict=True))
-            prior = self._filter.prior_information * CORRELATED
-            evidence = window_evidence(self._body, images, offsets, prior, self._floor, (from_ns, to_ns))
-            if evidence is None:
-                return
-            information = evidence.information / CORRELATED
-            alone, sigmas = self._filter.innovations(evidence.delays, information)
-            off = np.flatnonzero((sigmas > _OFF_SIGMAS) & (np.abs(alone) > _OFF_S)).tolist()
-            if is_repeated or not off:
-                self._filter.update(evidence.delays, information)
-                break
-            if 2 * len(off) > len(self._order):
-                off = [self._filter.reference]  # most at once: it is the one that they are compared with
+        linearise = partial(clock_evidence, self._body, images, floor=self._floor, window_ns=(from_ns, to_ns))
+        if off := clocks.update(linearise):
             # The intervals are even, so these clocks did not jump: their estimates were wrong.
-            for row in off:
-                self._stray(self._order[row])
-        for row, name in enumerate(self._order):
-            clocks = self._cameras[name].clocks
-            clocks[-1] = replace(self._clock(row), since_ns=clocks[-1].since_ns)
-
-    def _clock(self, row: int) -> ClockState:
-        """The estimate of a clock at the time of the filter."""
-        offset, drift = float(self._filter.offsets[row]), float(self._filter.drifts[row])
-        offset_sigma, drift_sigma = (float(sigmas[row]) for sigmas in self._filter.sigmas)
-        return ClockState(0, self._filter_ns + round(1e9 * offset), offset, drift, offset_sigma, drift_sigma)
+            self._stray(off)
+            clocks.update(linearise, is_tested=False)
+        estimates = np.column_stack([clocks.offsets, clocks.drifts, *clocks.sigmas]).tolist()
+        for name, estimate in zip(clocks.cameras, estimates, strict=True):
+            own = self._cameras[name].clocks
+            own[-1] = ClockState(own[-1].since_ns, to_ns + round(1e9 * estimate[0]), *estimate)
 
     def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
         """Images before a stamp (None: all), in order of corrected stamps."""

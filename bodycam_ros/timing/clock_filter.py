@@ -1,5 +1,7 @@
 """Offset and drift of every camera's clock: a Kalman filter over windows of evidence."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from bodycam_ros.geometry import Array
@@ -9,6 +11,9 @@ _REFERENCE_S = 1e-9  # sigma of the reference: a common offset of all clocks is 
 DRIFT_SIGMA = 1e-4  # quartz is good to 20 ppm, to 50 when it is cold; 100 must not be held back
 _TRIGGER_DRIFT_SIGMA = 1e-7  # of a camera that triggers with the others
 _DRIFT_WALK = 4e-8  # [1/s per sqrt(s)] 1 ppm in ten minutes as cameras warm
+_SETTLED_S = 0.001  # delays that change by less need no further turn of a window
+_MOST_TURNS = 6  # of a window with clocks that moved; each leaves a fifth of the error
+_OFF_S, _OFF_SIGMAS = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
 
 
 class ClockFilter:
@@ -18,6 +23,7 @@ class ClockFilter:
         sigma: of an unknown clock offset [s].
 
     Attributes:
+        cameras: (C) names.
         offsets: (C) by how much the clocks are ahead at the time of the filter [s].
         drifts: (C) growth of the offsets per second.
         reference: row of the camera whose clock is the body's.
@@ -25,20 +31,21 @@ class ClockFilter:
 
     def __init__(self, sigma: float) -> None:
         self._sigma = sigma
-        self.offsets, self.drifts = np.zeros(0), np.zeros(0)
+        self.cameras: list[str] = []
+        self.offsets, self.drifts = np.zeros((2, 0))
         self._covariance = np.zeros((0, 0))
         self.reference = 0
 
-    def add_camera(self, triggered: bool) -> None:
+    def add_camera(self, camera: str, triggered: bool) -> None:
         """One more camera, which shares its stamps with the reference's group or does not."""
-        count = len(self.offsets)
+        count = len(self.cameras)
         sigmas = (TRIGGER_SIGMA_S, _TRIGGER_DRIFT_SIGMA) if triggered else (self._sigma, DRIFT_SIGMA)
-        old = [*range(count), *range(count + 1, 2 * count + 1)]
-        covariance = np.zeros((2 * count + 2, 2 * count + 2))
-        covariance[np.ix_(old, old)] = self._covariance
-        covariance[count, count], covariance[-1, -1] = np.square(sigmas if count else (_REFERENCE_S, 0.0))
-        self._covariance = covariance
+        # Offsets come before drifts.
+        for row, sigma in zip((count, 2 * count + 1), sigmas if count else (_REFERENCE_S, 0.0), strict=True):
+            self._covariance = np.insert(np.insert(self._covariance, row, 0.0, axis=0), row, 0.0, axis=1)
+            self._covariance[row, row] = sigma**2
         self.offsets, self.drifts = np.append(self.offsets, 0.0), np.append(self.drifts, 0.0)
+        self.cameras.append(camera)
 
     @property
     def sigmas(self) -> tuple[Array, Array]:
@@ -46,69 +53,68 @@ class ClockFilter:
         offsets, drifts = np.split(np.sqrt(np.diag(self._covariance)), 2)
         return offsets, drifts
 
-    @property
-    def prior_information(self) -> Array:
-        """(C, C) on the offsets [1/s^2]."""
-        return np.asarray(np.linalg.inv(self._prior))
-
-    @property
-    def _prior(self) -> Array:
-        count = len(self.offsets)
-        return self._covariance[:count, :count] + _REFERENCE_S**2 * np.eye(count)
-
     def advance(self, seconds: float) -> None:
         """Predict by some time [s]; negative where a recording is played again."""
-        count = len(self.offsets)
-        F = np.eye(2 * count)
-        F[:count, count:] = seconds * np.eye(count)
+        F = np.kron([[1.0, seconds], [0.0, 1.0]], np.eye(len(self.cameras)))
         self.offsets = self.offsets + seconds * self.drifts
-        self._covariance = F @ self._covariance @ F.T
-        walking = np.arange(count, 2 * count)[np.arange(count) != self.reference]
-        self._covariance[walking, walking] += abs(seconds) * _DRIFT_WALK**2
+        walk = np.full(len(self.cameras), abs(seconds) * _DRIFT_WALK**2)
+        walk[self.reference] = 0.0
+        self._covariance = F @ self._covariance @ F.T + np.diag(np.append(0.0 * walk, walk))
 
-    def free(self, camera: int) -> None:
+    def free(self, row: int) -> None:
         """Reset one clock to unknown: it jumped, or its camera is not triggered after all."""
-        count = len(self.offsets)
-        if camera == self.reference:
+        if row == self.reference:
             others = self.sigmas[0]
-            others[camera] = np.inf
+            others[row] = np.inf
             self._make_reference(int(np.argmin(others)))
-        for row, sigma in ((camera, self._sigma), (count + camera, DRIFT_SIGMA)):
-            self._covariance[row] = self._covariance[:, row] = 0.0
-            self._covariance[row, row] = sigma**2
+        for own, sigma in ((row, self._sigma), (len(self.cameras) + row, DRIFT_SIGMA)):
+            self._covariance[own] = self._covariance[:, own] = 0.0
+            self._covariance[own, own] = sigma**2
 
-    def _make_reference(self, camera: int) -> None:
-        for row in (camera, len(self.offsets) + camera):
-            column = self._covariance[:, row]
-            if column[row] > 0.0:
-                self._covariance = self._covariance - np.outer(column, column) / column[row]
+    def _make_reference(self, row: int) -> None:
+        for own in (row, len(self.cameras) + row):
+            column = self._covariance[:, own]
+            if column[own] > 0.0:
+                self._covariance = self._covariance - np.outer(column, column) / column[own]
                 # Exactly zero: rounding may leave a negative variance.
-                self._covariance[row] = self._covariance[:, row] = 0.0
-        self.reference = camera
-        self._covariance[camera, camera] = _REFERENCE_S**2
+                self._covariance[own] = self._covariance[:, own] = 0.0
+        self.reference = row
+        self._covariance[row, row] = _REFERENCE_S**2
 
-    def innovations(self, delays: Array, information: Array) -> tuple[Array, Array]:
-        """What a window alone measures of each clock beyond the prediction (C) [s], and how many sigmas that is (C).
+    def update(
+        self, linearise: Callable[[dict[str, float]], tuple[Array, Array] | None], is_tested: bool = True
+    ) -> list[str]:
+        """Add a window's evidence.
 
         Args:
-            delays: (C) that the clocks are ahead of the prediction, the prior included [s].
-            information: (C, C) of the window without the prior [1/s^2].
+            linearise: Hessian (C, C) and gradient (C) of the delays beyond offsets of the cameras, or None.
+            is_tested: whether a window is left out that contradicts the estimates of some clocks.
+
+        Returns:
+            The cameras of those clocks: their estimates were wrong, or the reference's, if most are contradicted.
         """
-        before, after = np.diag(self._prior), np.diag(self._posterior(information))
-        gained = np.maximum(before - after, 1e-6 * before)
+        count = len(self.cameras)
+        prior = self._covariance[:count, :count] + _REFERENCE_S**2 * np.eye(count)
+        information, delays = np.linalg.inv(prior), np.zeros(count)
+        for _ in range(_MOST_TURNS):
+            evidence = linearise(dict(zip(self.cameras, (self.offsets + delays).tolist(), strict=True)))
+            if evidence is None:
+                return []
+            posterior = np.linalg.inv(evidence[0] + information)
+            step = -posterior @ (evidence[1] + information @ delays)
+            delays = delays + step
+            if np.abs(step).max() < _SETTLED_S:
+                break
         # One measurement of variance v turns the variance b into a = b v / (b + v), and moves by b / (b + v) of itself.
-        alone = delays * before / gained
-        return np.asarray(alone), np.asarray(np.abs(alone) / np.sqrt(before * after / gained + before))
-
-    def update(self, delays: Array, information: Array) -> None:
-        """Add a window's evidence, as in ``innovations``."""
-        count, prior = len(delays), self._prior
-        gain = self._covariance[:, :count] @ np.linalg.inv(prior)
-        step = gain @ delays
-        self.offsets, self.drifts = self.offsets + step[:count], self.drifts + step[count:]
-        covariance = self._covariance + gain @ (self._posterior(information) - prior) @ gain.T
+        before, after = np.diag(prior), np.diag(posterior)
+        gained = np.maximum(before - after, 1e-6 * before)
+        alone = np.abs(delays) * before / gained
+        is_off = (alone > _OFF_S) & (alone > _OFF_SIGMAS * np.sqrt(before * after / gained + before))
+        if is_tested and is_off.any():
+            off = np.flatnonzero(is_off) if 2 * is_off.sum() <= count else [self.reference]
+            return [self.cameras[row] for row in off]
+        gain = self._covariance[:, :count] @ information
+        self.offsets, self.drifts = np.split(np.append(self.offsets, self.drifts) + gain @ delays, 2)
+        covariance = self._covariance + gain @ (posterior - prior) @ gain.T
         self._covariance = 0.5 * (covariance + covariance.T)
-
-    def _posterior(self, information: Array) -> Array:
-        """(C, C) covariance of the offsets after a window [s^2]."""
-        return np.asarray(np.linalg.inv(self.prior_information + information), np.float64)
+        return []

@@ -1,6 +1,5 @@
 """From stamps alone: which cameras share them, and where a clock was set."""
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -12,8 +11,8 @@ Stamps = NDArray[np.int64]
 _SHARED_NS = 500_000  # stamps of one trigger differ by less
 _SHARED_PERIOD = 0.015  # of the time between two images; free-running clocks meet so closely once in thirty
 _BREAK_NS, _BREAK_SHARE = 4_000_000, 0.2  # off a multiple of the period, or by such a share; jitter is less
-_STEADY_SHARE = 0.9  # of the intervals that must be multiples, or the rate varies and a gap is no break
-_LEAST_INTERVALS, _MOST_INTERVALS = 20, 150
+_ODD_SHARE = 0.1  # of the intervals; with more the rate varies, and a gap is no break
+_LEAST_INTERVALS = 20
 
 
 @dataclass(frozen=True)
@@ -65,35 +64,15 @@ def share_stamps(own_ns: Stamps, other_ns: Stamps) -> bool:
     return bool(np.median(off_ns) < min(_SHARED_NS, _SHARED_PERIOD * period_ns))
 
 
-class StampIntervals:
-    """The latest intervals between a camera's images, and where they broke.
+def find_break(stamps_ns: Stamps) -> int | None:
+    """The first stamp of a camera's (N) that came at an odd interval, as where its clock was set [ns], if there is one.
 
-    Attributes:
-        breaks_ns: stamps that came at an odd interval, oldest first [ns].
+    None where the rate varies, so that most intervals are no multiples of one period.
     """
-
-    def __init__(self) -> None:
-        self.breaks_ns: deque[int] = deque()
-        self._latest_ns: int | None = None
-        self._intervals: deque[int] = deque(maxlen=_MOST_INTERVALS)
-
-    def add(self, stamp_ns: int) -> None:
-        """The next image."""
-        before_ns, self._latest_ns = self._latest_ns, stamp_ns
-        if before_ns is None:
-            return
-        interval = stamp_ns - before_ns
-        last = self._intervals[-1] if self._intervals else interval
-        if abs(interval - last) > min(_BREAK_NS, _BREAK_SHARE * last) and self._is_break(interval):
-            self.breaks_ns.append(stamp_ns)
-        else:
-            self._intervals.append(interval)
-
-    def _is_break(self, interval: int) -> bool:
-        if len(self._intervals) < _LEAST_INTERVALS:
-            return False
-        intervals = np.array([*self._intervals, interval], np.float64)
-        period = float(np.median(intervals))
-        off = np.abs(intervals - np.maximum(1.0, np.rint(intervals / period)) * period)
-        least_ns = min(_BREAK_NS, _BREAK_SHARE * period)
-        return bool(off[-1] > least_ns and np.mean(off[:-1] < least_ns) > _STEADY_SHARE)
+    intervals = np.diff(stamps_ns).astype(np.float64)
+    if len(intervals) <= _LEAST_INTERVALS:
+        return None
+    period = float(np.median(intervals))
+    off = np.abs(intervals - np.maximum(1.0, np.rint(intervals / period)) * period)
+    is_odd = off > min(_BREAK_NS, _BREAK_SHARE * period)
+    return int(stamps_ns[1 + is_odd.argmax()]) if 0.0 < is_odd.mean() < _ODD_SHARE else None

@@ -5,41 +5,37 @@ from range_of_motion import START_NS
 from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
 
 from bodycam_ros.body.articulation import motion_of_cameras
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.camera_path import CameraPath
-from bodycam_ros.timing.clock_evidence import CameraTrack, ClockEvidence, clock_evidence
+from bodycam_ros.timing.clock_evidence import clock_evidence
 
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
 STAMPS_NS = FROM_NS + 100_000_000 * np.arange(INSTANTS, dtype=np.int64)
 
 
-def tracks(recording: Recording) -> dict[str, CameraTrack]:
+def images_of(recording: Recording) -> dict[str, list[LandmarkMatches]]:
     images = recording.images()
-    found = {}
-    for camera in CAMERAS:
-        own = [image for image in images if image.camera == camera]
-        path = CameraPath(
-            np.array([image.stamp_ns for image in own]),
-            np.stack([image.world_T_camera for image in own if image.world_T_camera is not None]),
-        )
-        found[camera] = CameraTrack(path, np.stack([image.pose_covariance for image in own]) + FLOOR)
-    return found
+    return {camera: [image for image in images if image.camera == camera] for camera in CAMERAS}
 
 
-def evidence(recording: Recording, prior_s: float = 0.05, body: BodyModel = BODY) -> ClockEvidence:
-    known = tracks(recording)
-    # A camera on a cart has no path of its own here: that of another shows how little it is listened to.
-    known |= {camera: known["foot_left"] for camera in body.mounts if camera not in CAMERAS}
-    sigmas = np.full(len(known), prior_s)
+def delays(recording: Recording, prior_s: float = 0.05) -> dict[str, float]:
+    """Camera -> the delay that its images show, of a clock that is known to ``prior_s``."""
+    window_ns = FROM_NS, FROM_NS + 100_000_000 * INSTANTS
+    evidence = clock_evidence(BODY, images_of(recording), dict.fromkeys(CAMERAS, 0.0), FLOOR, window_ns)
+    assert evidence is not None
+    sigmas = np.full(len(CAMERAS), prior_s)
     sigmas[CAMERAS.index(REFERENCE)] = 1e-9
-    found = clock_evidence(body, known, STAMPS_NS, np.diag(1.0 / sigmas**2), np.zeros(len(known)))
-    assert found is not None
-    return found
+    found = -np.linalg.solve(evidence[0] + np.diag(sigmas**-2), evidence[1])
+    return dict(zip(CAMERAS, found.tolist(), strict=True))
 
 
 def test_delay_columns_are_what_errors_change_by() -> None:
-    points = [track.path.interpolate(STAMPS_NS) for track in tracks(Recording(noise=0.1)).values()]
+    points = []
+    for images in images_of(Recording(noise=0.1)).values():
+        stamps_ns = np.array([image.stamp_ns for image in images])
+        poses = np.stack([image.world_T_camera for image in images if image.world_T_camera is not None])
+        points.append(CameraPath(stamps_ns, poses).interpolate(STAMPS_NS))
     poses, twists = np.stack([p.poses for p in points], axis=1), np.stack([p.twists for p in points], axis=1)
     motion = motion_of_cameras(
         BODY, CAMERAS, poses, twists, np.ones(poses.shape[:2], bool), np.zeros(len(CAMERAS), bool)
@@ -56,13 +52,12 @@ def test_delay_columns_are_what_errors_change_by() -> None:
 
 def test_a_delay_is_found_however_cameras_are_phased() -> None:
     for runs in ({"foot_left": CameraRun(ahead_s=0.01)}, free_running(foot_left=CameraRun(ahead_s=0.01))):
-        found = evidence(Recording(noise=0.02, runs=runs))
-        delays = dict(zip(CAMERAS, found.delays.tolist(), strict=True))
-        assert abs(delays.pop("foot_left") - 0.01) < 0.0006
-        assert max(abs(delay) for delay in delays.values()) < 0.0003
+        found = delays(Recording(noise=0.02, runs=runs))
+        assert abs(found.pop("foot_left") - 0.01) < 0.0006
+        assert max(abs(delay) for delay in found.values()) < 0.0003
 
 
 def test_too_few_instants_say_nothing() -> None:
-    sigmas = np.ones(len(CAMERAS))
-    few = clock_evidence(BODY, tracks(Recording()), STAMPS_NS[:3], np.diag(sigmas), np.zeros(len(CAMERAS)))
+    window_ns = FROM_NS, FROM_NS + 300_000_000
+    few = clock_evidence(BODY, images_of(Recording()), dict.fromkeys(CAMERAS, 0.0), FLOOR, window_ns)
     assert few is None
