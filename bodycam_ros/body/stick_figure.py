@@ -64,6 +64,12 @@ def body_bones(body: BodyModel, world_T_segment: Array) -> list[Bone]:
     world_T = dict(zip(body.segments, poses, strict=True))
     equipment = {segment: world_T.pop(segment) for segment in body.segments if segment in body.equipment_segments}
     lines = limb_bones(world_T, {joint.child: joint.parent for joint in body.tree_joints})
+    # A last segment whose tip is unknown, as the shin of legs alone, is drawn as far as its cameras reach.
+    drawn = {line.segment for line in lines}
+    for segment, each in world_T.items():
+        if segment not in drawn:
+            tip = next(iter(bone_ends(body, segment)), np.zeros(3))
+            lines.append(Bone(segment, each[:, :3, 3], transform_points(each, tip[None])[:, 0]))
     for segment, each in equipment.items():
         ends = (transform_points(each, end[None])[:, 0] for end in bone_ends(body, segment))
         lines += [Bone(segment, each[:, :3, 3], end, is_equipment=True) for end in ends]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from bodycam_ros.body.stick_figure import Bone
+from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.camera.perspective import PlumbBobCamera
@@ -24,10 +24,8 @@ from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.results.topics import read_clock
 from bodycam_ros.shown import shown
 from bodycam_ros.viewer.motion import mounted_camera
-from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene import grid_lines
+from bodycam_ros.viewer.scene import FIELD_OF_VIEW, OpeningView, grid_lines, points_to_see
 from bodycam_ros.viewer.scene_nodes import GRID
-from bodycam_ros.viewer.skeleton_scene import limbs_of
 from bodycam_ros.viewer.sources import Sources
 from bodycam_ros.whole_file import whole_file
 
@@ -132,7 +130,7 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[
 
 def _bones_at(sources: Sources, index: int, world_T_segment: Array) -> list[Bone]:
     """Bones and equipment of one state, whose segments are at poses (S, 4, 4) [m]."""
-    return limbs_of(sources.body, world_T_segment) + sources.motion.equipment_at(index)
+    return body_bones(sources.body, world_T_segment) + sources.motion.equipment_at(index)
 
 
 def _draw_body(picture: Image, bones: list[Bone], world_T_camera: Array, lens: CameraModel) -> None:

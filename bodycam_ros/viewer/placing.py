@@ -10,8 +10,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.placement import Placement
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
 from bodycam_ros.viewer.correction import Part
-from bodycam_ros.viewer.edit_panel import EditPanel
-from bodycam_ros.viewer.gizmo import Gizmo
+from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.placing_picture import PlacingPicture
@@ -57,7 +56,6 @@ class PlacingSession:
             {name: view.station for name, view in sources.tracker.views.items()},
             lambda _: sources.surfaces,
         )
-        self._gizmo = Gizmo(server.scene, inbox, self._drag)
         self._pictures = PlacingPicture(body, sources.tracker.views, sources.images)
         self._add_panels()
         self._select(body.root)
@@ -71,19 +69,19 @@ class PlacingSession:
             self._image = gui.add_image(self._pictures.draw(self._placement.poses, body.root), format="jpeg")
         panel.dock_left()
         panel.set_width(_PICTURE_PANEL_PX)
-        self._panel = EditPanel(
-            gui,
+        self._editor = Editor(
+            self._server,
             inbox,
             "Place",
+            _HELP,
             body.segments,
             self._output.name,
             select=self._select,
             move_to=self._move_to,
             undo=lambda: self._change(self._placement.undone()),
             write=self._write,
-            text=_HELP,
         )
-        with self._panel.folder:
+        with self._editor.folder:
             inbox.on_click(gui.add_button("Fit"), self._fit)
         inbox.on_input(close_up, self._cut)
 
@@ -97,49 +95,37 @@ class PlacingSession:
         """The start, if the body is elsewhere than in it."""
         return "" if self._placement.poses is self._written else f"{self._output}: the last steps"
 
-    @property
-    def _pose(self) -> Array:
-        return self._placement.pose_of(self._selected)
-
     def _click(self, part: Part) -> None:
         if part.kind == "joint":
             self._select(joint_named(self._placement.body, part.name).child)
 
     def _select(self, segment: str) -> None:
         self._selected = segment
-        joint, can_move = self._placement.body.joint_to_parent(segment), self._placement.can_move(segment)
+        joint = self._placement.body.joint_to_parent(segment)
         self._scene.select(None if joint is None else Part("joint", joint.name))
-        self._gizmo.attach(WORLD, self._pose, can_move=can_move)
         self._show()
 
     def _show(self) -> None:
         """Show the body where it is now."""
         self._scene.pose(self._placement.poses)
         self._image.image = self._pictures.draw(self._placement.poses, self._selected)
-        can_move = self._placement.can_move(self._selected)
-        self._panel.show(self._selected, self._pose[:3, 3], can_move=can_move)
+        pose, can_move = self._placement.pose_of(self._selected), self._placement.can_move(self._selected)
+        self._editor.show(self._selected, WORLD, pose, can_move=can_move)
 
-    def _drag(self, pose: Array, continues: bool) -> None:
-        self._change(self._placement.moved_to(self._selected, pose, continues=continues))
-
-    def _move_to(self, place_world: Array) -> None:
-        """Move the selected segment's origin."""
-        pose = self._pose.copy()
-        pose[:3, 3] = place_world
-        self._change(self._placement.moved_to(self._selected, pose))
+    def _move_to(self, world_T_segment: Array, continues: bool) -> None:
+        self._change(self._placement.moved_to(self._selected, world_T_segment, continues=continues))
 
     def _change(self, placement: Placement) -> None:
         self._placement = placement
-        self._panel.remark("")
-        self._gizmo.follow(self._pose)
+        self._editor.remark("")
         self._show()
 
     def _fit(self) -> None:
-        self._panel.remark("fitting")
+        self._editor.remark("fitting")
         poses, support = self._sources.fit(self._placement.poses)
         self._change(self._placement.changed(poses))
         segments = self._placement.body.segments
-        self._panel.remark(support_table(dict(zip(segments, support.tolist(), strict=True))))
+        self._editor.remark(support_table(dict(zip(segments, support.tolist(), strict=True))))
 
     def _write(self) -> None:
         self._sources.write(self._output, self._placement.poses)

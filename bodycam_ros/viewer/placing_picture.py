@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.stick_figure import Bone
+from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, side_colour
 from bodycam_ros.results.camera_picture import draw_polyline
@@ -16,7 +16,6 @@ from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
 from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.viewer.scene_nodes import SELECTED
-from bodycam_ros.viewer.skeleton_scene import limbs_of
 
 _TILE_PX, _GAP_PX = 480, 4  # of each camera's square, and between two
 _MARK_PX, _MARK_WIDTH_PX = 14, 2
@@ -50,7 +49,7 @@ class PlacingPicture:
 
         The origin of the segment ``selected`` is marked.
         """
-        limbs = limbs_of(self._body, world_T_segment)
+        limbs = body_bones(self._body, world_T_segment)
         origin = world_T_segment[self._body.segment_index[selected], :3, 3]
         tiles = [self._tile(name, world_T_segment, limbs, origin) for name in self._images]
         columns = min(3, ceil(len(tiles) ** 0.5))

@@ -1,6 +1,7 @@
 """All that is shown: the place, the body at one state, its cameras, and the browser's first viewpoint."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from viser import PointCloudHandle, SceneApi, SceneNodeHandle, ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -18,9 +20,8 @@ from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
-from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD
-from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene, limbs_of
+from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene
 from bodycam_ros.viewer.surface_scene import SurfaceReader, SurfaceScene
 
 MAP, CAMERAS, SURFACE, NAMES = "map", "cameras", "surface", "names"
@@ -158,7 +159,7 @@ class Scene:
         image = footage.image_at(camera, at_ns, self.motion.frame_ns // 2)
         if image is None:
             return None
-        limbs = limbs_of(self._body, self._world_T_segment) + self.motion.equipment_at(self._index)
+        limbs = body_bones(self._body, self._world_T_segment) + self.motion.equipment_at(self._index)
         model, matches = footage.model(camera), footage.matches_of(image)
         return draw_picture(image, model, self.world_T_camera(camera), limbs, matches)
 
@@ -209,3 +210,49 @@ def grid_lines(low: Array, high: Array, offset_m: float = 0.0) -> Array:
             *([[low[0], at, 0.0], [high[0], at, 0.0]] for at in y),
         ]
     )
+
+
+FIELD_OF_VIEW = float(np.radians(40.0))
+"""Of the browser's camera, from bottom to top [rad]."""
+
+_TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
+_ELEVATION = np.radians(12.0)
+_FILLED = 0.8  # share of the window's height that the body takes
+_SMALLEST_BODY_M = 0.5  # of a body of few segments
+
+
+@dataclass(frozen=True, eq=False)
+class OpeningView:
+    """A camera whose up is z: half from the front, half from the body's left, a little from above.
+
+    Attributes:
+        position: (3,) in the scene [m].
+        look_at: (3,) what is in the middle of the window [m].
+    """
+
+    position: Array
+    look_at: Array
+
+    @classmethod
+    def of_body(cls, scene_T_root: Array, points_scene: Array) -> "OpeningView":
+        """The viewpoint of a body.
+
+        Args:
+            scene_T_root: (4, 4) pose of its root, whose x is forward [m].
+            points_scene: (N, 3) what is to be in view [m].
+        """
+        low, high = points_scene.min(axis=0), points_scene.max(axis=0)
+        size = max(float((high - low).max()), _SMALLEST_BODY_M)
+        distance = size / _FILLED / (2.0 * np.tan(FIELD_OF_VIEW / 2.0))
+        azimuth = np.arctan2(scene_T_root[1, 0], scene_T_root[0, 0]) + _TURN
+        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        away = np.cos(_ELEVATION) * level + np.sin(_ELEVATION) * np.array([0.0, 0.0, 1.0])
+        centre = (low + high) / 2.0
+        return cls(centre + distance * away, centre)
+
+
+def points_to_see(body: BodyModel, world_T_segment: Array) -> Array:
+    """(N, 3) ends of bones, and cameras, of a body at poses (S, 4, 4) [m]."""
+    limbs = body_bones(body, world_T_segment)
+    cameras = [mounted_camera(body, world_T_segment, camera)[:3, 3] for camera in body.mounts]
+    return np.concatenate([*(end for limb in limbs for end in (limb.start, limb.end)), np.reshape(cameras, (-1, 3))])

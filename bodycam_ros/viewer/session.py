@@ -6,8 +6,7 @@ from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.results.camera_picture import CameraPicture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.viewer.correction import Correction, Part, can_turn, place_of
-from bodycam_ros.viewer.edit_panel import EditPanel
-from bodycam_ros.viewer.gizmo import Gizmo
+from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.joint_curves import CurvePanel
 from bodycam_ros.viewer.panels import PicturePanel, TimePanel, add_switches
@@ -57,20 +56,19 @@ class Session:
             sources.stations,
             surface_reader(sources.body, body_path, sources.surface),
         )
-        self._gizmo = Gizmo(server.scene, inbox, self._drag)
         self._time = TimePanel(gui, inbox, motion, self._show_state)
         self._parts = {str(part): part for part in self._correction.parts()}
-        self._panel = EditPanel(
-            gui,
+        self._editor = Editor(
+            server,
             inbox,
             "Correct",
+            "Choose a part, or click a camera or joint, and drag its arrows.",
             (_NO_PART, *self._parts),
             body_path.name,
             select=lambda name: self._select(self._parts.get(name)),
             move_to=self._move_to,
             undo=lambda: self._change(self._correction.undone()),
             write=self._write,
-            text="Choose a part, or click a camera or joint, and drag its arrows.",
         )
         self._footage = None if sources.recording is None else Footage(sources.recording, sources.solved)
         self._curves = CurvePanel(gui, inbox, motion) if len(motion.stamps_ns) > 1 else None
@@ -140,38 +138,27 @@ class Session:
         self._scene.reshape(self._correction.body)
         self._show_state()
         part, body = self._selected, self._correction.body
-        self._panel.show(*((_NO_PART, None) if part is None else (str(part), place_of(body, part)[1][:3, 3])))
+        if part is None:
+            self._editor.show(_NO_PART)
+        else:
+            segment, segment_T_part = place_of(body, part)
+            self._editor.show(str(part), segment_name(segment), segment_T_part, can_turn=can_turn(body, part))
         moves = [f"{part}: {move}" for part, move in self._correction.moves()]
-        self._panel.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=bool(moves))
+        self._editor.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=bool(moves))
 
     def _select(self, part: Part | None) -> None:
         self._selected = part
-        if part is None:
-            self._gizmo.detach()
-        else:
-            segment, segment_T_part = place_of(self._correction.body, part)
-            turns = can_turn(self._correction.body, part)
-            self._gizmo.attach(segment_name(segment), segment_T_part, can_turn=turns)
         self._scene.select(part)
         if part is not None and part.kind == "camera" and part.name in self._sources.cameras:
             self._choose_camera(part.name)
         self._show_correction()
 
-    def _drag(self, segment_T_part: Array, continues: bool) -> None:
+    def _move_to(self, segment_T_part: Array, continues: bool) -> None:
         if self._selected is not None:
             self._change(self._correction.moved_to(self._selected, segment_T_part, continues=continues))
 
-    def _move_to(self, position: Array) -> None:
-        """Move the selected part's origin to a point (3,) of the segment that carries it [m]."""
-        if self._selected is not None:
-            pose = place_of(self._correction.body, self._selected)[1].copy()
-            pose[:3, 3] = position
-            self._change(self._correction.moved_to(self._selected, pose))
-
     def _change(self, correction: Correction) -> None:
         self._correction = correction
-        if self._selected is not None:
-            self._gizmo.follow(place_of(correction.body, self._selected)[1])
         self._show_correction()
 
     def _write(self) -> None:

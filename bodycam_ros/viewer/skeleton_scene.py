@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from viser import CylinderHandle, IcosphereHandle, LabelHandle, SceneApi
 
-from bodycam_ros.body.body_model import BodyModel, bone_ends
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, rgb
@@ -126,19 +126,4 @@ def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
         segment_T_root = inverse(root_T_segment[body.segment_index[bone.segment]])
         start, end = transform_points(segment_T_root, np.concatenate([bone.start, bone.end]))
         lines.append((bone.segment, start, end))
-    # A last segment whose tip is unknown, as the shin of legs alone, is drawn as far as its cameras reach.
-    drawn = {segment for segment, _, _ in lines}
-    for segment in body.segments:
-        if segment not in drawn and segment not in body.equipment_segments:
-            lines.append((segment, np.zeros(3), (bone_ends(body, segment) or [np.zeros(3)])[0]))
     return lines
-
-
-def limbs_of(body: BodyModel, world_T_segment: Array) -> list[Bone]:
-    """The lines of a body at poses (S, 4, 4) [m]."""
-    limbs = []
-    for segment, start, end in segment_bones(body):
-        if np.linalg.norm(end - start) >= _SHORTEST_M:
-            ends = transform_points(world_T_segment[body.segment_index[segment]], np.stack([start, end]))
-            limbs.append(Bone(segment, ends[:1], ends[1:], segment in body.equipment_segments))
-    return limbs

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.body.stick_figure import Bone
+from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
@@ -21,7 +21,6 @@ from bodycam_ros.results.footage import Footage
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.viewer.motion import read_motion
 from bodycam_ros.viewer.scene_nodes import segment_rgb
-from bodycam_ros.viewer.skeleton_scene import limbs_of
 
 WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
 GREY = 90
@@ -91,7 +90,7 @@ def test_landmarks_of_the_sample_fall_where_they_were_seen(sample: Path, sample_
     assert image is not None
     world_T_segment = motion.segments_at(body, instant)
     world_T_camera = world_T_segment[body.segment_index["shin_left"]] @ body.mounts["shin_left"].segment_T_camera
-    limbs, found, model = limbs_of(body, world_T_segment), footage.matches_of(image), footage.model("shin_left")
+    limbs, found, model = body_bones(body, world_T_segment), footage.matches_of(image), footage.model("shin_left")
     right = draw_picture(image, model, world_T_camera, limbs, found)
     assert right.error_px < 2.0
     wrong = draw_picture(image, model, world_T_camera @ rigid(np.eye(3), np.array([0.05, 0, 0])), limbs, found)

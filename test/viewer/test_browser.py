@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.picture_style import rgb
 from bodycam_ros.viewer.correction import Correction, Part, place_of
-from bodycam_ros.viewer.gizmo import SIZE_M
+from bodycam_ros.viewer.editor import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
-from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
+from bodycam_ros.viewer.scene import FIELD_OF_VIEW, OpeningView, points_to_see
 from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, segment_rgb
-from bodycam_ros.viewer.skeleton_scene import limbs_of
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
 from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
@@ -79,7 +79,9 @@ class Expected:
     def limbs(self, body: BodyModel, side: str, instant: int) -> NDArray[np.float64]:
         """Places along the middle of all limbs of a side."""
         along = np.linspace(0.2, 0.8, 13)[:, None]
-        limbs = [limb for limb in limbs_of(body, self.motion.segments_at(body, instant)) if limb.segment.endswith(side)]
+        limbs = [
+            limb for limb in body_bones(body, self.motion.segments_at(body, instant)) if limb.segment.endswith(side)
+        ]
         points = np.concatenate([(1.0 - along) * limb.start + along * limb.end for limb in limbs])
         return self.pixels(points, instant)
 

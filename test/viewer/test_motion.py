@@ -11,12 +11,13 @@ from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.viewer.motion import Motion, read_motion
-from bodycam_ros.viewer.skeleton_scene import limbs_of, segment_bones
+from bodycam_ros.viewer.skeleton_scene import segment_bones
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +109,7 @@ def test_equipment_is_shown_beside_a_body_file_that_does_not_know_it(ride: Walk,
     coupled = read_motion(out, ride.body)
     assert coupled.equipment == ()
     assert_allclose(coupled.segments_at(ride.body, 20), ride.world_T_segment[20], rtol=0.0, atol=1e-9)
-    (own,) = (limb for limb in limbs_of(ride.body, ride.world_T_segment[20]) if limb.is_equipment)
+    (own,) = (limb for limb in body_bones(ride.body, ride.world_T_segment[20]) if limb.is_equipment)
     assert_allclose(own.end[0], line.end[20], rtol=0.0, atol=1e-9)
 
 

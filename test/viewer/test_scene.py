@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.stick_figure import Bone
+from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -20,11 +20,9 @@ from bodycam_ros.results.footage import Footage
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.motion import Motion
-from bodycam_ros.viewer.opening_view import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene import CAMERAS, NAMES, Scene
+from bodycam_ros.viewer.scene import CAMERAS, FIELD_OF_VIEW, NAMES, OpeningView, Scene, points_to_see
 from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
 from bodycam_ros.viewer.server import LocalServer
-from bodycam_ros.viewer.skeleton_scene import limbs_of
 
 KNEE = Part("joint", "knee_left")
 FLOAT32 = 1e-6
@@ -194,7 +192,7 @@ def test_legs_alone_are_drawn_to_their_tips_and_fill_the_opening_view(body: Body
         mounts={camera: mount for camera, mount in body.mounts.items() if mount.segment in kept},
     )
     poses = Motion.standing(legs).segments_at(legs, 0)
-    lines = limbs_of(legs, poses)
+    lines = body_bones(legs, poses)
     assert {line.segment for line in lines} == kept
     shin = next(line for line in lines if line.segment == "shin_left")
     assert shin.start[0, 2] - shin.end[0, 2] > 0.1
