@@ -34,6 +34,7 @@ from bodycam_ros.progress import Progress, in_parallel
 _MIN_VIEWS = 3  # as many as cameras' five to twelve numbers need
 _MAX_VIEWS = 60  # sharp pictures that are spread best; more add time, hardly truth
 _TRIED_PICTURES = 12  # on which variants of the board are compared
+_FLAT = 0.9  # share of the points that lie in a plane, from which on no other way of reading the board is tried
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
 _TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
@@ -142,7 +143,8 @@ def _chosen_variant(pictures: Sequence[LensImage], board: LensBoard, progress: P
         points = float(sum(view.flat_points for view in found))
         if points > most:
             best, most = variant, 1.25 * points
-        if len(found) > 0.5 * len(some) and variant is board:
+        seen = sum(len(view.pixels) for view in found)
+        if variant is board and len(found) > 0.5 * len(some) and points > _FLAT * seen:
             break
     return best
 

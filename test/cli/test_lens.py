@@ -1,5 +1,7 @@
 """bodycam lens on pictures of boards that were rendered through lenses that are known, and on real ones."""
 
+from dataclasses import replace
+
 import av
 import cv2
 import numpy as np
@@ -206,12 +208,14 @@ def test_pictures_of_two_cameras_are_noticed(checkerboards, tmp_path, capsys):
     )
 
 
-@pytest.mark.parametrize("change", ["inverted", "mirrored"])
-def test_a_charuco_board_that_is_inverted_or_mirrored_is_found(tmp_path, capsys, change):
+@pytest.mark.parametrize("change", ["inverted", "mirrored", "upper left square"])
+def test_a_charuco_board_that_is_not_as_its_file_has_it_is_found(tmp_path, capsys, change):
     truth = camera_from_info("f", 480, 360, "fov", [0.9], [225, 0, 243, 0, 225, 177, 0, 0, 1])
     layout = BoardLayout("charuco", 6, 4, (0.04, 0.04), (0.03, 0.03), _TAGS)
     for number, image in enumerate(rendered(truth, layout, held_poses(truth, layout, 12, size=0.9))):
-        cv2.imwrite(str(tmp_path / f"{number:02}.png"), 255 - image if change == "inverted" else image[:, ::-1])
+        changed = {"inverted": 255 - image, "mirrored": image[:, ::-1]}.get(change, image)
+        cv2.imwrite(str(tmp_path / f"{number:02}.png"), changed)
+    layout = replace(layout, upper_left_is_black=change != "upper left square")
     words = ["--board", str(_board_file(tmp_path, layout)), "-o", str(tmp_path / "lens.yaml"), "--model", "fov"]
     assert main(["lens", *map(str, sorted(tmp_path.glob("*.png"))), *words]) == 0
     assert change in " ".join(capsys.readouterr().out.split())
