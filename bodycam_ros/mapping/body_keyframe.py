@@ -102,11 +102,11 @@ class KeyframeSelection:
         It is wanted once; the next one not before some time has passed.
         """
         pose = matches.world_T_camera
-        if pose is None or self.coverage(matches) >= _MAX_COVERED:
-            return False
-        if self._due_ns is not None and 0 <= matches.stamp_ns - self._due_ns < _MIN_GAP_NS:
+        if pose is None or (self._due_ns is not None and 0 <= matches.stamp_ns - self._due_ns < _MIN_GAP_NS):
             return False
         if self._world_T_latest is not None and not has_moved(self._world_T_latest, pose):
+            return False
+        if self.coverage(matches) >= _MAX_COVERED:
             return False
         self._due_ns = matches.stamp_ns
         return True
