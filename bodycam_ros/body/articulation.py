@@ -1,13 +1,11 @@
 """The articulated body as one vector of unknowns: what stays the same over a recording, and what moves (A eq. 3-5).
 
-Every segment has its own rotation at every instant; its position follows from the root's through the joints, so no
-joint ever gapes.
+Every joint is a ball, so that no joint ever gapes, and a segment turns as its cameras do.
 
 The instants of an articulated motion depend on each other through what lasts alone: the body, its mounts, the clocks of
 its cameras. Each is eliminated on its own by a Schur complement.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,31 +14,28 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import (
+    adjoint,
     exp_se3,
-    exp_so3,
-    hat,
     inverse,
     log_so3,
     nearest_rotation,
     rigid,
     robust_average_pose,
 )
-from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.kinematics.tangent import TreeTangent
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class ArticulatedMotion:
-    """A body and its motion, all as arrays.
+    """A body and its motion.
 
     Attributes:
-        body: names and tree; the geometry is in the arrays.
-        cameras: (C) names of the mounts' order.
-        offsets: (S, 3) where a segment's joint sits in its parent [m]; zero for the root.
-        mounts: (C, 4, 4) segment_T_camera.
-        root_positions: (T, 3) in the world [m].
-        rotations: (T, S, 3, 3) world_R_segment.
+        body: of ball joints, and free ones to equipment.
+        cameras: (C) names.
+        world_T_root: (T, 4, 4) of the root.
+        joint_motion: (T, J, 4, 4) in the order of the body's ``tree_joints``.
         delays: (C) by how much the clock of each camera is ahead of the body's [s].
         twists: (T, C, 6) of the cameras, in their own axes [rad/s, m/s].
         triggered: (C) whether a camera's stamps are those of the others.
@@ -48,42 +43,43 @@ class ArticulatedMotion:
 
     body: BodyModel
     cameras: tuple[str, ...]
-    offsets: Array
-    mounts: Array
-    root_positions: Array
-    rotations: Array
+    world_T_root: Array
+    joint_motion: Array
     delays: Array
     twists: Array
     triggered: NDArray[np.bool_]
 
     @cached_property
-    def parent_rows(self) -> tuple[int, ...]:
-        """(S) row of each segment's parent; -1 for the root."""
-        parent_of = {child: parent for parent, child in self.body.joint_ends.tolist()}
-        return tuple(parent_of.get(row, -1) for row in range(len(self.body.segments)))
-
-    @cached_property
-    def carriers(self) -> tuple[int, ...]:
+    def carriers(self) -> list[int]:
         """(C) row of the segment that carries each camera."""
-        return tuple(self.body.segment_index[self.body.mounts[camera].segment] for camera in self.cameras)
+        return [self.body.segment_index[self.body.mounts[camera].segment] for camera in self.cameras]
+
+    @property
+    def mounts(self) -> Array:
+        """(C, 4, 4) segment_T_camera."""
+        return np.stack([self.body.mounts[camera].segment_T_camera for camera in self.cameras])
 
     @property
     def moving_count(self) -> int:
-        """Unknowns of one instant: the root's position, then each segment's rotation."""
-        return 3 + 3 * len(self.body.segments)
+        """Unknowns of one instant: an increment of the tree's coordinates (``TreeTangent``)."""
+        return self._tangent.count
 
     @property
     def lasting_count(self) -> int:
-        """Unknowns of the body: each segment's offset (the root's is held), each camera's mount and delay."""
-        return 3 * len(self.body.segments) + 7 * len(self.cameras)
+        """Unknowns of the body: each joint's place in its parent, each camera's mount and delay."""
+        return 3 * len(self.body.tree_joints) + 7 * len(self.cameras)
 
-    def offset_columns(self, segment_row: int) -> slice:
-        """Where a segment's offset stands among the lasting unknowns."""
-        return slice(3 * segment_row, 3 * segment_row + 3)
+    @cached_property
+    def _tangent(self) -> TreeTangent:
+        return TreeTangent(self.body)
+
+    def place_columns(self, joint_row: int) -> slice:
+        """Where a joint's place stands among the lasting unknowns."""
+        return slice(3 * joint_row, 3 * joint_row + 3)
 
     def mount_columns(self, camera_row: int) -> slice:
         """Where a camera's mount stands among the lasting unknowns: rotation, then translation in camera axes."""
-        start = 3 * len(self.body.segments) + 6 * camera_row
+        start = 3 * len(self.body.tree_joints) + 6 * camera_row
         return slice(start, start + 6)
 
     @property
@@ -93,114 +89,92 @@ class ArticulatedMotion:
 
     def world_T_segment(self) -> Array:
         """Poses (T, S, 4, 4) (A eq. 3-4)."""
-        positions = np.empty((*self.rotations.shape[:2], 3))
-        positions[:, self.body.segment_index[self.body.root]] = self.root_positions
-        for parent, child in self.body.joint_ends.tolist():
-            positions[:, child] = positions[:, parent] + self.rotations[:, parent] @ self.offsets[child]
-        return rigid(self.rotations, positions)
+        return self.body.forward_kinematics(self.world_T_root, self.joint_motion)
 
     def world_T_camera(self) -> Array:
         """Poses (T, C, 4, 4) at what the cameras' clocks call the instants (A eq. 5): earlier by their delays."""
-        poses: Array = self.world_T_segment()[:, list(self.carriers)] @ self.mounts
+        poses: Array = self.world_T_segment()[:, self.carriers] @ self.mounts
         return poses @ exp_se3(-self.delays[:, None] * self.twists) if self.delays.any() else poses
 
-    def jacobians(self) -> tuple[Array, Array]:
-        """How each camera's pose moves, a tangent in its own axes, with the unknowns of its instant and of the body.
+    def moving_jacobians(self) -> Array:
+        """(T, C, 6, moving_count) how the cameras' poses, tangents in their own axes, move with their instant."""
+        J = self._tangent.segment_jacobians(self.world_T_segment())
+        return np.asarray(adjoint(inverse(self.mounts)) @ J[:, self.carriers])
 
-        Returns:
-            (T, C, 6, moving_count) and (T, C, 6, lasting_count); see ``moved`` for the unknowns' meaning.
-        """
-        lasting = np.zeros((len(self.rotations), len(self.cameras), 6, self.lasting_count))
+    def lasting_jacobians(self) -> Array:
+        """(T, C, 6, lasting_count) how they move with the unknowns of the body; see ``moved``."""
+        world_R_segment, counts = self.world_T_segment()[..., :3, :3], (len(self.twists), len(self.cameras))
+        camera_R_world = np.swapaxes(world_R_segment[:, self.carriers] @ self.mounts[:, :3, :3], -1, -2)
+        camera_R_parent = camera_R_world[:, :, None] @ world_R_segment[:, None, self.body.joint_ends[:, 0]]
+        camera_R_parent *= self.body.moves[self.carriers][..., None, None]
+        lasting = np.zeros((*counts, 6, self.lasting_count))
+        places = 3 * len(self.body.tree_joints)
+        lasting[..., 3:, :places] = np.swapaxes(camera_R_parent, 2, 3).reshape(*counts, 3, places)
         for c in range(len(self.cameras)):
             lasting[:, c, :, self.mount_columns(c)] = np.eye(6)
         lasting[..., self.delay_columns] = self.delay_jacobians()
-        return self.moving_jacobians(lasting), lasting
+        return lasting
 
     def delay_jacobians(self) -> Array:
         """(T, C, 6, C) how the cameras' poses move with their delays."""
         each = np.arange(len(self.cameras))
-        of_delays = np.zeros((len(self.rotations), len(self.cameras), 6, len(self.cameras)))
-        of_delays[:, each, :, each] = -np.swapaxes(self.twists, 0, 1)
-        return of_delays
-
-    def moving_jacobians(self, lasting: Array | None = None) -> Array:
-        """(T, C, 6, moving_count) how the cameras' poses move with the unknowns of their instant.
-
-        The columns of the offsets are written into ``lasting`` on the way.
-        """
-        moving = np.zeros((len(self.rotations), len(self.cameras), 6, self.moving_count))
-        for c, carrier in enumerate(self.carriers):
-            R_mount, m = self.mounts[c, :3, :3], self.mounts[c, :3, 3]
-            camera_R_world = np.swapaxes(self.rotations[:, carrier] @ R_mount, -1, -2)
-            moving[:, c, 3:, :3] = camera_R_world
-            moving[:, c, :3, _turn(carrier)] = R_mount.T
-            moving[:, c, 3:, _turn(carrier)] = -R_mount.T @ hat(m)
-            row = carrier
-            while (parent := self.parent_rows[row]) >= 0:
-                camera_R_parent = camera_R_world @ self.rotations[:, parent]
-                moving[:, c, 3:, _turn(parent)] += -camera_R_parent @ hat(self.offsets[row])
-                if lasting is not None:
-                    lasting[:, c, 3:, self.offset_columns(row)] = camera_R_parent
-                row = parent
-        return moving
+        by_delays = np.zeros((*self.twists.shape, len(self.cameras)))
+        by_delays[:, each, :, each] = -np.swapaxes(self.twists, 0, 1)
+        return by_delays
 
     def moved(self, moving: Array, lasting: Array) -> "ArticulatedMotion":
         """The motion after a step.
 
         Args:
-            moving: (T, moving_count) the root's shift in the world [m], then a rotation vector per segment in its own
-                axes [rad].
-            lasting: (lasting_count) shift of each offset in the parent's axes [m], then a tangent per mount in the
+            moving: (T, moving_count) increments of the coordinates.
+            lasting: (lasting_count) shift of each joint in its parent's axes [m], then a tangent per mount in the
                 camera's axes, then what each camera's delay grows by [s].
         """
-        segments, cameras = len(self.body.segments), len(self.cameras)
-        turns = moving[:, 3:].reshape(-1, segments, 3)
-        return replace(
-            self,
-            offsets=self.offsets + lasting[: 3 * segments].reshape(segments, 3),
-            mounts=_orthonormal(self.mounts @ exp_se3(lasting[3 * segments : -cameras].reshape(cameras, 6))),
-            delays=self.delays + lasting[-cameras:],
-            root_positions=self.root_positions + moving[:, :3],
-            rotations=nearest_rotation(self.rotations @ exp_so3(turns)),
+        joints = tuple(
+            replace(joint, parent_T_joint=_shifted(joint.parent_T_joint, lasting[self.place_columns(row)]))
+            for row, joint in enumerate(self.body.tree_joints)
         )
-
-    def with_segment_axes(self, old_R_new: Array) -> "ArticulatedMotion":
-        """The same motion with other axes (S, 3, 3) on the segments, about the same origins."""
-        new_R_old = np.swapaxes(old_R_new, -1, -2)
-        parents = [max(parent, 0) for parent in self.parent_rows]
-        new_T_old = rigid(new_R_old, np.zeros(3))
+        mounts = dict(self.body.mounts)
+        for c, camera in enumerate(self.cameras):
+            mount = mounts[camera].segment_T_camera @ exp_se3(lasting[self.mount_columns(c)])
+            mount = rigid(nearest_rotation(mount[:3, :3]), mount[:3, 3])
+            mounts[camera] = replace(mounts[camera], segment_T_camera=mount)
+        root, motion = self._tangent.moved(self.world_T_root, self.joint_motion, moving)
         return replace(
             self,
-            offsets=(new_R_old[parents] @ self.offsets[..., None])[..., 0],
-            mounts=new_T_old[list(self.carriers)] @ self.mounts,
-            rotations=self.rotations @ old_R_new,
+            body=replace(self.body, joints=joints, mounts=mounts),
+            world_T_root=root,
+            joint_motion=motion,
+            delays=self.delays + lasting[self.delay_columns],
         )
 
     def with_zero_at(self, resting: NDArray[np.bool_], world_R_rest: Array) -> "ArticulatedMotion":
         """The same motion, with all segments' axes those of the N-pose (3, 3) on average over some instants (T)."""
-        old_R_new = [
-            robust_average_pose(rigid(self.rotations[resting, row], np.zeros(3)))[:3, :3].T @ world_R_rest
-            for row in range(len(self.body.segments))
+        poses, body = self.world_T_segment(), self.body
+        average = [
+            robust_average_pose(rigid(poses[resting, row, :3, :3], np.zeros(3))) for row in range(poses.shape[1])
         ]
-        return self.with_segment_axes(np.stack(old_R_new))
+        old_T_new = rigid(np.swapaxes(np.array(average)[:, :3, :3], 1, 2) @ world_R_rest, np.zeros(3))
+        new_T_old = inverse(old_T_new)
+        joints = []
+        for joint, (parent, _) in zip(body.tree_joints, body.joint_ends.tolist(), strict=True):
+            place = new_T_old[parent] @ joint.parent_T_joint
+            joints.append(replace(joint, parent_T_joint=rigid(np.eye(3), place[:3, 3])))
+        mounts = {
+            camera: replace(
+                mount, segment_T_camera=new_T_old[body.segment_index[mount.segment]] @ mount.segment_T_camera
+            )
+            for camera, mount in body.mounts.items()
+        }
+        body, poses = replace(body, joints=tuple(joints), mounts=mounts), poses @ old_T_new
+        root, motion = poses[:, body.segment_index[body.root]], body.joint_poses(poses)
+        return replace(self, body=body, world_T_root=root, joint_motion=motion)
 
     def with_body(self, body: BodyModel) -> "ArticulatedMotion":
         """The same motion of the cameras on a body whose joints or root's origin sit elsewhere on its segments."""
-        root = self.body.segment_index[self.body.root]
-        camera = self.carriers.index(root)
-        mount = body.mounts[self.cameras[camera]].segment_T_camera
-        old_T_new = self.mounts[camera] @ inverse(mount)
-        root_positions = self.root_positions + self.rotations[:, root] @ old_T_new[:3, 3]
-        return replace(
-            articulated(body, self.cameras, root_positions, self.rotations, self.twists, self.triggered),
-            delays=self.delays,
-        )
-
-    def joints_at_zero(self, joints: Iterable[Joint]) -> dict[str, Array]:
-        """Joint -> (3,) where it is when all segments have the root's axes, in those of the root [m]."""
-        body = self.body_with_geometry()
-        world_T_segment = body.n_pose(np.eye(4))
-        return {joint.name: world_T_segment[body.segment_index[joint.child], :3, 3] for joint in joints}
+        camera = next(camera for camera in self.cameras if body.mounts[camera].segment == body.root)
+        old_T_new = self.body.mounts[camera].segment_T_camera @ inverse(body.mounts[camera].segment_T_camera)
+        return replace(self, body=body, world_T_root=self.world_T_root @ old_T_new)
 
     def hinge_axis(self, child: str) -> Array:
         """(3,) direction on a segment that its joint never turned across, to the left rather than to the right."""
@@ -216,43 +190,10 @@ class ArticulatedMotion:
         low, high = np.percentile(turns @ axes.T, [0.5, 99.5], axis=0)
         return np.sort(high - low)[::-1]
 
-    def body_with_geometry(self) -> BodyModel:
-        """The body with the offsets and mounts of the arrays."""
-        index = self.body.segment_index
-        joints = tuple(
-            replace(joint, parent_T_joint=rigid(np.eye(3), self.offsets[index[joint.child]]))
-            for joint in self.body.joints
-        )
-        mounts = {
-            camera: replace(self.body.mounts[camera], segment_T_camera=self.mounts[c])
-            for c, camera in enumerate(self.cameras)
-        }
-        return replace(self.body, joints=joints, mounts=mounts)
-
     def _joint_rotations(self, child: str) -> Array:
-        """(T, 3, 3) parent_R_child of the joint that a segment hangs on."""
-        row = self.body.segment_index[child]
-        rotations: Array = np.swapaxes(self.rotations[:, self.parent_rows[row]], -1, -2) @ self.rotations[:, row]
-        return rotations
-
-
-def articulated(
-    body: BodyModel,
-    cameras: tuple[str, ...],
-    root_positions: Array,
-    rotations: Array,
-    twists: Array,
-    triggered: NDArray[np.bool_],
-) -> ArticulatedMotion:
-    """The arrays of a body, its segments' origins moved to their joints, and of its motion (``ArticulatedMotion``)."""
-    origins, offsets = np.zeros((2, len(body.segments), 3))
-    for joint, (parent, child) in zip(body.tree_joints, body.joint_ends.tolist(), strict=True):
-        origins[child] = joint.child_T_joint[:3, 3]
-        offsets[child] = joint.parent_T_joint[:3, 3] - origins[parent]
-    mounts = np.stack([body.mounts[camera].segment_T_camera for camera in cameras])
-    mounts[:, :3, 3] -= origins[[body.segment_index[body.mounts[camera].segment] for camera in cameras]]
-    delays = np.zeros(len(cameras))
-    return ArticulatedMotion(body, cameras, offsets, mounts, root_positions, rotations, delays, twists, triggered)
+        """(T, 3, 3) of the joint that a segment hangs on."""
+        row = self.body.joint_ends[:, 1].tolist().index(self.body.segment_index[child])
+        return self.joint_motion[:, row, :3, :3]
 
 
 def motion_of_cameras(
@@ -266,16 +207,21 @@ def motion_of_cameras(
     """A motion whose segments turn as their cameras do (A 4.2), the root at the median of its places by all cameras.
 
     Args:
-        body: calibrated.
+        body: calibrated; its joints become balls.
         cameras: (C) names.
         poses: (T, C, 4, 4) world_T_camera.
         twists: (T, C, 6).
         known: (T, C) which of the poses are.
         triggered: (C) whether a camera's stamps are those of the others.
     """
+    balls = tuple(
+        joint if joint.type == "free" else replace(joint, type="ball", sigmas=None, limits=None)
+        for joint in body.tree_joints
+    )
+    body = replace(body, joints=balls)
     camera_R_segment = np.stack([body.mounts[camera].segment_T_camera[:3, :3].T for camera in cameras])
     world_R_carrier = poses[..., :3, :3] @ camera_R_segment
-    rotations = np.broadcast_to(np.eye(3), (len(poses), len(body.segments), 3, 3)).copy()
+    rotations = np.tile(np.eye(3), (len(poses), len(body.segments), 1, 1))
     order = [(body.root, None), *((joint.child, joint.parent) for joint in body.tree_joints)]
     for segment, parent in order:
         row = body.segment_index[segment]
@@ -289,18 +235,15 @@ def motion_of_cameras(
             mean = np.einsum("tk,tkij->tij", seen, world_R_carrier[stamps][:, columns])
             nearest = np.argmin(np.abs(np.arange(len(poses))[:, None] - stamps), axis=1)
             rotations[:, row] = nearest_rotation(mean)[nearest]
-    motion = articulated(body, cameras, np.zeros((len(poses), 3)), rotations, twists, triggered)
+    root = rigid(rotations[:, body.segment_index[body.root]], np.zeros(3))
+    joint_motion = rigid(body.joint_rotations(rigid(rotations, np.zeros(3))), np.zeros(3))
+    motion = ArticulatedMotion(body, cameras, root, joint_motion, np.zeros(len(cameras)), twists, triggered)
     shifts = np.where(known[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
-    return replace(motion, root_positions=np.nanmedian(shifts, axis=1))
+    return replace(motion, world_T_root=rigid(root[:, :3, :3], np.nanmedian(shifts, axis=1)))
 
 
-def _turn(row: int) -> slice:
-    """Where a segment's rotation stands among the unknowns of an instant."""
-    return slice(3 + 3 * row, 6 + 3 * row)
-
-
-def _orthonormal(poses: Array) -> Array:
-    return rigid(nearest_rotation(poses[:, :3, :3]), poses[:, :3, 3])
+def _shifted(place: Array, shift: Array) -> Array:
+    return rigid(place[:3, :3], place[:3, 3] + shift)
 
 
 _STIFFENING = 1e-6

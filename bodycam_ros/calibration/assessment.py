@@ -65,20 +65,19 @@ class Findings:
         """The body of ``zeroed``."""
         return self.zeroed.motion.body
 
-    def offset_covariance(self) -> Array:
-        """Covariance (3 S, 3 S) of the joints' places in their parents, in N-pose axes [m^2].
+    def place_covariance(self) -> Array:
+        """Covariance (3 J, 3 J) of the joints' places in their parents, in N-pose axes [m^2].
 
         Along a hinge's axis the motion carries no information, so that leaving some of it out changes nothing; there
         the straightness of the limb is all that is known.
         """
-        refined, zeroed = self.refined.motion, self.zeroed.motion
-        count = 3 * len(self.body.segments)
+        motion, count = self.zeroed.motion, 3 * len(self.body.tree_joints)
         zero_R_refined, covariance_along = np.zeros((2, count, count))
-        for row, parent in enumerate(zeroed.parent_rows):
-            own, parent = zeroed.offset_columns(row), max(parent, 0)
-            zero_R_refined[own, own] = zeroed.rotations[0, parent].T @ refined.rotations[0, parent]
-            axis = self.zeroed.hinges.get(self.body.segments[row])
-            if axis is not None:
+        refined, zeroed = (each.world_T_segment()[0, :, :3, :3] for each in (self.refined.motion, motion))
+        for row, (joint, parent) in enumerate(zip(self.body.tree_joints, self.body.joint_ends[:, 0], strict=True)):
+            own = motion.place_columns(row)
+            zero_R_refined[own, own] = zeroed[parent].T @ refined[parent]
+            if (axis := self.zeroed.hinges.get(joint.child)) is not None:
                 covariance_along[own, own] = STRAIGHT_SIGMA_M**2 * np.outer(axis, axis)
         in_motion = zero_R_refined @ self.refined.covariance[:count, :count] @ zero_R_refined.T
         return np.asarray(in_motion + covariance_along)
@@ -90,7 +89,7 @@ def assess(findings: Findings) -> CalibrationDiagnosis:
     Raises:
         RangeOfMotionError: a joint is not known well enough, however much it was moved.
     """
-    covariance = findings.offset_covariance()
+    covariance = findings.place_covariance()
     joints = tuple(_joint(findings, joint, covariance) for joint in findings.body.tree_joints)
     if unknown := [joint for joint in joints if not joint.sigma_m.max() <= _MAX_SIGMA_M]:
         lines = [
@@ -128,7 +127,7 @@ def _bone_lengths(findings: Findings, covariance: Array) -> list[BoneLength]:
             vector, by_offsets = np.zeros(3), np.zeros((3, len(covariance)))
             for joint, sign in ((end, 1.0), (start, 0.0 if start is above else -1.0)):
                 vector += sign * joint.parent_T_joint[:3, 3]
-                own = findings.zeroed.motion.offset_columns(body.segment_index[joint.child])
+                own = findings.zeroed.motion.place_columns(body.joint_row[joint.name])
                 by_offsets[:, own] = sign * np.eye(3)
             length_m = float(np.linalg.norm(vector))
             slope = vector @ by_offsets / max(length_m, 1e-9)
@@ -143,7 +142,7 @@ def _is_pair(left: Joint, right: Joint) -> bool:
 
 def _joint(findings: Findings, joint: Joint, covariance: Array) -> JointDiagnosis:
     motion, axis = findings.zeroed.motion, findings.zeroed.hinges.get(joint.child)
-    own = motion.offset_columns(findings.body.segment_index[joint.child])
+    own = motion.place_columns(findings.body.joint_row[joint.name])
     sigma_m = np.sqrt(np.maximum(np.diag(covariance[own, own]), 0.0))
     # A hinge's place along its axis does not depend on the exercise.
     along = np.zeros(3) if axis is None else STRAIGHT_SIGMA_M * axis

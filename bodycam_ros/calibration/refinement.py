@@ -95,7 +95,10 @@ def refine(
         hessians, gradients = images.linearised(world_T_camera)
         weights = _cauchy(hessians, gradients)
         eliminated = eliminate_instants(
-            *motion.jacobians(), weights[..., None, None] * hessians, weights[..., None] * gradients
+            motion.moving_jacobians(),
+            motion.lasting_jacobians(),
+            weights[..., None, None] * hessians,
+            weights[..., None] * gradients,
         )
         prior = _priors(motion, start, hinges, clock)
         equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
@@ -129,7 +132,6 @@ def _priors(
     count = motion.lasting_count
     hessian, gradient = np.zeros((count, count)), np.zeros(count)
     held = np.zeros(count, dtype=bool)
-    held[motion.offset_columns(motion.body.segment_index[motion.body.root])] = True
     first_camera = {carrier: c for c, carrier in reversed(list(enumerate(motion.carriers)))}
     for carrier, c in first_camera.items():
         columns = motion.mount_columns(c)
@@ -142,11 +144,12 @@ def _priors(
     delays = range(motion.delay_columns.start, motion.delay_columns.stop)
     hessian[delays, delays] += sigmas**-2.0
     gradient[delays] += motion.delays / sigmas**2
-    for child, axis in hinges.items():
-        row = motion.body.segment_index[child]
-        columns, information = motion.offset_columns(row), np.outer(axis, axis) / STRAIGHT_SIGMA_M**2
-        hessian[columns, columns] += information
-        gradient[columns] += information @ (motion.offsets - start.offsets)[row]
+    for row, joint in enumerate(motion.body.tree_joints):
+        if (axis := hinges.get(joint.child)) is not None:
+            columns, information = motion.place_columns(row), np.outer(axis, axis) / STRAIGHT_SIGMA_M**2
+            hessian[columns, columns] += information
+            moved = joint.parent_T_joint - start.body.tree_joints[row].parent_T_joint
+            gradient[columns] += information @ moved[:3, 3]
     return hessian, gradient
 
 

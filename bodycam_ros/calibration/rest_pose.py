@@ -148,11 +148,13 @@ def zero_at_rest(
     heading_rad = facing_rad
     if heading_rad is None:
         # Where on its axis a hinge sits is not known yet, and its axis runs from right to left.
-        balls = [joint for joint in motion.body.tree_joints if joint.child not in hinges]
-        heading_rad = facing_direction(motion.with_zero_at(resting, np.eye(3)).joints_at_zero(balls))
+        body = motion.with_zero_at(resting, np.eye(3)).body
+        places = body.n_pose(np.eye(4))[body.joint_ends[:, 1], :3, 3]
+        balls = [row for row, joint in enumerate(body.tree_joints) if joint.child not in hinges]
+        heading_rad = facing_direction({body.tree_joints[row].name: places[row] for row in balls})
     motion = motion.with_zero_at(resting, heading_rotation(heading_rad))
     axes = {child: motion.hinge_axis(child) for child in hinges}
-    body = root_at_hips(place_hinges(motion.body_with_geometry(), axes))  # A eq. 16-17
+    body = root_at_hips(place_hinges(motion.body, axes))  # A eq. 16-17
     return ZeroedMotion(motion.with_body(body), heading_rad, axes)
 
 
