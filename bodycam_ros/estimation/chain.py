@@ -1,7 +1,7 @@
 """One state of the chain: its measurements, its estimate, and what its publication waits for."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyUncertainty, SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments
 from bodycam_ros.estimation.between_factors import Between, condition
-from bodycam_ros.estimation.estimate import Estimate, Transition
+from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
 from bodycam_ros.estimation.measurements import JointRotations, Measurements
 from bodycam_ros.estimation.motion_model import MotionModel, MotionPrior
 from bodycam_ros.geometry import Array, inverse, nearest_rotation
@@ -21,25 +21,24 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Prediction of a state from the one before, without its own measurements.
+    """A state and the one before: first as predicted, then given the measurements of the state as well.
 
     Attributes:
         dt_s: between the two [s]; 0 at the first.
-        after: the predicted state.
-        link: both states; None at the first.
+        link: both states.
         prior: of the motion between them, where it is not people's.
         between: measurements of both.
     """
 
     dt_s: float
-    after: Estimate
-    link: Transition | None = None
+    link: Transition
     prior: MotionPrior | None = None
     between: Sequence[Between] = ()
 
-    def linked(self, link: Transition) -> "Step":
-        """The same with another transition."""
-        return replace(self, link=link, after=link.after)
+    @property
+    def after(self) -> Estimate:
+        """The later state."""
+        return self.link.after
 
 
 def predict_step(
@@ -47,7 +46,7 @@ def predict_step(
 ) -> Step:
     """The state ``dt_s`` [s] after another, by the motion prior (A eq. 10-11) and measurements of both (A eq. 2)."""
     link = condition(motion.predict(before, dt_s, prior), between)
-    return Step(dt_s, link.after, link, prior, between)
+    return Step(dt_s, link, prior, between)
 
 
 @dataclass(eq=False)
@@ -57,8 +56,7 @@ class ChainState:
     Attributes:
         stamp_ns: its time [ns].
         stamps_ns: camera -> stamp of its own image [ns].
-        estimate: given all measurements until then.
-        step: from the state before.
+        step: from the state before, given all measurements until then.
         measured: measurements of this state.
         joints_observed: (J,) whether body cameras observe both segments.
         turning: (J,) whether the rotations of both are measured at least.
@@ -74,7 +72,6 @@ class ChainState:
 
     stamp_ns: int
     stamps_ns: Mapping[str, int]
-    estimate: Estimate
     step: Step
     measured: Measurements
     joints_observed: Mask
@@ -92,6 +89,11 @@ class ChainState:
         self.unobserved, self.is_unmeasured = ~self.joints_observed, not self.is_observed
 
     @property
+    def estimate(self) -> Estimate:
+        """The state given all measurements until then."""
+        return self.step.after
+
+    @property
     def is_observed(self) -> bool:
         """Whether any camera was accepted."""
         return bool(self.observed.any())
@@ -107,13 +109,12 @@ class ChainState:
         self.is_unmeasured = self.is_unmeasured and not latest.is_observed
 
 
-def smooth(states: Sequence[ChainState]) -> list[Estimate]:
-    """Estimates of states given all of them: the last one, carried back to the first (Rauch, Tung, Striebel 1965)."""
-    estimates = [states[-1].estimate]
+def smooth(states: Sequence[ChainState]) -> list[Coordinates]:
+    """Coordinates of states given all of them: the last one, carried back to the first (Rauch, Tung, Striebel 1965)."""
+    smoothed = [states[-1].estimate.at]
     for later in reversed(states[1:]):
-        assert later.step.link is not None  # only the first has none
-        estimates.append(later.step.link.smoothed(estimates[-1], covariance=False))
-    return estimates[::-1]
+        smoothed.append(later.step.link.smoothed(smoothed[-1]))
+    return smoothed[::-1]
 
 
 def first_poses(body: BodyModel, evidence: Collection[SegmentPose], bent: float = 0.0) -> Array:

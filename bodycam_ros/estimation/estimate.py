@@ -73,7 +73,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """Two states that follow each other, both given all but the later one's measurements.
+    """Two states that follow each other, both given the same measurements.
 
     Attributes:
         before, after: the earlier and the later state.
@@ -84,25 +84,42 @@ class Transition:
     after: Estimate
     cross: Array
 
+    @staticmethod
+    def first(initial: Estimate) -> "Transition":
+        """Of the first state, which depends on none before."""
+        return Transition(initial, initial, np.zeros_like(initial.covariance))
+
     @cached_property
     def _gain(self) -> Array:
         return np.asarray(np.linalg.solve(self.after.covariance, self.cross).T, np.float64)
 
-    def fitted(self, after: Estimate) -> "Transition":
-        """The same two states given the later one's measurements."""
-        return Transition(self.smoothed(after), after, after.covariance @ self._gain.T)
+    def fitted(self, at: Coordinates, covariance: Array, prior: Array, step: Array) -> "Transition":
+        """The same given a fit of the later state's coordinates; all else follows by its covariance with these.
 
-    def smoothed(self, after: Estimate, covariance: bool = True) -> Estimate:
-        """The earlier state given another estimate of the later one (Rauch, Tung, Striebel 1965).
+        Args:
+            at: the coordinates of the fit.
+            covariance: (K, K) of them.
+            prior: (K, K) inverse of their covariance before the fit.
+            step: (K) increment from the coordinates before the fit.
+        """
+        K, P, cross = len(prior), self.after.covariance, self.cross
+        gain, gain_before, less = P[K:, :K] @ prior, cross[:K].T @ prior, P[:K, :K] - covariance
+        after, covaries = np.empty_like(P), np.empty_like(cross)
+        after[:K, :K], after[K:, :K] = covariance, gain @ covariance
+        after[:K, K:] = after[K:, :K].T
+        after[K:, K:] = P[K:, K:] - gain @ less @ gain.T
+        covaries[:K], less_before = covariance @ gain_before.T, less @ gain_before.T
+        covaries[K:] = cross[K:] - gain @ less_before
+        before = Estimate(self.before.at.moved(gain_before @ step), self.before.covariance - gain_before @ less_before)
+        at = replace(at, velocity=self.after.at.velocity + gain @ step)
+        return Transition(before, Estimate(at, after), covaries)
+
+    def smoothed(self, after: Coordinates) -> Coordinates:
+        """The earlier state where the later one is at other coordinates (Rauch, Tung, Striebel 1965).
 
         It is the back-substitution of a factor graph that is a chain of states.
         """
-        step = self._gain @ self.after.at.step_to(after.at)
-        at = self.before.at.moved(step)
-        if not covariance:
-            return replace(self.before, at=at)
-        change = self._gain @ (after.covariance - self.after.covariance) @ self._gain.T
-        return Estimate(at, self.before.covariance + change)
+        return self.before.at.moved(self._gain @ self.after.at.step_to(after))
 
 
 _CORRELATED_S = 0.3  # errors of registrations last so long (0.9 from image to image at 30 Hz): differences err less

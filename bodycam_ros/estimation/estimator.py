@@ -22,7 +22,7 @@ from bodycam_ros.estimation.camera_gate import gate_cameras
 from bodycam_ros.estimation.chain import ChainState, Step, first_poses, predict_step, smooth
 from bodycam_ros.estimation.contact import ContactSettings, foot_points, resting_points
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition, body_uncertainty
+from bodycam_ros.estimation.estimate import Coordinates, Transition, body_uncertainty
 from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import (
@@ -37,6 +37,7 @@ from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 Mask = NDArray[np.bool_]
@@ -168,7 +169,7 @@ class BodyEstimator:
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
         initial = self._motion.initial(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
         initial = self._coupling.initial(initial) if self._coupling else initial
-        return self._solve(frame, registered, Step(0.0, initial), placed)
+        return self._solve(frame, registered, Step(0.0, Transition.first(initial)), placed)
 
     def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> ChainState:
         """A state after another: the motion prior (A eq. 10-11), and the rotations measured since (A eq. 2)."""
@@ -198,7 +199,7 @@ class BodyEstimator:
         step, start = self._add_static_cameras(frame, step, start, known, on_body)
         observed, turning = static.observed, static.observed
         turning[[factor.row for factor in step.between if isinstance(factor, SegmentTurn)]] = True
-        joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.link is None)
+        joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.dt_s == 0.0)
         # The measurements of this state.
         cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
         predicted = self._prior.predict(joints_observed, joints_turning, step.dt_s or _FIRST_S)
@@ -207,15 +208,15 @@ class BodyEstimator:
             evidence = [*accepted.values(), *static.together]
             measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start)
         # The state that fits them best (A eq. 8, B eq. 15).
-        estimate = self._fit.fit(step.after, measured, start)
-        self._prior.add(self.body.joint_rotations(estimate.at.poses), joints_observed, step.dt_s)
-        step, estimate = self._add_contacts(step, estimate, observed, turning)
+        before, step = step.link.before.at.poses, replace(step, link=self._fit.fit(step.link, measured, start))
+        self._prior.add(self.body.joint_rotations(step.after.at.poses), joints_observed, step.dt_s)
+        step = self._add_contacts(before, step, observed, turning)
+        estimate = step.after
         if self._coupling:
             self._coupling.remember(estimate)
         state = ChainState(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
-            estimate=estimate,
             step=step,
             measured=measured,
             joints_observed=joints_observed,
@@ -297,22 +298,14 @@ class BodyEstimator:
         if not columns.any():
             return step
         after = self._motion.restarted(step.after, at, columns)
-        if step.link is None:
-            return replace(step, after=after)
         cross = step.link.cross.copy()
         cross[np.concatenate([columns, columns])] = 0.0
-        return step.linked(Transition(step.link.before, after, cross))
+        return replace(step, link=Transition(step.link.before, after, cross))
 
-    def _add_contacts(self, step: Step, estimate: Estimate, observed: Mask, turning: Mask) -> tuple[Step, Estimate]:
-        """Both states of a step, given the points of the soles that rest between them."""
-        if step.link is None:
-            return step, estimate
-        before, poses = step.link.before.at.poses, estimate.at.poses
-        resting = resting_points(self._soles, before, poses, step.dt_s, observed, turning)
-        if not resting:
-            return step, estimate
-        link = condition(step.link.fitted(estimate), resting)
-        return replace(step, link=link, between=[*step.between, *resting]), link.after
+    def _add_contacts(self, before: Array, step: Step, observed: Mask, turning: Mask) -> Step:
+        """Both states of a step, given the points of the soles that rest since the poses (S, 4, 4) before."""
+        resting = resting_points(self._soles, before, step.after.at.poses, step.dt_s, observed, turning)
+        return replace(step, link=condition(step.link, resting), between=[*step.between, *resting])
 
     def flush(self) -> list[BodyState]:
         """The states that still wait for later frames; the recording is over."""
@@ -346,23 +339,23 @@ class BodyEstimator:
             return []
         waiting = [state for state in self._chain if not state.is_published]
         if self.settings.whole_recording:
-            estimates = self._whole.solve(waiting, len(pending), self._coupling)
+            smoothed = self._whole.solve(waiting, len(pending), self._coupling)
         else:
-            estimates = smooth(waiting)
+            smoothed = smooth(waiting)
         for state in pending:
             state.is_published = True
         self._chain = [state for state in self._chain[:-1] if not state.is_published] + self._chain[-1:]
-        return [self._body_state(*each) for each in zip(pending, estimates, strict=False)]
+        return [self._body_state(*each) for each in zip(pending, smoothed, strict=False)]
 
-    def _body_state(self, state: ChainState, estimate: Estimate) -> BodyState:
+    def _body_state(self, state: ChainState, at: Coordinates) -> BodyState:
         report, rows, uncertainty = None, self._published, state.uncertainty
         if self._coupling:
-            report = self._coupling.report(estimate.at, state.estimate.covariance, state.active)
+            report = self._coupling.report(at, state.estimate.covariance, state.active)
         joints, segments = uncertainty.joints[self._published_joints], uncertainty.segments[rows]
         return BodyState(
             stamp_ns=state.stamp_ns,
             segments=self.body.segments[rows],
-            world_T_segment=estimate.at.poses[rows],
+            world_T_segment=at.poses[rows],
             uncertainty=replace(uncertainty, joints=joints, segments=segments),
             observed=state.observed[rows],
             cameras_used=state.cameras_used,

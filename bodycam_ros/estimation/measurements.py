@@ -6,7 +6,7 @@ is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inve
 """
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
-from bodycam_ros.estimation.estimate import Coordinates, Estimate
+from bodycam_ros.estimation.estimate import Coordinates, Transition
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -150,18 +150,17 @@ class StateFit:
             if np.isfinite(sigmas).any():
                 self._soft[row] = sigmas
 
-    def fit(self, predicted: Estimate, measured: Measurements, start: Coordinates | None = None) -> Estimate:
-        """Estimate given a prediction and measurements.
+    def fit(self, link: Transition, measured: Measurements, start: Coordinates) -> Transition:
+        """Both states of a transition given measurements of the later one.
 
         Args:
-            predicted: estimate without them.
-            measured: of the state.
-            start: initial coordinates.
+            link: without them.
+            measured: of the later state.
+            start: its initial coordinates.
         """
-        K, P = self._tangent.count, predicted.covariance
-        prior = np.linalg.inv(P[:K, :K])
+        K, predicted, at = self._tangent.count, link.after, start
+        prior = np.linalg.inv(predicted.covariance[:K, :K])
         prior = 0.5 * (prior + prior.T)
-        at = predicted.at if start is None else start
         robust = False
         for _ in range(_STEPS):
             A, b = self._normal_equations(at, measured, robust)
@@ -174,15 +173,7 @@ class StateFit:
                 break
             robust = robust or moved < _NEAR
         covariance = np.linalg.inv(information)
-        covariance = 0.5 * (covariance + covariance.T)
-        # Velocities follow by their covariance with the coordinates.
-        gain = P[K:, :K] @ prior
-        both = np.empty_like(P)
-        both[:K, :K], both[K:, :K] = covariance, gain @ covariance
-        both[:K, K:] = both[K:, :K].T
-        both[K:, K:] = P[K:, K:] - gain @ (P[:K, :K] - covariance) @ gain.T
-        velocity = predicted.at.velocity + gain @ (x + step)
-        return Estimate(replace(at, velocity=velocity), both)
+        return link.fitted(at, 0.5 * (covariance + covariance.T), prior, x + step)
 
     def _normal_equations(self, at: Coordinates, measured: Measurements, robust: bool) -> tuple[Array, Array]:
         """Matrix (K, K) and right side (K) of all measurements about coordinates."""

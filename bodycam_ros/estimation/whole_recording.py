@@ -12,7 +12,7 @@ from bodycam_ros.errors import SettingsError
 from bodycam_ros.estimation.chain import ChainState, Step, predict_step, smooth
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
-from bodycam_ros.estimation.estimate import Estimate
+from bodycam_ros.estimation.estimate import Coordinates, Transition
 from bodycam_ros.estimation.measurements import JointRotations, StateFit
 from bodycam_ros.estimation.motion_model import MotionModel
 from bodycam_ros.estimation.pose_prior import FORGET_S, PosePrior, RecordedPoses
@@ -48,53 +48,53 @@ class WholeRecording:
         self._before: ChainState | None = None
         self._earlier: list[NDArray[Any]] = []
 
-    def solve(self, states: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Estimate]:
-        """Estimates of the first ``count`` states given all."""
-        estimates = smooth(states)
-        coasted = self._coast(states, estimates, coupling) if coupling else {}
-        predicted = self._predicted(states, estimates, count)
+    def solve(self, states: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Coordinates]:
+        """Coordinates of the first ``count`` states given all."""
+        smoothed = smooth(states)
+        coasted = self._coast(states, smoothed, coupling) if coupling else {}
+        predicted = self._predicted(states, smoothed, count)
         again: list[ChainState] = []
-        for number, (state, estimate, better) in enumerate(zip(states, estimates, predicted, strict=True)):
+        for number, (state, at, better) in enumerate(zip(states, smoothed, predicted, strict=True)):
             self._on_progress(number / len(states))
             before, step = again[-1] if again else self._before, state.step
             if before is None:
-                initial = self._motion.initial(estimate.at.root, estimate.at.motion)
-                step = Step(0.0, coupling.initial(initial) if coupling else initial)
+                initial = self._motion.initial(at.root, at.motion)
+                step = Step(0.0, Transition.first(coupling.initial(initial) if coupling else initial))
             else:
                 dt_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
                 step = predict_step(self._motion, before.estimate, dt_s, step.prior, step.between)
             measured = replace(state.measured, expected=better + coasted.get(number, JointRotations.nothing()))
-            fitted = self._fit.fit(step.after, measured, estimate.at)
-            again.append(replace(state, estimate=fitted, step=step, measured=measured))
+            step = replace(step, link=self._fit.fit(step.link, measured, at))
+            again.append(replace(state, step=step, measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
         return smooth(again)[:count]
 
     def _coast(
-        self, states: Sequence[ChainState], estimates: list[Estimate], coupling: Coupling
+        self, states: Sequence[ChainState], smoothed: list[Coordinates], coupling: Coupling
     ) -> dict[int, JointRotations]:
-        """Rotations of coasting hinges where nothing drove them, by state; the estimates are moved there, in place."""
+        """Rotations of coasting hinges where nothing drove them, by state; moves the coordinates there."""
         coasted: dict[int, JointRotations] = {}
         stamps_s = 1e-9 * np.array([state.stamp_ns - states[0].stamp_ns for state in states])
         for row in coupling.motion.coasting_rows:
             joint = self._body.tree_joints[row]
             driven = np.array([coupling.motion.is_driven(row, state.active) for state in states], bool)
-            turned = np.array([estimate.at.motion[row, :3, :3] for estimate in estimates])
+            turned = np.array([at.motion[row, :3, :3] for at in smoothed])
             angles = coasting_trajectory(np.unwrap(hinge_angle(turned, joint.axis)), stamps_s, driven)
             rotations = joint.hinge_rotation(angles)
             for place in np.flatnonzero(~driven).tolist():
-                motion = estimates[place].at.motion.copy()
+                motion = smoothed[place].motion.copy()
                 motion[row, :3, :3] = rotations[place]
-                estimates[place] = replace(estimates[place], at=replace(estimates[place].at, motion=motion))
+                smoothed[place] = replace(smoothed[place], motion=motion)
                 pin = coasting([row], rotations[place][None])
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 
     def _predicted(
-        self, states: Sequence[ChainState], estimates: Sequence[Estimate], count: int
+        self, states: Sequence[ChainState], smoothed: Sequence[Coordinates], count: int
     ) -> list[JointRotations]:
         """Unobserved joints by these states and those of the blocks before."""
-        rotations = np.array([self._body.joint_rotations(estimate.at.poses) for estimate in estimates])
+        rotations = np.array([self._body.joint_rotations(at.poses) for at in smoothed])
         stamps_ns = np.array([state.stamp_ns for state in states])
         observed = np.array([state.joints_observed for state in states])
         lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)

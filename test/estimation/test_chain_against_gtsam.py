@@ -33,7 +33,7 @@ class Graph:
         self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         tangent = TreeTangent(body, SLIDES_M)
         for t, instant in enumerate(instants):
-            at = instant.step.after.at
+            at = instant.estimate.at
             for key, place in zip(self.keys(t), self.places(at), strict=True):
                 self.values.insert(key, place)
             self.values.insert(V(t), at.velocity)
@@ -171,14 +171,13 @@ def test_the_chain_is_the_graph_that_gtsam_solves(body: BodyModel, estimator: Bo
     graph = Graph(body, instants)
     values = graph.solve()
     marginals = gtsam.Marginals(graph.graph, values)
-    beliefs = smooth(instants)
-    for t, belief in enumerate(beliefs):
+    for t, at in enumerate(smooth(instants)):
         # The chain is linearised once, going forwards: far below the cameras' 4 mm.
-        for key, place in zip(graph.keys(t), graph.places(belief.at), strict=True):
+        for key, place in zip(graph.keys(t), graph.places(at), strict=True):
             read = {ord("x"): values.atPose3, ord("b"): values.atRot3}
             apart = _between(place, read.get(gtsam.Symbol(key).chr(), values.atVector)(key))
             assert np.abs(apart).max() < 4e-4
-        assert np.abs(belief.at.velocity - values.atVector(V(t))).max() < 0.02
+        assert np.abs(at.velocity - values.atVector(V(t))).max() < 0.02
     # Only the last instant of a chain has the covariance of all.
     last = instants[-1].estimate.covariance
     gap = marginals.marginalCovariance(X(FRAMES - 1)) / last[:6, :6]
