@@ -77,8 +77,8 @@ class KeyframeSelection:
 
     def __init__(self, camera: CameraModel) -> None:
         self._camera = camera
-        self._size = np.array([camera.width, camera.height], np.float64)
-        centres = (np.stack(np.meshgrid(*[np.arange(_CELLS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / _CELLS * self._size
+        self._cells_per_px = _CELLS / np.array([camera.width, camera.height], np.float64)
+        centres = (np.stack(np.meshgrid(*[np.arange(_CELLS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / self._cells_per_px
         bearings, in_view = camera.unproject(centres)
         self._in_view: NDArray[np.bool_] = in_view & (bearings[:, 2] > np.cos(_USABLE_VIEW * camera.max_angle))
         self._world_T_latest: Array | None = None
@@ -113,9 +113,11 @@ class KeyframeSelection:
 
     def coverage(self, matches: LandmarkMatches) -> float:
         """Share of the view, 0 to 1, in which landmarks were found."""
-        column, row = np.clip((_CELLS * matches.shown / self._size).astype(np.int64), 0, _CELLS - 1).T
-        found = np.unique(_CELLS * row + column)
-        return float(self._in_view[found].sum() / max(1, self._in_view.sum()))
+        cells = (matches.shown * self._cells_per_px).astype(np.int64)
+        column, row = np.minimum(np.maximum(cells, 0), _CELLS - 1).T
+        found = np.zeros(_CELLS**2, bool)
+        found[_CELLS * row + column] = True
+        return int(np.count_nonzero(found & self._in_view)) / max(1, int(np.count_nonzero(self._in_view)))
 
 
 def has_moved(world_T_before: Array, world_T_camera: Array) -> bool:
