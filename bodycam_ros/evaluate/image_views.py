@@ -1,6 +1,5 @@
 """Images of body cameras and of static ones at one time, with the solved body painted into them."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -14,7 +13,6 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import StationError
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, WARNING, open_picture, panel_title, side_colour
-from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import draw_picture
@@ -34,7 +32,7 @@ from bodycam_ros.static_cameras.contour_painting import (
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.station import Image
+from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
@@ -44,7 +42,6 @@ Key = Sequence[tuple[str, str]]
 """Meaning and colour of what is painted."""
 
 _CAMERAS = 6  # that are shown, evenly picked
-_LATEST_S = 20.0  # the middle of the recording is shown, but nothing later: bags are read from their start
 _COLOURS_S = 0.5  # of images before the one shown, which the colour models are updated by
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
@@ -75,8 +72,8 @@ class ImageView:
 
 
 def middle_stamp(solved: SolvedRecording) -> int:
-    """Stamp of the state nearest to the middle of the recording, or to ``_LATEST_S`` [ns]."""
-    middle_ns = min((solved.start_ns + solved.end_ns) // 2, solved.start_ns + round(1e9 * _LATEST_S))
+    """Stamp of the state nearest to the middle of the recording [ns]."""
+    middle_ns = (solved.start_ns + solved.end_ns) // 2
     return int(solved.stamps_ns[np.argmin(np.abs(solved.stamps_ns - middle_ns))])
 
 
@@ -138,50 +135,48 @@ def static_camera_views(
         RecordingError: not a recording, or an image that cannot be decoded or is not of its lens's size.
         MapError, LensError: the map, or a lens, cannot be used.
     """
-    tracker, body, settings = _tracker(solved, recording, files, map_path), solved.body, RegionSettings()
-    colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
-    at_ns, half_ns = middle_stamp(solved), solved.frame_ns // 2
-    shown: dict[str, ImageView] = {}
-    counts: Counter[str] = Counter()
-    for image in _images_between(
-        recording, _pick_evenly(list(tracker.views)), at_ns - round(1e9 * _COLOURS_S), at_ns + half_ns
-    ):
-        pixels, view = decode_colour(image), tracker.views[image.camera]
-        view.station.check_size(pixels)
-        contour = view.find_contour(solved.segments_near(image.stamp_ns))
-        counts[image.camera] += 1  # the first images count alike, later ones by the learning rate
-        rate = max(1.0 / counts[image.camera], settings.learning_rate)
-        view.update_colours(pixels, contour, rate, np.ones(len(body.segments), bool))
-        if image.stamp_ns >= at_ns - half_ns:
-            seconds = float(solved.seconds(np.array([image.stamp_ns]))[0])
-            shifts = view.measure(pixels, contour, 1).shifts
-            window = square_window(pixels, contour.covered)
-            window = replace(window, times=-(-_SHARP_PX // window.width))
-            picture = paint_contour(cut_out(pixels, window), contour, shifts, colours, window)
-            shown[image.camera] = ImageView(image.camera, f"{seconds:.2f} s, {_note(shifts)}", picture[..., ::-1])
-    if not shown:
-        raise StationError(
-            f"{recording}: has no image of its static cameras ({', '.join(tracker.views)}) in the middle of "
-            f"{solved.path}; is it the recording that this was solved from?"
-        )
-    return tuple(shown[name] for name in tracker.views if name in shown)
-
-
-def _tracker(
-    solved: SolvedRecording, recording: Path, files: StaticCameraFiles, map_path: Path | None
-) -> RegionTracker:
-    """The static cameras that a recording has images of, with the solved body."""
     stations = read_stations(files.stations, None if map_path is None else ReferenceMap.load(map_path))
     check_stations_frame(files.stations, solved.path, map_path)
-    with open_recording(recording) as images:
-        there = {name: station for name, station in stations.items() if name in images.cameras}
+    body, at_ns, views = solved.body, middle_stamp(solved), []
+    surface = BodySurface.of(body, surfaces_of(body, solved.path, files.surface))
+    with closing(Footage(recording, solved.path)) as footage:
+        there = {name: station for name, station in stations.items() if name in footage.cameras}
         if not there:
             raise StationError(
                 f"{recording} has no images of the static cameras of {files.stations} ({', '.join(stations)}); it "
-                f"has {', '.join(images.cameras)}"
+                f"has {', '.join(footage.cameras)}"
             )
-    surface = BodySurface.of(solved.body, surfaces_of(solved.body, solved.path, files.surface))
-    return RegionTracker(solved.body, surface, there, RegionSettings())
+        regions = RegionTracker(body, surface, there, RegionSettings()).views
+        for name in _pick_evenly(list(regions)):
+            stamps_ns, half_ns = footage.times_ns(name), solved.frame_ns // 2
+            near = stamps_ns[(stamps_ns >= at_ns - round(1e9 * _COLOURS_S)) & (stamps_ns <= at_ns + half_ns)]
+            images = [footage.image_at(name, stamp_ns, 0) for stamp_ns in near.tolist()]
+            if len(near) and near[-1] >= at_ns - half_ns:
+                views.append(_static_camera_view(solved, regions[name], [each for each in images if each is not None]))
+    if not views:
+        raise StationError(
+            f"{recording}: has no image of its static cameras ({', '.join(there)}) in the middle of {solved.path}; is "
+            "it the recording that this was solved from?"
+        )
+    return tuple(views)
+
+
+def _static_camera_view(solved: SolvedRecording, view: RegionModel, images: Sequence[CameraImage]) -> ImageView:
+    """The view of the last of some successive images; colour models are updated by all of them."""
+    body, settings = solved.body, RegionSettings()
+    for count, image in enumerate(images, start=1):
+        pixels = decode_colour(image)
+        view.station.check_size(pixels)
+        contour = view.find_contour(solved.segments_near(image.stamp_ns))
+        rate = max(1.0 / count, settings.learning_rate)  # the first images count alike
+        view.update_colours(pixels, contour, rate, np.ones(len(body.segments), bool))
+    seconds = float(solved.seconds(np.array([image.stamp_ns]))[0])
+    shifts = view.measure(pixels, contour, 1).shifts
+    window = square_window(pixels, contour.covered)
+    window = replace(window, times=-(-_SHARP_PX // window.width))
+    colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
+    picture = paint_contour(cut_out(pixels, window), contour, shifts, colours, window)
+    return ImageView(image.camera, f"{seconds:.2f} s, {_note(shifts)}", picture[..., ::-1])
 
 
 def _note(shifts: Array) -> str:
@@ -190,19 +185,6 @@ def _note(shifts: Array) -> str:
         return "the body is not in the image"
     note = f"{len(known)} of {len(shifts)} lines measured"
     return f"{note}, off by {float(np.median(np.abs(known))):.2f} px (median)" if len(known) else note
-
-
-def _images_between(recording: Path, cameras: Sequence[str], from_ns: int, until_ns: int) -> Iterator[CameraImage]:
-    """The images of some cameras between two times, both included [ns]."""
-    passed: set[str] = set()
-    with open_recording(recording) as images:
-        for image in images.images(cameras):
-            if image.stamp_ns > until_ns:
-                passed.add(image.camera)
-                if len(passed) == len(cameras):
-                    return
-            elif image.stamp_ns >= from_ns:
-                yield image
 
 
 def draw_views(views: Sequence[ImageView], key: Key, path: Path) -> None:

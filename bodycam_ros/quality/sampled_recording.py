@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, decode_grey
+from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.ingest.ingest_camera import open_video, read_lens
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.video_decoder import decode_last
 from bodycam_ros.recording.video_file import frame_times, grey_pixels, keyframe_near
 from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -104,7 +103,6 @@ def spread_instants(duration_s: float, count: int) -> Array:
     return (np.arange(count) + 0.5) * duration_s / count
 
 
-_BEFORE_S = 4.0  # a video's frame depends on those since its keyframe; few cameras make rarer ones
 _NEAR_INTERVALS = 1.5  # between a camera's images, by which the image of a sample may be later
 
 
@@ -125,14 +123,12 @@ def sample_bag(path: Path, instants: Instants, on_instant: Callable[[], None]) -
         images: dict[str, dict[int, Grey]] = {camera: {} for camera in recording.cameras}
         faults: dict[str, str] = {}
         for number, seconds in enumerate(instants_s.tolist()):
-            start_ns = recording.start_ns + round(1e9 * seconds)
-            for before_s in (0.0, _BEFORE_S):  # earlier packets are needed of videos only
-                wanted = [camera for camera in images if number not in images[camera] and len(times[camera]) > 1]
-                for camera, packets in _packets_at(recording, times, wanted, start_ns, round(1e9 * before_s)).items():
-                    try:
-                        images[camera][number] = decode_grey(decode_last(packets))
-                    except RecordingError as error:
-                        faults.setdefault(camera, str(error))
+            rows = _rows_at(times, recording.start_ns + round(1e9 * seconds))
+            for camera, image in recording.images_at(rows).items():
+                try:
+                    images[camera][number] = decode_grey(image)
+                except RecordingError as error:
+                    faults.setdefault(camera, str(error))
             on_instant()
         cameras = []
         for camera in recording.cameras:
@@ -146,32 +142,16 @@ def sample_bag(path: Path, instants: Instants, on_instant: Callable[[], None]) -
         return SampledRecording(path, tuple(cameras), recording.duration_s, instants_s, is_synchronous=True)
 
 
-def _packets_at(
-    recording: Recording, times: Mapping[str, NDArray[np.int64]], cameras: Sequence[str], start_ns: int, before_ns: int
-) -> dict[str, Sequence[CameraImage]]:
-    """Camera -> its image recorded at a time or soon after; of a video preceded by what it is decoded from."""
-    intervals_ns = [float(np.median(np.diff(times[camera][:, 0]))) for camera in cameras]
-    stop_ns = start_ns + round(_NEAR_INTERVALS * max(intervals_ns, default=0.0)) + 1
-    read: dict[str, list[CameraImage]] = {}
-    for image in recording.encoded_between(cameras, start_ns - before_ns, stop_ns):
-        read.setdefault(image.camera, []).append(image)
-    found = {}
-    for camera, images in read.items():
-        first, until = np.searchsorted(times[camera][:, 0], [start_ns, stop_ns]).tolist()
-        first = max(first - (until - len(images)), 0)
-        packets = _decodable_packets(images[: first + 1])
-        if packets and first < len(images):
-            found[camera] = packets
-    return found
-
-
-def _decodable_packets(images: Sequence[CameraImage]) -> Sequence[CameraImage]:
-    """The last image, and of a video those since its keyframe; none if that is not among them."""
-    for row in range(len(images) - 1, -1, -1):
-        content = images[row].content
-        if not isinstance(content, VideoPacket) or content.is_key:
-            return images[row:]
-    return ()
+def _rows_at(times: Mapping[str, NDArray[np.int64]], start_ns: int) -> dict[str, tuple[int, int]]:
+    """Camera -> its row of ``image_times`` that was recorded at a time or soon after."""
+    rows = {}
+    for camera, each in times.items():
+        row = int(np.searchsorted(each[:, 0], start_ns))
+        if 1 < len(each) and row < len(each):
+            recorded_ns, stamp_ns = each[row].tolist()
+            if recorded_ns - start_ns <= _NEAR_INTERVALS * float(np.median(np.diff(each[:, 0]))):
+                rows[camera] = recorded_ns, stamp_ns
+    return rows
 
 
 def _lens_or_fault(read: Callable[[], CameraModel]) -> tuple[CameraModel | None, str]:
@@ -284,7 +264,7 @@ def register_samples(
         on_instant: called after each sample with an image.
     """
     usable = {c.name: c for c in recording.cameras if c.name in cameras and c.lens is not None}
-    registrations = {name: _registration(camera, reference_map) for name, camera in usable.items()}
+    registrations = {n: ImageRegistration(c.lens, reference_map) for n, c in usable.items() if c.lens is not None}
     poses: dict[str, dict[int, Array | None]] = {name: {} for name in usable}
 
     def register(name: str, number: int) -> None:
@@ -305,8 +285,3 @@ def register_samples(
             if done == _HOPELESS and not any(pose is not None for of in poses.values() for pose in of.values()):
                 break
     return RegisteredSamples(recording.instants_s, poses)
-
-
-def _registration(camera: SampledCamera, reference_map: ReferenceMap) -> ImageRegistration:
-    assert camera.lens is not None
-    return ImageRegistration(camera.lens, reference_map)

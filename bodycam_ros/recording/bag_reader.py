@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -22,6 +22,9 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
 
 logger = logging.getLogger(__name__)
+
+_GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
+"""How far back a video's keyframe is searched for first, twice as far then, and at most."""
 
 _CONVERTERS = {each.ending: each.convert for each in TRANSPORTS.values()}
 
@@ -133,9 +136,29 @@ class Recording:
         """As ``images``, but frames of a video stay packets, which ``decode_last`` takes from a keyframe on."""
         yield from self._increasing(self._messages(self._begun(cameras)))
 
-    def encoded_between(self, cameras: Collection[str], start_ns: int, stop_ns: int) -> list[CameraImage]:
-        """As ``encoded_images``, of those recorded between two times [ns], the second not included; whatever stamps."""
-        return list(self._messages(cameras, start_ns, stop_ns))
+    def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
+        """Camera -> one image of it, of a video decoded from the keyframe before it on; those that are there.
+
+        Args:
+            rows: camera -> when the image was recorded, and its stamp [ns], as of ``image_times``.
+        """
+        wanted, found, before_ns = dict(rows), dict[str, CameraImage](), 0
+        while wanted:
+            recorded_ns = [recorded_ns for recorded_ns, _ in wanted.values()]
+            start_ns = min(recorded_ns) - before_ns
+            read: dict[str, list[CameraImage]] = {camera: [] for camera in wanted}
+            for image in self._messages(wanted, start_ns, max(recorded_ns) + 1):
+                if image.stamp_ns <= wanted[image.camera][1]:
+                    read[image.camera].append(image)
+            is_all = start_ns <= self.start_ns or before_ns >= _LONGEST_GOP_NS
+            for camera, images in read.items():
+                keys = [number for number, image in enumerate(images) if _stands_alone(image)]
+                if images and (keys or is_all):
+                    found[camera] = decode_last(images[keys[-1] if keys else 0 :])
+                if keys or is_all or not images:
+                    del wanted[camera]
+            before_ns = max(_GOP_NS, 2 * before_ns)
+        return found
 
     def image_times(self) -> dict[str, NDArray[np.int64]]:
         """Camera -> (N, 2) when its images were recorded, and their stamps [ns], in order of the former."""
@@ -149,7 +172,7 @@ class Recording:
         """A camera's first image that is not before a time; of a video no more is decoded than it takes."""
         since_key: list[CameraImage] = []
         for image in self.encoded_images([camera]):
-            if not isinstance(image.content, VideoPacket) or image.content.is_key:
+            if _stands_alone(image):
                 since_key.clear()
             since_key.append(image)
             if image.stamp_ns >= from_ns:
@@ -205,6 +228,10 @@ class Recording:
         if camera not in self._image_topic:
             raise RecordingError(f"{self.path}: no camera '{camera}'; there are {', '.join(self.cameras)}")
         return self._image_topic[camera]
+
+
+def _stands_alone(image: CameraImage) -> bool:
+    return not isinstance(image.content, VideoPacket) or image.content.is_key
 
 
 def _image_topics(topics: dict[str, str]) -> dict[str, str]:

@@ -1,17 +1,11 @@
-"""Motion of a body: joint states and odometry of a bag, joined by their stamps."""
+"""Motion of a body over time, and trajectories between their stamps."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
-from bodycam_ros.messages.factory import Message, numbers, stamp_ns
-from bodycam_ros.messages.poses import pose_and_covariance
-from bodycam_ros.results.topics import JOINT_STATES, ODOMETRY, wrong_message_named
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,59 +25,6 @@ class BodyMotion:
     joint_angles: Array
     world_T_root: Array
     root_covariance: Array
-
-
-class MotionJoiner:
-    """Joins joint states and odometry, added in any order, by their stamps.
-
-    Args:
-        path: of the bag, for messages.
-        joint_names: joints whose angles are wanted, in this order.
-        of: what has these joints, for messages.
-    """
-
-    def __init__(self, path: Path, joint_names: Sequence[str], of: str) -> None:
-        self._path, self._names, self._of = path, tuple(joint_names), of
-        self._angles: dict[int, Array] = {}
-        self._root: dict[int, tuple[Array, Array]] = {}
-
-    def add(self, topic: str, message: Message) -> None:
-        """Add a message of one of ``MOTION_TOPICS``.
-
-        Raises:
-            RecordingError: it is of another body, or contradicts itself.
-        """
-        with wrong_message_named(self._path, topic):
-            stamp = stamp_ns(message.header.stamp)
-            if topic == ODOMETRY:
-                self._root[stamp] = pose_and_covariance(message.pose)
-                return
-            column = {name: column for column, name in enumerate(message.name)}
-            others = [name for name in column if name not in self._names]
-            if missing := [name for name in self._names if name not in column]:
-                raise RecordingError(
-                    f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {self._of} has"
-                    f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
-                )
-            angles = numbers(message.position, np.float64, len(message.name))
-            self._angles[stamp] = angles[[column[name] for name in self._names]]
-
-    def joined(self) -> BodyMotion:
-        """The states of which both were recorded, with finite values.
-
-        Raises:
-            RecordingError: there are none.
-        """
-        both = sorted(self._angles.keys() & self._root.keys())
-        stamps = [s for s in both if np.isfinite(self._angles[s]).all() and np.isfinite(self._root[s][0]).all()]
-        if not stamps:
-            raise RecordingError(
-                f"{self._path}: none of {len(self._angles)} {JOINT_STATES} has an {ODOMETRY} of the same stamp and "
-                "finite values; were both recorded, and by one solver?"
-            )
-        poses, covariances = zip(*(self._root[stamp] for stamp in stamps), strict=True)
-        angles = np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names))
-        return BodyMotion(np.array(stamps, np.int64), self._names, angles, np.array(poses), np.array(covariances))
 
 
 def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:

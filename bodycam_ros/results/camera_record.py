@@ -1,19 +1,17 @@
 """What the cameras of a solved recording measured, over their images."""
 
-import math
-from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.segment_poses import segment_poses
-from bodycam_ros.messages.timing import TIMING, clock_state, has_clock
-from bodycam_ros.messages.tracks import landmark_matches
-from bodycam_ros.registration.landmark_matches import CameraSight, camera_sight
-from bodycam_ros.timing.clock_state import ClockHistory, ClockState
+from bodycam_ros.registration.landmark_matches import CameraSight
+from bodycam_ros.timing.clock_state import ClockHistory
+
+Registration = tuple[int, Array | None, CameraSight]
+"""Landmarks of an image, its pose world_T_camera (4, 4) [m], and its sight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,34 +36,11 @@ class StationRecord:
         observed: NDArray[np.bool_] = self.segments > 0
         return observed
 
-
-class StationMessages:
-    """Collects bodycam_msgs/SegmentPoses of static cameras."""
-
-    def __init__(self) -> None:
-        self._measured: dict[str, dict[int, tuple[int, float]]] = defaultdict(dict)
-
-    def add(self, message: Message) -> None:
-        """Add a message.
-
-        Raises:
-            ValueError: it contradicts itself.
-        """
-        measured = segment_poses(message)
-        confidence = list(measured.confidence.values())
-        self._measured[measured.station][measured.stamp_ns] = (
-            len(measured.evidence),
-            float(np.mean(confidence)) if confidence else 0.0,
-        )
-
-    def records(self) -> tuple[StationRecord, ...]:
-        """One per static camera, in the order of their names."""
-        records = []
-        for station, measured in sorted(self._measured.items()):
-            stamps = sorted(measured)
-            segments, confidence = zip(*(measured[stamp] for stamp in stamps), strict=True)
-            records.append(StationRecord(station, np.array(stamps, np.int64), np.array(segments), np.array(confidence)))
-        return tuple(records)
+    @classmethod
+    def from_counts(cls, station: str, counts: Mapping[int, tuple[int, float]]) -> "StationRecord":
+        """Of stamp [ns] -> segments and confidence."""
+        segments, confidence = zip(*(counts[stamp] for stamp in sorted(counts)), strict=True)
+        return cls(station, np.array(sorted(counts), np.int64), np.array(segments), np.array(confidence))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,38 +73,17 @@ class CameraRecord:
         known: NDArray[np.bool_] = np.isfinite(self.world_T_camera[:, 0, 0])
         return known
 
-
-class CameraMessages:
-    """Collects registrations and clocks of one camera, joined by their stamps."""
-
-    def __init__(self) -> None:
-        self._landmarks: dict[int, tuple[int, Array | None, CameraSight]] = {}
-        self._clocks: dict[int, ClockState] = {}
-        self._readout = (math.nan, math.nan)
-
-    def add(self, topic: str, message: Message, camera: str) -> None:
-        """Add a message of the topics of a camera."""
-        if topic.endswith(TIMING):
-            if has_clock(message):
-                clock = clock_state(message)
-                self._clocks[clock.since_ns] = clock
-            if not math.isnan(message.readout_sigma):
-                self._readout = message.readout_time, message.readout_sigma
-        else:
-            matches = landmark_matches(message, camera)
-            known = len(matches.landmark_ids), matches.world_T_camera, camera_sight(matches)
-            self._landmarks[matches.stamp_ns] = known
-
-    def record(self, camera: str) -> CameraRecord | None:
-        """All images with a registration message; None without any."""
-        if not self._landmarks:
-            return None
-        stamps = sorted(self._landmarks)
-        landmarks, poses, sights = zip(*(self._landmarks[stamp] for stamp in stamps), strict=True)
-        clocks = tuple(self._clocks[since] for since in sorted(self._clocks))
-        timing = ClockHistory(camera, clocks, *self._readout) if clocks else None
-        given_ns, unknown = np.array(stamps, np.int64), np.full((4, 4), np.nan)
-        return CameraRecord(
+    @classmethod
+    def from_registrations(
+        cls,
+        camera: str,
+        registrations: Mapping[int, tuple[int, Array | None, CameraSight]],
+        timing: ClockHistory | None,
+    ) -> "CameraRecord":
+        """Of stamp by the camera's clock [ns] -> registration."""
+        landmarks, poses, sights = zip(*(registrations[stamp] for stamp in sorted(registrations)), strict=True)
+        given_ns, unknown = np.array(sorted(registrations), np.int64), np.full((4, 4), np.nan)
+        return cls(
             camera=camera,
             stamps_ns=given_ns if timing is None else timing.corrected_ns(given_ns),
             landmarks=np.array(landmarks, np.int64),

@@ -7,15 +7,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.video_decoder import decode_last
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.topics import read_clock, read_landmarks
-
-_GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
-"""How far back a video's keyframe is searched for first, twice as far then, and at most."""
 
 
 class Footage:
@@ -62,28 +58,12 @@ class Footage:
         if row is None:
             return None
         recorded_ns, stamp_ns = self._times[camera][row].tolist()
-        before_ns, images = 0, self._read(camera, recorded_ns, 0, stamp_ns)
-        while images and not any(map(_stands_alone, images)) and before_ns < _LONGEST_GOP_NS:
-            before_ns = max(_GOP_NS, 2 * before_ns)
-            images = self._read(camera, recorded_ns, before_ns, stamp_ns)
-        if not images:
-            return None
-        start = max((number for number, image in enumerate(images) if _stands_alone(image)), default=0)
-        return decode_last(images[start:])
+        return self._recording.images_at({camera: (recorded_ns, stamp_ns)}).get(camera)
 
     def matches_of(self, image: CameraImage) -> LandmarkMatches | None:
         """Landmarks matched in an image, where the solved bag has them."""
         return self._matches(image.camera).get(image.stamp_ns)
 
-    def _read(self, camera: str, recorded_ns: int, before_ns: int, stamp_ns: int) -> list[CameraImage]:
-        """Images of some time until the one of a stamp."""
-        images = self._recording.encoded_between([camera], recorded_ns - before_ns, recorded_ns + 1)
-        return [image for image in images if image.stamp_ns <= stamp_ns]
-
     def _read_matches(self, camera: str) -> dict[int, LandmarkMatches]:
         found = () if self._solved is None else read_landmarks(self._solved, (camera,))
         return {matches.stamp_ns: matches for matches in found}
-
-
-def _stands_alone(image: CameraImage) -> bool:
-    return not isinstance(image.content, VideoPacket) or image.content.is_key

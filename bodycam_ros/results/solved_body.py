@@ -1,7 +1,7 @@
 """The body of a solved bag and its motion, apart from the cameras: what other programs ask for."""
 
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,20 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles, angles_within_a_turn
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
-from bodycam_ros.messages.factory import Message, stamp_ns
+from bodycam_ros.messages.factory import Message, numbers, stamp_ns
+from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.results.body_motion import BodyMotion, MotionJoiner, pose_near
-from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE, published_body, wrong_message_named
+from bodycam_ros.results.body_motion import BodyMotion, pose_near
+from bodycam_ros.results.topics import (
+    JOINT_STATES,
+    MOTION_TOPICS,
+    ODOMETRY,
+    ROBOT,
+    ROBOT_TYPE,
+    published_body,
+    wrong_message_named,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +94,7 @@ class SolvedBody:
 
 
 class BodyMessages:
-    """Collects the messages of a solved body from a bag.
+    """Collects the messages of a solved body from a bag, in any order; they are joined by their stamps.
 
     Attributes:
         topics: of these messages.
@@ -100,8 +109,10 @@ class BodyMessages:
         body = published_body(bag)
         if body is None:
             raise missing_topic(bag, f"no body on {ROBOT}")
-        self._path, self._body = bag.path, body
-        self._motion, self._coupled = MotionJoiner(bag.path, JointAngles(self._body).names, ROBOT), EquipmentLog()
+        self._path, self._body, self._names = bag.path, body, JointAngles(body).names
+        self._angles: dict[int, Array] = {}
+        self._root: dict[int, tuple[Array, Array]] = {}
+        self._coupled = EquipmentLog()
         self.topics = [*MOTION_TOPICS, *([EQUIPMENT] if bag.topics.get(EQUIPMENT) == EQUIPMENT_TYPE else [])]
 
     def add(self, topic: str, message: Message) -> None:
@@ -110,24 +121,46 @@ class BodyMessages:
         Raises:
             RecordingError: it is of another body, or contradicts itself.
         """
-        if topic in MOTION_TOPICS:
-            self._motion.add(topic, message)
-            return
         with wrong_message_named(self._path, topic):
-            self._coupled.add(stamp_ns(message.header.stamp), equipment_report(message))
+            stamp = stamp_ns(message.header.stamp)
+            if topic == EQUIPMENT:
+                self._coupled.add(stamp, equipment_report(message))
+            elif topic == ODOMETRY:
+                self._root[stamp] = pose_and_covariance(message.pose)
+            else:
+                self._angles[stamp] = self._read_angles(message)
 
     def solved(self) -> SolvedBody:
-        """The body with all its motion.
+        """The body at the states of which joint states and odometry were recorded, with finite values.
 
         Raises:
-            RecordingError: no state is complete.
+            RecordingError: there are none.
         """
-        motion = self._motion.joined()
+        both = sorted(self._angles.keys() & self._root.keys())
+        stamps = [s for s in both if np.isfinite(self._angles[s]).all() and np.isfinite(self._root[s][0]).all()]
+        if not stamps:
+            raise RecordingError(
+                f"{self._path}: none of {len(self._angles)} {JOINT_STATES} has an {ODOMETRY} of the same stamp and "
+                "finite values; were both recorded, and by one solver?"
+            )
+        poses, covariances = zip(*(self._root[stamp] for stamp in stamps), strict=True)
+        angles = np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names))
         # Files of motion have angles that count turns.
-        angles, turning = motion.joint_angles.copy(), angles_within_a_turn(self._body)
+        turning = angles_within_a_turn(self._body)
         angles[:, turning] = np.unwrap(angles[:, turning], axis=0)
-        motion = replace(motion, joint_angles=angles)
+        motion = BodyMotion(np.array(stamps, np.int64), self._names, angles, np.array(poses), np.array(covariances))
         return SolvedBody(self._path, self._body, motion, self._coupled.record())
+
+    def _read_angles(self, message: Message) -> Array:
+        column = {name: column for column, name in enumerate(message.name)}
+        if missing := [name for name in self._names if name not in column]:
+            others = [name for name in column if name not in self._names]
+            raise RecordingError(
+                f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {ROBOT} has"
+                f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
+            )
+        angles: Array = numbers(message.position, np.float64, len(message.name))[[column[n] for n in self._names]]
+        return angles
 
 
 def read_solved_body(path: Path, progress: Progress | None = None) -> SolvedBody:

@@ -12,19 +12,23 @@ from numpy.typing import NDArray
 from bodycam_ros.body.urdf import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
-from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
+from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_matches import LandmarkMatches, camera_sight
 from bodycam_ros.results.body_motion import between_neighbours
-from bodycam_ros.results.camera_record import (
-    CameraMessages,
-    CameraRecord,
-    StationMessages,
-    StationRecord,
-)
+from bodycam_ros.results.camera_record import CameraRecord, Registration, StationRecord
 from bodycam_ros.results.solved_body import BodyMessages, SolvedBody, missing_topic
-from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, read_landmarks, wrong_message_named
+from bodycam_ros.results.topics import (
+    LANDMARKS,
+    LANDMARKS_TYPE,
+    camera_topics,
+    clock_history,
+    read_landmarks,
+    wrong_message_named,
+)
 from bodycam_ros.verdict import VERDICT, VERDICT_TYPE, Verdict, parse_verdict
 
 GAP_FRAMES = 1.5
@@ -135,30 +139,39 @@ def read_solved(path: Path) -> SolvedRecording:
         static = camera_topics(bag, SEGMENT_POSES, SEGMENT_POSES_TYPE)
         if not any(map(bag.message_count, landmarks | static)):
             raise missing_topic(bag, f"no topic /<camera>{LANDMARKS} ({LANDMARKS_TYPE}) with messages")
-        worn = landmarks | camera_topics(bag, TIMING, TIMING_TYPE)
+        timing = camera_topics(bag, TIMING, TIMING_TYPE)
         judged = [VERDICT] if bag.topics.get(VERDICT) == VERDICT_TYPE else []
-        cameras: dict[str, CameraMessages] = defaultdict(CameraMessages)
-        stations, verdict = StationMessages(), None
-        for topic, _, message in bag.messages([*messages.topics, *judged, *worn, *static]):
+        registered: dict[str, dict[int, Registration]] = defaultdict(dict)
+        observed: dict[str, dict[int, tuple[int, float]]] = defaultdict(dict)
+        timings: dict[str, list[Message]] = defaultdict(list)
+        verdict = None
+        for topic, _, message in bag.messages([*messages.topics, *judged, *landmarks, *timing, *static]):
             if topic in messages.topics:
                 messages.add(topic, message)
                 continue
             with wrong_message_named(path, topic):
                 if topic in judged:
                     verdict = parse_verdict(message.data)
-                elif topic in static:
-                    stations.add(message)
+                elif topic in timing:
+                    timings[timing[topic]].append(message)
+                elif topic in landmarks:
+                    matches = landmark_matches(message, landmarks[topic])
+                    row = len(matches.landmark_ids), matches.world_T_camera, camera_sight(matches)
+                    registered[matches.camera][matches.stamp_ns] = row
                 else:
-                    cameras[worn[topic]].add(topic, message, worn[topic])
+                    measured = segment_poses(message)
+                    confidence = float(np.mean([*measured.confidence.values()])) if measured.confidence else 0.0
+                    observed[measured.station][measured.stamp_ns] = len(measured.evidence), confidence
     solved = messages.solved()
     order = {camera: place for place, camera in enumerate(solved.body.mounts)}
-    records = [record for camera, each in cameras.items() if (record := each.record(camera)) is not None]
-    records.sort(key=lambda record: (order.get(record.camera, len(order)), record.camera))
-    if not records and not stations.records():
+    cameras = tuple(
+        CameraRecord.from_registrations(camera, registered[camera], clock_history(camera, timings[camera]))
+        for camera in sorted(registered, key=lambda camera: (order.get(camera, len(order)), camera))
+    )
+    stations = tuple(StationRecord.from_counts(station, counts) for station, counts in sorted(observed.items()))
+    if not cameras and not stations:
         raise RecordingError(
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "
             "replay the recording again"
         )
-    return SolvedRecording(
-        path, solved.body, solved.motion, solved.equipment, tuple(records), stations.records(), verdict
-    )
+    return SolvedRecording(path, solved.body, solved.motion, solved.equipment, cameras, stations, verdict)

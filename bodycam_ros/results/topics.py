@@ -1,12 +1,14 @@
 """The topics of a solved bag."""
 
-from collections.abc import Collection, Iterator
+import math
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, has_clock
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
@@ -77,9 +79,19 @@ def read_clock(path: Path, camera: str) -> ClockHistory | None:
     with BagFile(path) as bag:
         if bag.topics.get(topic) != TIMING_TYPE:
             return None
-        said = [clock_state(message) for _, _, message in bag.messages([topic]) if has_clock(message)]
-    clocks = {clock.since_ns: clock for clock in said}
-    return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks))) if clocks else None
+        return clock_history(camera, (message for _, _, message in bag.messages([topic])))
+
+
+def clock_history(camera: str, timings: Iterable[Message]) -> ClockHistory | None:
+    """The clock by bodycam_msgs/CameraTiming of a camera, with the last read-out time; None where none has a clock."""
+    clocks, readout = {}, (math.nan, math.nan)
+    for message in timings:
+        if has_clock(message):
+            clock = clock_state(message)
+            clocks[clock.since_ns] = clock
+        if not math.isnan(message.readout_sigma):
+            readout = message.readout_time, message.readout_sigma
+    return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks)), *readout) if clocks else None
 
 
 @contextmanager

@@ -116,7 +116,7 @@ def test_instants_without_images_do_not_make_a_map_hopeless(monkeypatch: pytest.
         def register(self, *_: object) -> "Found":
             return self
 
-    monkeypatch.setattr(sampled_recording, "_registration", lambda *_: Found())
+    monkeypatch.setattr(sampled_recording, "ImageRegistration", lambda *_: Found())
     of = recording(sampled("head", images={3: textured()}))
     advanced: list[int] = []
     registered = sampled_recording.register_samples(
