@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.comparison import Comparison, compare
-from bodycam_ros.evaluate.spread import spread
-from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
+from bodycam_ros.evaluate.comparison import Comparison, TrueMotion, compare, read_true_motion
+from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved

@@ -25,8 +25,8 @@ from bodycam_ros.evaluate.anatomical_angles import (
     joint_name,
 )
 from bodycam_ros.evaluate.clock_search import Clock
-from bodycam_ros.evaluate.spread import spread
-from bodycam_ros.evaluate.true_motion import TrueMotion
+from bodycam_ros.evaluate.comparison import TrueMotion
+from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
-from bodycam_ros.evaluate.spread import spread
+from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 
 PLANES = ("sagittal", "frontal", "transverse")

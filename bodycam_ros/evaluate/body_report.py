@@ -13,8 +13,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName, mirrored
 from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.evaluate.page import render_page
-from bodycam_ros.evaluate.sections import Columns, Page, Picture, Section, column_table
+from bodycam_ros.evaluate.sections import Columns, Page, Picture, Section, column_table, render_page
 from bodycam_ros.picture_style import INK, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.whole_file import write_whole
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
-from bodycam_ros.evaluate.spread import distance_in_time, spread
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import sensor_quality
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
-from bodycam_ros.results.body_motion import interpolated
+from bodycam_ros.results.body_motion import distance_in_time, interpolated
 from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.results.solved_recording import SolvedRecording

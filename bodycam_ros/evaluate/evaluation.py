@@ -17,13 +17,12 @@ from bodycam_ros.evaluate.agreement import (
     compare_with_captured,
     rate_same_motion,
 )
-from bodycam_ros.evaluate.comparison import Comparison, compare
+from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motion
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.gait import solved_gait
+from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.evaluate.sliding import sliding_figures
-from bodycam_ros.evaluate.spread import spread
-from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
 from bodycam_ros.quality.camera_poses import CameraPoseLog

@@ -8,9 +8,8 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
-from bodycam_ros.evaluate.page import render_page
 from bodycam_ros.evaluate.report_sections import report_sections
-from bodycam_ros.evaluate.sections import Page, Picture, Section
+from bodycam_ros.evaluate.sections import Page, Picture, Section, render_page
 from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors

@@ -1,10 +1,17 @@
-"""Reports as sections of text, tables and pictures, for the terminal and for pages alike."""
+"""Reports as sections of text, tables and pictures, for the terminal and for pages alike.
+
+A page is one HTML file that fetches and runs nothing, made by the template ``page.html.jinja``.
+"""
 
 import base64
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
 
 Columns = Sequence[tuple[str, str, str] | tuple[str, str, str, float]]
 """Heading, path of the figure ("position_gap_mm.median"), format of each column, and a factor to the heading's unit."""
@@ -137,3 +144,30 @@ def _cell(value: Any, form: str, factor: float = 1.0) -> str:
         return " ".join(_cell(each, form, factor) or "?" for each in value.tolist())
     text = f"{factor * value if factor != 1.0 else value:{form}}" if value == value else ""
     return text.lstrip("+-") if text and not text.strip("+-0.") else text
+
+
+def spread(values: NDArray[np.floating], factor: float = 1.0) -> dict[str, float]:
+    """Mean, median, 95th percentile and maximum of values of any shape, times a factor; NaN ones do not count."""
+    known = factor * values[np.isfinite(values)]
+    if not known.size:
+        return dict.fromkeys(("mean", "median", "p95", "max"), np.nan)
+    statistics = (known.mean(), np.median(known), np.percentile(known, 95), known.max())
+    return dict(zip(("mean", "median", "p95", "max"), map(float, statistics), strict=True))
+
+
+def render_page(page: Page) -> str:
+    """The page as an HTML 5 document."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    from bodycam_ros.picture_style import FAINT, INK, QUIET, WARNING  # it loads matplotlib
+
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+    )
+    template = environment.get_template("page.html.jinja")
+    return template.render(page=page, ink=INK, quiet=QUIET, faint=FAINT, warning=WARNING)

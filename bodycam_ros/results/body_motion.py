@@ -63,3 +63,12 @@ def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | N
         return None
     row = int(np.argmin(np.abs(stamps_ns - at_ns)))
     return row if abs(int(stamps_ns[row]) - at_ns) <= within_ns else None
+
+
+def distance_in_time(stamps_ns: NDArray[np.int64], others_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(K,) distance [ns] of each stamp (K,) to the nearest of others (T,), which increase."""
+    after = np.searchsorted(others_ns, stamps_ns)
+    next_one = others_ns[np.minimum(after, len(others_ns) - 1)]
+    one_before = others_ns[np.maximum(after - 1, 0)]
+    distance: NDArray[np.int64] = np.minimum(np.abs(next_one - stamps_ns), np.abs(stamps_ns - one_before))
+    return distance

@@ -146,7 +146,7 @@ class _StudyReader:
         wild = [index for index, part in enumerate(parts) if _WILDCARD.search(part)]
         if not wild:
             source = self._source(key, self._existing(key, text) or Path())
-            yield Source(name or plain_name(source.name), source.path, source.is_bag)
+            yield Source(name or folder_name(source.name), source.path, source.is_bag)
             return
         if name is not None:
             self._refuse(key, "name belongs to one recording; leave it out where path has wildcards")
@@ -157,7 +157,7 @@ class _StudyReader:
             if (source_there := find_source(path)) is not None and not _is_result(path, fixed):
                 found = True
                 named = path.with_name(source_there.name).relative_to(fixed).parts
-                name_there = plain_name("_".join(named[: len(named) - below]))
+                name_there = folder_name("_".join(named[: len(named) - below]))
                 yield Source(name_there, path, source_there.is_bag)
         if not found:
             self._refuse(key, f"no recording fits {self._path.parent.joinpath(*parts)}")
@@ -226,7 +226,7 @@ def _is_result(path: Path, within: Path) -> bool:
     return any((folder / LOCK).exists() for folder in (path, *(within / each for each in above)))
 
 
-def plain_name(name: str) -> str:
+def folder_name(name: str) -> str:
     """A name that may be a folder's on every system, and needs no quotes in a shell."""
     return _NOT_PLAIN.sub("_", name)
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.evaluate.page import render_page
-from bodycam_ros.evaluate.sections import Columns, Link, Page, Section, column_table, find_figure
+from bodycam_ros.evaluate.sections import Columns, Link, Page, Section, column_table, find_figure, render_page
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Step, Study

@@ -12,7 +12,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.evaluate.true_motion import TrueMotion, read_true_motion
+from bodycam_ros.evaluate.comparison import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, rigid, umeyama
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
 from bodycam_ros.offline.front_end import register_recording

@@ -9,8 +9,8 @@ import pytest
 from known_walk import FRAMES, Walk, write_solved, write_truth
 
 from benchmarks.body_from_truth import body_from_truth
+from bodycam_ros.evaluate.comparison import read_true_motion
 from bodycam_ros.evaluate.evaluation import evaluate
-from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import exp_so3, rigid
 
 pytestmark = pytest.mark.long

@@ -17,7 +17,7 @@ from bodycam_ros.evaluate.agreement import (
     rate_same_motion,
 )
 from bodycam_ros.evaluate.clock_search import Clock, Signals, find_clock
-from bodycam_ros.evaluate.true_motion import read_true_motion
+from bodycam_ros.evaluate.comparison import read_true_motion
 from bodycam_ros.formats.read_captured import read_captured
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved

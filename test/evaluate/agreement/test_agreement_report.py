@@ -10,8 +10,7 @@ from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
 from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.page import render_page
-from bodycam_ros.evaluate.sections import Link, Page, Picture, Section, Table, column_table
+from bodycam_ros.evaluate.sections import Link, Page, Picture, Section, Table, column_table, render_page
 from bodycam_ros.picture_style import LEFT
 
 WRITTEN = ["joints.png", "report.html", "summary.json", "summary.png"]

@@ -7,8 +7,8 @@ import pytest
 from known_gait import KnownGait
 
 from bodycam_ros.body.body_model import sole_points
+from bodycam_ros.evaluate.comparison import read_true_motion
 from bodycam_ros.evaluate.gait import Stride, Walk, find_strides, gait_figures
-from bodycam_ros.evaluate.true_motion import read_true_motion
 from bodycam_ros.geometry import transform_points
 
 STEP_S = 0.04
