@@ -9,7 +9,7 @@ anything.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 from bodycam_ros.body.average_person import (
@@ -21,7 +21,6 @@ from bodycam_ros.body.average_person import (
     USUAL_STATURE_M,
 )
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName, mirrored
-from bodycam_ros.calibration.diagnosis import BoneDiagnosis
 from bodycam_ros.errors import MapError
 
 _TOLERANCE = 0.10  # of a bone's expected length outside the range of women and men; proportions differ by some per cent
@@ -39,6 +38,9 @@ class BoneLength:
         segment: that both joints are on.
         start, end: names of the joints.
         length_m, sigma_m: with its standard deviation [m].
+        mirror_m: length of the same bone on the other side [m]; None for a bone of the middle, or without its partner.
+        expected_m: what the proportions of people let expect at this body's stature [m]; None where they say nothing.
+        warning: why a person should look at it; empty when nothing.
     """
 
     segment: str
@@ -46,6 +48,14 @@ class BoneLength:
     end: str
     length_m: float
     sigma_m: float
+    mirror_m: float | None = None
+    expected_m: float | None = None
+    warning: str = ""
+
+    @property
+    def asymmetry_m(self) -> float | None:
+        """Length less that of the other side [m]."""
+        return None if self.mirror_m is None else self.length_m - self.mirror_m
 
     @property
     def kind(self) -> str | None:
@@ -113,12 +123,10 @@ def _wrong_scale(stature_m: float) -> str:
     )
 
 
-def judge_bones(bones: Sequence[BoneLength]) -> list[BoneDiagnosis]:
+def judge_bones(bones: Sequence[BoneLength]) -> list[BoneLength]:
     """Compare each bone with its other side and with the proportions of people; lengths stay as they are.
 
-    Returns:
-        A diagnosis per bone, in their order. Of a pair that differs, and of which neither is out of proportion, the
-        first carries the warning.
+    Of a pair that differs, and of which neither is out of proportion, the first carries the warning.
     """
     stature_m = expected_stature(bones)
     odd = [_proportion_warning(bone, stature_m) for bone in bones]
@@ -128,19 +136,9 @@ def judge_bones(bones: Sequence[BoneLength]) -> list[BoneDiagnosis]:
         warning = odd[index]
         if other is not None and other > index and not odd[index] and not odd[other]:
             warning = _asymmetry_warning(bone, bones[other])
-        kind = bone.kind
-        judged.append(
-            BoneDiagnosis(
-                segment=bone.segment,
-                start=bone.start,
-                end=bone.end,
-                length_m=bone.length_m,
-                sigma_m=bone.sigma_m,
-                mirror_m=None if other is None else bones[other].length_m,
-                expected_m=None if kind is None or stature_m is None else BONES[kind] * stature_m,
-                warning=warning,
-            )
-        )
+        mirror_m = None if other is None else bones[other].length_m
+        expected_m = None if bone.kind is None or stature_m is None else BONES[bone.kind] * stature_m
+        judged.append(replace(bone, mirror_m=mirror_m, expected_m=expected_m, warning=warning))
     return judged
 
 

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.calibration.anthropometry import BoneLength
 from bodycam_ros.camera.readout import Readout
 
 
@@ -30,34 +31,6 @@ class JointDiagnosis:
     gap_m: float
     sigma_m: NDArray[np.float64]
     advice: str = ""
-
-
-@dataclass(frozen=True)
-class BoneDiagnosis:
-    """Distance between two joints of one segment.
-
-    Attributes:
-        segment: that both joints are on.
-        start, end: names of the joints.
-        length_m, sigma_m: with its standard deviation [m].
-        mirror_m: length of the same bone on the other side [m]; None for a bone of the middle, or without its partner.
-        expected_m: what the proportions of people let expect at this body's stature [m]; None where they say nothing.
-        warning: why a person should look at it; empty when nothing.
-    """
-
-    segment: str
-    start: str
-    end: str
-    length_m: float
-    sigma_m: float
-    mirror_m: float | None
-    expected_m: float | None
-    warning: str = ""
-
-    @property
-    def asymmetry_m(self) -> float | None:
-        """Length less that of the other side [m]."""
-        return None if self.mirror_m is None else self.length_m - self.mirror_m
 
 
 @dataclass(frozen=True)
@@ -104,7 +77,7 @@ class CalibrationDiagnosis:
     """
 
     joints: tuple[JointDiagnosis, ...]
-    bones: tuple[BoneDiagnosis, ...]
+    bones: tuple[BoneLength, ...]
     cameras: tuple[CameraDiagnosis, ...]
     rest_s: tuple[float, float]
     heading_rad: float
