@@ -11,9 +11,10 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.urdf import optical_frame, urdf_text
+from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body_state import BodyOutput, BodyState, BodyUncertainty
 from bodycam_ros.camera import camera_from_info
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.geometry import exp_so3, inverse, quaternion_xyzw, rigid, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles, JointAngleTracker

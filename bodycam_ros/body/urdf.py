@@ -21,12 +21,10 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
 from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
 from bodycam_ros.body.urdf_xml import xml_elements
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, Joint
-
-CAMERA_SUFFIX = "_optical_frame"
-"""End of the name of a camera's link."""
 
 BODY = "bodycam_body"
 """Tag of the element whose text is the body, as a body file has it."""
@@ -44,11 +42,6 @@ _COLOURS = {
     "camera": (0.15, 0.15, 0.15, 1.0),
     "equipment": (0.56, 0.29, 0.54, 1.0),
 }
-
-
-def optical_frame(camera: str) -> str:
-    """Frame id of a camera's optical frame."""
-    return f"{camera}{CAMERA_SUFFIX}"
 
 
 def xml_numbers(values: NDArray[np.floating]) -> str:

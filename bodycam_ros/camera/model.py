@@ -110,6 +110,14 @@ class CameraModel(ABC):
         """The value of ``max_angle``."""
 
 
+OPTICAL_SUFFIX = "_optical_frame"
+
+
+def optical_frame(camera: str) -> str:
+    """Frame of a camera's image, and its link in a URDF: z forward, x right, y down."""
+    return f"{camera}{OPTICAL_SUFFIX}"
+
+
 def largest_regular_angle(is_regular: Callable[[Array], Mask], limit: float) -> float:
     """Largest angle [rad], at most ``limit``, such that it and all smaller ones are regular.
 

@@ -70,7 +70,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.camera_offsets import find_offsets
-    from bodycam_ros.ingest.ingest import find_cameras, ingest, lens_remarks
+    from bodycam_ros.ingest.ingest import ingest, lens_remarks
+    from bodycam_ros.ingest.ingest_camera import find_cameras
     from bodycam_ros.ingest.timing_file import read_offsets, synchronous_offsets, write_timing_report
 
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")

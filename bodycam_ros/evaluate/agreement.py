@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
+from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.alignment import (
     Alignment,
@@ -83,7 +83,7 @@ class PointAgreement:
     @property
     def is_camera(self) -> bool:
         """Whether it is the centre of a body camera."""
-        return self.link.endswith(CAMERA_SUFFIX)
+        return self.link.endswith(OPTICAL_SUFFIX)
 
     @property
     def errors(self) -> Array:

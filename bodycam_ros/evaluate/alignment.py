@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from bodycam_ros.body.urdf import CAMERA_SUFFIX
+from bodycam_ros.camera.model import OPTICAL_SUFFIX
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.clock_search import Clock, Signals, find_clock, fit_clock, rate_clock
 from bodycam_ros.formats.captured_motion import CapturedMotion
@@ -103,7 +103,7 @@ def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps
         ValueError: the points share too little to be aligned.
     """
     exact = np.array([not place.is_fitted for place in body.places.values()])
-    cameras = np.array([place.link.endswith(CAMERA_SUFFIX) for place in body.places.values()])
+    cameras = np.array([place.link.endswith(OPTICAL_SUFFIX) for place in body.places.values()])
     used = next((rows for rows in (exact & ~cameras, exact) if rows.sum() >= _MIN_EXACT), np.ones(len(exact), bool))
     offsets = body.origins
     scale, R, t = 1.0, np.eye(3), np.zeros(3)

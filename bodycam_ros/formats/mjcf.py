@@ -19,7 +19,8 @@ from itertools import product
 import numpy as np
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, bone_ends
-from bodycam_ros.body.urdf import optical_frame, xml_numbers
+from bodycam_ros.body.urdf import xml_numbers
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
 from bodycam_ros.kinematics.joint import Joint

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.body.urdf import CAMERA_SUFFIX, optical_frame
+from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.shown import shown
@@ -139,7 +139,7 @@ def locate_points(
     if not sites:
         raise RecordingError(
             f"{captured.path}: none of its names is known ({_some(captured.points)}); --points POINTS.yaml says which "
-            f"of our segments each is: {_some(link for link in links if not link.endswith(CAMERA_SUFFIX))}"
+            f"of our segments each is: {_some(link for link in links if not link.endswith(OPTICAL_SUFFIX))}"
         )
     return sites
 

@@ -13,11 +13,12 @@ from typing import TypeVar
 
 import numpy as np
 
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
-from bodycam_ros.messages.factory import Message, header_message, optical_frame, time_message
+from bodycam_ros.messages.factory import Message, header_message, time_message
 from bodycam_ros.messages.images import COMPRESSED_VIDEO, camera_info_message
 from bodycam_ros.messages.timing import CameraTiming, timing_message
 from bodycam_ros.recording.image_folder import ImageFolder

@@ -55,7 +55,7 @@ def _read_csv(path: Path) -> InertialSamples:
     """Lines ``time gx gy gz ax ay az`` [s], [rad/s], [m/s^2], by commas or blanks, under one line of names or none."""
     try:
         lines = path.read_text(encoding="utf-8-sig").replace(",", " ").replace(";", " ").splitlines()
-        if lines and lines[0].split() and not _is_number(lines[0].split()[0]):
+        if lines and lines[0].strip()[:1].isalpha():
             names = lines.pop(0).lower().split()
             if names != _COLUMNS.split():
                 raise RecordingError(f"{path}: expected the columns {_COLUMNS}, not {' '.join(names)}")
@@ -74,11 +74,3 @@ def _read_csv(path: Path) -> InertialSamples:
             f"{path}: the median specific force is {force:.2f}: expected m/s^2 with gravity in it (9.8 at rest)"
         )
     return InertialSamples(rows[:, 0], rows[:, 1:4], rows[:, 4:])
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import plausible_time
 from bodycam_ros.ingest.clock_fit import CameraTime
-from bodycam_ros.ingest.find_videos import find_videos
 from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.inertial_stream import imu_messages, read_inertial_samples
-from bodycam_ros.ingest.ingest_camera import IngestCamera, load_cameras
+from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
 from bodycam_ros.recording.camera_video import CameraVideo
@@ -62,27 +61,6 @@ class IngestSummary:
         return 1e-9 * (max(tally.last_ns for tally in tallies) - min(tally.first_ns for tally in tallies))
 
 
-def find_cameras(
-    given: Sequence[Path], lens_folder: Path | None, rate_hz: float | None = None, scale: float = 1.0
-) -> tuple[list[IngestCamera], list[str]]:
-    """The cameras among files and folders, by name, and what is wrong with those that cannot be used.
-
-    Args:
-        given: video files, and folders with videos or images.
-        lens_folder: where the lens YAMLs are; None: beside the videos.
-        rate_hz: of images that are not named by their stamps.
-        scale: size of frames in the bag, as a share of the size recorded.
-
-    Raises:
-        RecordingError: something given does not exist, or no camera can be used.
-    """
-    found, faults = find_videos(given, lens_folder)
-    cameras, unusable = load_cameras(found, lens_folder, rate_hz, scale)
-    faults += unusable
-    _check_any(cameras, faults)
-    return cameras, faults
-
-
 def ingest(
     cameras: Sequence[IngestCamera],
     times: Mapping[str, CameraTime],
@@ -109,10 +87,11 @@ def ingest(
         OutputError: the bag cannot be written.
     """
     timed, faults = _overlapping([camera for camera in cameras if camera.name in times], times)
-    _check_any(timed, faults)
+    check_any(timed, faults)
     base = _base(timed, times)
     base_ns = round(base.timestamp() * 1e6) * 1000
-    streams = [FrameStream(camera, times[camera.name], base_ns, _threads(jobs, timed)) for camera in timed]
+    threads = max(1, jobs // len(timed))
+    streams = [FrameStream(camera, times[camera.name], base_ns, threads) for camera in timed]
     start_s = min(_interval(camera, times)[0] for camera in timed)
     total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
     imus, imu_faults = _inertial_samples(timed)
@@ -129,7 +108,7 @@ def ingest(
                 on_progress((1e-9 * (message.stamp_ns - base_ns) - start_s) / max(total_s, 1e-9))
         faults += [_left_out(stream) for stream in streams if not stream.tally.frames]
         written = [stream for stream in streams if stream.tally.frames]
-        _check_any([stream.camera for stream in written], faults)
+        check_any([stream.camera for stream in written], faults)
     return IngestSummary(
         tuple(
             IngestedCamera(
@@ -156,14 +135,6 @@ def _inertial_samples(cameras: Sequence[IngestCamera]) -> tuple[dict[str, Inerti
         if samples is not None:
             found[camera.name] = samples
     return found, faults
-
-
-def _check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
-    """Refuse none, and one that is left of several."""
-    if len(cameras) > 1 or (cameras and not faults):
-        return
-    left = f"only camera {cameras[0].name} of those given can be used" if cameras else "no camera can be used"
-    raise RecordingError(left + "".join(f"\n{fault}" for fault in faults))
 
 
 def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
@@ -199,10 +170,6 @@ def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> d
     """UTC of the recording's time 0: when the reference began, by its own clock, if that was set."""
     reference = min(cameras, key=lambda camera: (abs(times[camera.name].start_s), times[camera.name].start_sigma_s))
     return plausible_time(reference.video.created) or _EPOCH
-
-
-def _threads(jobs: int, cameras: Sequence[IngestCamera]) -> int:
-    return max(1, jobs // len(cameras))
 
 
 def _remarks(stream: FrameStream) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
-from bodycam_ros.ingest.find_videos import CameraFiles
+from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.shown import shown
@@ -53,28 +53,37 @@ class IngestCamera:
         return isinstance(self.video, ImageFolder) or self.video.facts.is_upright_annex_b
 
 
-def load_cameras(
-    found: Sequence[CameraFiles], lens_folder: Path | None, rate_hz: float | None = None, scale: float = 1.0
+def find_cameras(
+    given: Sequence[Path], lenses: Path | None, rate_hz: float | None = None, scale: float = 1.0
 ) -> tuple[list[IngestCamera], list[str]]:
-    """Open each camera's files and lens.
+    """The cameras among files and folders, by name, and what is wrong with those that cannot be used.
 
     Args:
-        found: the files.
-        lens_folder: where the lens YAMLs are; None: beside the videos.
-        rate_hz: of images in folders.
+        given: video files, and folders with videos or images.
+        lenses: where the lens YAMLs are, or a file of static cameras; None: beside the videos.
+        rate_hz: of images that are not named by their stamps.
         scale: see ``IngestCamera``.
 
-    Returns:
-        The cameras that can be used, and for each of the others what is wrong with it.
+    Raises:
+        RecordingError: something given does not exist, or no camera can be used.
     """
+    found, faults = find_videos(given, lenses)
     cameras: list[IngestCamera] = []
-    faults = []
     for files in found:
         try:
-            cameras += _load(files, lens_folder, rate_hz, scale)
+            cameras += _load(files, lenses, rate_hz, scale)
         except BodycamError as error:
             faults.append(f"camera {files.camera}: left out: {error}")
+    check_any(cameras, faults)
     return cameras, faults
+
+
+def check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
+    """Refuse none, and one that is left of several."""
+    if len(cameras) > 1 or (cameras and not faults):
+        return
+    left = f"only camera {cameras[0].name} of those given can be used" if cameras else "no camera can be used"
+    raise RecordingError(left + "".join(f"\n{fault}" for fault in faults))
 
 
 def open_video(files: CameraFiles) -> CameraVideo:

@@ -19,6 +19,7 @@ Grey = NDArray[np.uint8]
 
 _IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm"}
 _MOST_PICTURES = 120  # of a video, the sharpest of as many equal parts of it
+_LIT = 24  # grey level of what a lens shows; a fisheye has black around it
 _MOST_BYTES = 700_000_000  # of pictures in memory at a time
 
 
@@ -30,7 +31,7 @@ class LensImage:
     grey: Grey
 
 
-def lens_images(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[LensImage]:
+def lens_images(sources: Sequence[Path]) -> list[LensImage]:
     """Pictures of videos, of images and of folders with images, all of one size, each with a name of its own.
 
     Raises:
@@ -48,10 +49,10 @@ def lens_images(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[Len
             images.append(source)
         else:
             alike = sum(other.name == source.name for other in dict.fromkeys(sources))
-            pictures += _of_video(source, most, source.name if alike == 1 else str(source))
+            pictures += _of_video(source, source.name if alike == 1 else str(source))
     images = list(dict.fromkeys(images))  # one may be given by itself and by its folder
     if images:
-        most = max(2, min(most, _MOST_BYTES // max(1, _image(images[0]).size)))
+        most = max(2, min(_MOST_PICTURES, _MOST_BYTES // max(1, _image(images[0]).size)))
         if len(images) > most:
             images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
         called = Counter(path.name for path in images)
@@ -68,21 +69,21 @@ def lens_images(sources: Sequence[Path], most: int = _MOST_PICTURES) -> list[Len
     return pictures
 
 
-def illuminated_pixels(pictures: Sequence[LensImage], threshold: int = 24) -> NDArray[np.bool_]:
+def illuminated_pixels(pictures: Sequence[LensImage]) -> NDArray[np.bool_]:
     """Which pixels (H, W) are ever lit: a fisheye may show a disc with black around it."""
     height, width = pictures[0].grey.shape
     size = (max(1, width // 8), max(1, height // 8))
     brightest = np.max([cv2.resize(p.grey, size, interpolation=cv2.INTER_AREA) for p in pictures], axis=0)
-    shown = (brightest > threshold).astype(np.uint8)
+    shown = (brightest > _LIT).astype(np.uint8)
     full = cv2.resize(shown, (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)
     return np.asarray(full, np.bool_)
 
 
-def _of_video(path: Path, most: int, name: str) -> Iterator[LensImage]:
+def _of_video(path: Path, name: str) -> Iterator[LensImage]:
     video = CameraVideo.of_files(path.stem, [path])
     facts = video.facts
     frames = facts.frames or round(facts.rate_hz * facts.duration_s)
-    most = max(2, min(most, _MOST_BYTES // (facts.width * facts.height)))
+    most = max(2, min(_MOST_PICTURES, _MOST_BYTES // (facts.width * facts.height)))
     length = max(1, -(-frames // most))
     best: tuple[float, LensImage] | None = None
     for number, (seconds, frame) in enumerate(video.frames()):

@@ -7,11 +7,12 @@ from heapq import merge
 from pathlib import Path
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
-from bodycam_ros.messages.factory import Message, header_message, optical_frame
+from bodycam_ros.messages.factory import Message, header_message
 from bodycam_ros.messages.images import COMPRESSED_VIDEO, INFO, TRANSPORTS, compressed_video, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
 from bodycam_ros.messages.timing import TIMING

@@ -95,8 +95,3 @@ def time_message(make: MessageFactory, ns: int) -> Message:
 def header_message(make: MessageFactory, ns: int, frame_id: str) -> Message:
     """std_msgs/Header."""
     return make("std_msgs/msg/Header", stamp=time_message(make, ns), frame_id=frame_id)
-
-
-def optical_frame(camera: str) -> str:
-    """Frame of a camera's image: z forward, x right, y down."""
-    return f"{camera}_optical_frame"

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import ENCODINGS, CameraImage, FilePicture, RawPicture, VideoPacket
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.messages.factory import Message, MessageFactory, header_message, numbers, optical_frame, stamp_ns
+from bodycam_ros.messages.factory import Message, MessageFactory, header_message, numbers, stamp_ns
 from bodycam_ros.shown import shown
 
 _GREY = ("mono8", "8UC1")

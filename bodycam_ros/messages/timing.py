@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout, readout_of
-from bodycam_ros.messages.factory import Message, MessageFactory, header_message, optical_frame, stamp_ns
+from bodycam_ros.messages.factory import Message, MessageFactory, header_message, stamp_ns
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.messages.factory import (
     MAP_FRAME,
     Message,
@@ -10,7 +11,6 @@ from bodycam_ros.messages.factory import (
     flat,
     header_message,
     numbers,
-    optical_frame,
     stamp_ns,
     time_message,
 )

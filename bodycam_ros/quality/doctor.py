@@ -24,12 +24,12 @@ from bodycam_ros.quality.place_checks import (
 from bodycam_ros.quality.recording_checks import IMAGE_CHECKS, check_cameras, check_clocks, check_gaps, check_lens
 from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
 from bodycam_ros.quality.sensor_checks import check_sensors
+from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.verdict import Finding, check_limits
 
-_BAG_SUFFIXES, _BAG_FILE = {".mcap", ".db3"}, "metadata.yaml"
 _IMAGES = 12  # of each camera, spread over the recording: faults that last are found in seconds
 _REGISTERED_IMAGES = 6  # of those, for the share that registers: each costs a tenth of a second
 _EXERCISE_IMAGES = 20  # of each camera of a range of motion; more miss fewer turns
@@ -57,6 +57,12 @@ class DoctorInput:
     lenses: Path | None = None
     imu: tuple[Path, ...] = ()
 
+    @property
+    def is_bag(self) -> bool:
+        """Whether the recording is a ros2 bag, and neither a video nor a folder of videos."""
+        has_videos = self.recording.suffix.lower() in VIDEO_SUFFIXES or self.recording.is_dir()
+        return is_bag(self.recording) or not has_videos
+
 
 def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     """Make all checks that the input allows.
@@ -70,7 +76,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     wanted = mounts if rig is None else tuple(rig.cameras)
     board_path = given.board or given.recording.resolve().parent / BOARD_FILE
     board = read_board(board_path) if given.board is not None or board_path.is_file() else None
-    is_exercise = rig is not None and reference_map is not None and is_bag(given.recording)
+    is_exercise = rig is not None and reference_map is not None and given.is_bag
     count = _EXERCISE_IMAGES if is_exercise else _IMAGES
 
     def instants(duration_s: float) -> Array:
@@ -78,7 +84,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         return np.sort(np.concatenate([opening, spread_instants(duration_s, count)]))
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
-        if is_bag(given.recording):
+        if given.is_bag:
             recording = sample_bag(given.recording, instants, advance)
         else:
             recording = sample_videos(given.recording, given.lenses, instants, advance)
@@ -89,7 +95,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         *check_lens(recording),
         *check_limits({camera.name: camera for camera in recording.cameras}, IMAGE_CHECKS),
     ]
-    bags = (*([given.recording] if is_bag(given.recording) else []), *given.imu)
+    bags = (*([given.recording] if given.is_bag else []), *given.imu)
     findings += check_sensors(read_imus(bags, [camera.name for camera in recording.cameras]))
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
@@ -105,19 +111,12 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         with progress.step("registering", len(order)) as advance:
             registered = register_samples(recording, names, order, reference_map, jobs, advance)
         findings += check_registration(registered)
-        if is_bag(given.recording):
+        if given.is_bag:
             findings += check_field_of_view(given.recording, registered, progress)
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras)
             findings += check_exercise(registered, rig)
     return findings
-
-
-def is_bag(recording: Path) -> bool:
-    """Whether a path is a ros2 bag, and neither a video nor a folder of videos."""
-    suffix = recording.suffix.lower()
-    has_videos = suffix in VIDEO_SUFFIXES or recording.is_dir()
-    return suffix in _BAG_SUFFIXES or (recording / _BAG_FILE).is_file() or not has_videos
 
 
 def skipped_checks(given: DoctorInput) -> Iterator[str]:
@@ -126,5 +125,5 @@ def skipped_checks(given: DoctorInput) -> Iterator[str]:
         yield "share of images that register: give --map"
     if given.rig is None and given.body is None:
         yield "cameras that are missing: give --rig (a range of motion) or --body"
-    if given.rig is not None and not is_bag(given.recording):
+    if given.rig is not None and not given.is_bag:
         yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"

@@ -169,17 +169,8 @@ class BagFile:
         these topics are not decompressed. A message that cannot be decoded is left out, so fewer may come than
         ``message_count``.
         """
-        connections = self._connections(topics)
-        if not connections:
-            return
         decode = recording_typestore().deserialize_cdr
-        stream = self._reader.messages(connections, start=start_ns, stop=stop_ns)
-        while True:
-            with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
-                item = next(stream, None)
-            if item is None:
-                return
-            connection, stamp_ns, cdr = item
+        for connection, stamp_ns, cdr in self._stream(topics, start_ns, stop_ns):
             try:
                 message = decode(cdr, connection.msgtype)
             except Exception:  # damaged bytes can raise nearly anything in a parser
@@ -192,18 +183,23 @@ class BagFile:
 
         Nothing is decoded: a header's stamp, as that of a foxglove message, is the first eight bytes of a message.
         """
+        for connection, recorded_ns, cdr in self._stream(topics):
+            if len(cdr) >= _NANOSECONDS.stop:
+                order: Literal["little", "big"] = "little" if cdr[1] & 1 else "big"
+                seconds, nanoseconds = (int.from_bytes(cdr[part], order) for part in (_SECONDS, _NANOSECONDS))
+                yield self._name(connection.topic), recorded_ns, seconds * 1_000_000_000 + nanoseconds
+
+    def _stream(
+        self, topics: Collection[str], start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[tuple[Connection, int, bytes]]:
         connections = self._connections(topics)
-        stream = self._reader.messages(connections) if connections else iter(())
+        stream = self._reader.messages(connections, start=start_ns, stop=stop_ns) if connections else iter(())
         while True:
             with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
                 item = next(stream, None)
             if item is None:
                 return
-            connection, recorded_ns, cdr = item
-            if len(cdr) >= _NANOSECONDS.stop:
-                order: Literal["little", "big"] = "little" if cdr[1] & 1 else "big"
-                seconds, nanoseconds = (int.from_bytes(cdr[part], order) for part in (_SECONDS, _NANOSECONDS))
-                yield self._name(connection.topic), recorded_ns, seconds * 1_000_000_000 + nanoseconds
+            yield item
 
     def _connections(self, topics: Collection[str]) -> list[Connection]:
         return [c for c in self._reader.connections if self._name(c.topic) in topics]

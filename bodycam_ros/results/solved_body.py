@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord
 from bodycam_ros.body.stick_figure import Bone, body_bones
-from bodycam_ros.body.urdf import optical_frame
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles, angles_within_a_turn

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.urdf import optical_frame
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import Message

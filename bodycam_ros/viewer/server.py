@@ -73,7 +73,7 @@ class LocalServer(viser.ViserServer):
         """
         try:
             view = open_view(self)
-            self.print_address()
+            Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it")
             try:
                 while True:
                     try:
@@ -85,10 +85,6 @@ class LocalServer(viser.ViserServer):
                     Terminal(stderr=True).print(f"bodycam: not written to {unwritten}")
         finally:
             self.stop()
-
-    def print_address(self) -> None:
-        """Print what to open in a browser."""
-        Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it")
 
     def notify(self, title: str, text: str, colour: Literal["green", "red"]) -> None:
         """Show a notice in all browsers; a red one stays until it is closed."""

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.body.urdf import optical_frame, urdf_text
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.kinematics.joint_angles import JointAngles
 
 

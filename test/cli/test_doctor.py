@@ -11,7 +11,7 @@ from altered_sample import write_altered_sample
 from made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.ingest.ingest import find_cameras
+from bodycam_ros.ingest.ingest_camera import find_cameras
 from bodycam_ros.messages.factory import Message
 
 

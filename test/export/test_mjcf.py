@@ -17,7 +17,8 @@ from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
 from bodycam_ros.body.equipment_yaml import read_equipment, supplied_equipment
 from bodycam_ros.body.mechanism import Mechanism, close_loops, project
-from bodycam_ros.body.urdf import body_from_urdf, optical_frame, urdf_text
+from bodycam_ros.body.urdf import body_from_urdf, urdf_text
+from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.mjcf import mjcf_text
