@@ -21,12 +21,15 @@ from bodycam_ros.whole_file import scratch_folder
 
 if TYPE_CHECKING:
     from bodycam_ros.inertial.map_alignment import InertialAlignment
-    from bodycam_ros.mapping.build import BuiltMap
+    from bodycam_ros.mapping.build import BuiltMap, Registration
     from bodycam_ros.mapping.known_distance import KnownDistance
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.mapping.moving_camera import MovingCamera
     from bodycam_ros.mapping.photographs import Photographs
     from bodycam_ros.registration.reference_map import ReferenceMap
+
+_FEW_LANDMARKS = 50
+"""Of a photograph: usual ones have a thousand; where two places look alike some dozen fit the wrong one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -97,10 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
     replace(built, reference_map=reference_map).save(output, force=arguments.force, also=draw)
-    left_out = [each.name for each in built.registrations if not each.registered]
     lines = (
-        f"{sum(r.registered for r in built.registrations)} of {len(built.registrations)} photographs registered",
-        *([f"NOT registered: {', '.join(left_out)}"] if left_out else ()),
+        *_registration_lines(built.registrations),
         f"{len(reference_map.landmark_ids)} landmarks with {len(reference_map.descriptors)} descriptors",
         *_board_lines(built),
         _scale_line(built),
@@ -127,6 +128,16 @@ def add_coverage(
 
     lines = [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]
     return with_coverage(reference_map, coverage), draw, lines
+
+
+def _registration_lines(registrations: "Sequence[Registration]") -> Iterator[str]:
+    yield f"{sum(each.registered for each in registrations)} of {len(registrations)} photographs registered"
+    if left_out := [each.name for each in registrations if not each.registered]:
+        yield f"NOT registered: {', '.join(left_out)}"
+    weak = [each for each in registrations if each.registered and each.landmarks < _FEW_LANDMARKS]
+    if weak:
+        named = ", ".join(f"{each.name} ({each.landmarks} landmarks)" for each in weak)
+        yield f"registered by few landmarks, perhaps wrongly: {named}; photograph more between them and the others"
 
 
 def _board_lines(built: "BuiltMap") -> Iterator[str]:

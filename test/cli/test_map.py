@@ -140,6 +140,16 @@ def test_unusable_photographs_are_skipped_with_a_warning(few, tmp_path, caplog, 
     assert ReferenceMap.load(tmp_path / "map").image_names == tuple(NEAR)
 
 
+def test_a_photograph_that_hardly_shows_the_place_is_named(few, sample, tmp_path, capsys):
+    photograph = cv2.imread(str(sample / "reference" / "ref_0107.jpg"))
+    shown = np.full_like(photograph, 90)
+    shown[350:610, 510:770] = photograph[350:610, 510:770]
+    cv2.imwrite(str(few / "hidden.png"), shown)
+    assert main(["map", str(few), "-o", str(tmp_path / "map"), *QUICK]) == 0
+    weak = [line for line in capsys.readouterr().out.splitlines() if "few landmarks" in line]
+    assert len(weak) == 1 and "hidden.png" in weak[0] and "ref_" not in weak[0]
+
+
 def expect_error(arguments, capsys, *words):
     assert main(["map", *map(str, arguments)]) == 1
     message = capsys.readouterr().err
