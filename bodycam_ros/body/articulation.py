@@ -281,21 +281,23 @@ def eliminate_instants(J_moving: Array, J_lasting: Array, hessians: Array, gradi
         hessians: (T, C, 6, 6) of the cameras' poses.
         gradients: (T, C, 6).
     """
-    HJ_moving, HJ_lasting = hessians @ J_moving, hessians @ J_lasting
-    flat = (len(J_moving), -1)
-
-    def product(left: Array, right: Array) -> Array:
-        columns = left.shape[-1], right.shape[-1]
-        rows = left.reshape(*flat, columns[0]), right.reshape(*flat, columns[1])
-        out: Array = np.swapaxes(rows[0], 1, 2) @ rows[1]
-        return out
-
-    A, B = product(J_moving, HJ_moving), product(J_moving, HJ_lasting)
-    a, c = (product(J, gradients[..., None]) for J in (J_moving, J_lasting))
-    A = A + (_STIFFENING * np.einsum("tii->ti", A).mean() * np.eye(A.shape[-1]))
-    solved = -np.linalg.solve(A, np.concatenate([B, a], axis=2))
-    reduced = np.concatenate([product(J_lasting, HJ_lasting), c], axis=2) + np.swapaxes(B, 1, 2) @ solved
-    return EliminatedInstants(reduced[..., :-1], reduced[..., -1], solved[..., -1], solved[..., :-1])
+    instants, cameras, _, moving = J_moving.shape
+    lasting, rows = J_lasting.shape[-1], 6 * cameras
+    J, HJ = J_moving.reshape(instants, rows, moving), (hessians @ J_moving).reshape(instants, rows, moving)
+    A = np.swapaxes(J, 1, 2) @ HJ
+    A += _STIFFENING * np.einsum("tii->ti", A).mean() * np.eye(moving)
+    out = EliminatedInstants(
+        *(np.empty((instants, *shape)) for shape in ((lasting, lasting), (lasting,), (moving,), (moving, lasting)))
+    )
+    # One instant after the other, whose matrices stay in the cache.
+    for t in range(instants):
+        J_t, HJ_t, g = J_lasting[t].reshape(rows, lasting), hessians[t] @ J_lasting[t], gradients[t].ravel()
+        B = HJ[t].T @ J_t
+        solved = -np.linalg.solve(A[t], np.column_stack([B, J[t].T @ g]))
+        out.by_lasting[t], out.own_steps[t] = solved[:, :-1], solved[:, -1]
+        out.hessians[t] = J_t.T @ HJ_t.reshape(rows, lasting) + B.T @ out.by_lasting[t]
+        out.gradients[t] = J_t.T @ g + B.T @ out.own_steps[t]
+    return out
 
 
 def distance_weights(squared: Array, known: NDArray[np.bool_], outlier_sigmas: float) -> Array:

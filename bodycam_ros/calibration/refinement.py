@@ -24,7 +24,7 @@ MAX_ROWS = 300
 STRAIGHT_SIGMA_M = 0.005
 """How straight a limb stands in the N-pose: it alone fixes a hinge's joint along its axis."""
 
-_ITERATIONS = 5  # from the joint centres; further ones move joints by 0.1 mm
+_ITERATIONS = 4  # from the joint centres; a strap that slipped takes four, others three (bones change by 3 um)
 _LANDMARK_SIGMA_M = 0.005  # of a landmark in the map, along each axis; a recording moves it by 4 mm in all (median)
 _SIGMA_BLOCKS = 12  # stretches that are left out one by one for the covariance; each must outlast the tracks
 _OUTLIER_SIGMAS = 4.0  # a camera this far from the body counts half (Cauchy), as in the solver
