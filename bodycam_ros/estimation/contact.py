@@ -4,7 +4,6 @@ A foot rests on its heel, on its ball or on both, so each point is tested by its
 pedals. Feet whose rotation is not measured are left to the pose prior.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, sole_points
 from bodycam_ros.estimation.between_factors import RestingPoint
-from bodycam_ros.geometry import Array, transform_points
+from bodycam_ros.geometry import Array
 from bodycam_ros.settings import setting
 
 Mask = NDArray[np.bool_]
@@ -29,34 +28,36 @@ class ContactSettings:
     enabled: bool = setting(True, reason="constrain resting feet; false leaves feet to the cameras alone")
 
 
-def foot_points(body: BodyModel) -> list[tuple[int, Array]]:
-    """Row of each foot of a body and one of its points (3,), in the foot's frame [m]."""
-    points = []
-    for foot in (joint for joint in body.tree_joints if joint.child in FEET):
-        shin_m = float(np.linalg.norm(foot.parent_T_joint[:3, 3]))
-        if shin_m > _LEAST_SHIN_M:
-            row = body.segment_index[foot.child]
-            points += [(row, foot.child_T_joint[:3, 3] + arm) for arm in sole_points(shin_m)]
-    return points
-
-
-def resting_points(
-    points: Sequence[tuple[int, Array]], before: Array, poses: Array, dt_s: float, observed: Mask, turning: Mask
-) -> list[RestingPoint]:
-    """The constraints of points that rest.
+class Soles:
+    """The P points of the soles on which a body's feet rest.
 
     Args:
-        points: of the feet (``foot_points``).
-        before: (S, 4, 4) poses of the state before.
-        poses: (S, 4, 4) solved without the constraints.
-        dt_s: between the two [s].
-        observed: (S,) observed segments.
-        turning: (S,) segments whose rotation is measured at least.
+        body: with feet, or without.
+        settings: whether feet are constrained.
     """
-    resting = []
-    for row, place in points:
-        if turning[row]:
-            start, end = transform_points(np.stack([before[row], poses[row]]), place[None])[:, 0]
-            if np.linalg.norm(end - start) < _REST * dt_s:
-                resting.append(RestingPoint(row, place, _REST * dt_s * (1.0 if observed[row] else 2.0)))
-    return resting
+
+    def __init__(self, body: BodyModel, settings: ContactSettings) -> None:
+        points = []
+        for foot in (joint for joint in body.tree_joints if joint.child in FEET and settings.enabled):
+            shin_m = float(np.linalg.norm(foot.parent_T_joint[:3, 3]))
+            arms = sole_points(shin_m) if shin_m > _LEAST_SHIN_M else ()
+            points += [(body.segment_index[foot.child], foot.child_T_joint[:3, 3] + arm) for arm in arms]
+        self._rows = np.array([row for row, _ in points], np.int64)
+        self._places = np.array([place for _, place in points]).reshape(-1, 3)
+
+    def resting(self, before: Array, poses: Array, dt_s: float, observed: Mask, turning: Mask) -> list[RestingPoint]:
+        """The constraints of points that rest.
+
+        Args:
+            before: (S, 4, 4) poses of the state before.
+            poses: (S, 4, 4) without the constraints.
+            dt_s: between the two [s].
+            observed: (S,) observed segments.
+            turning: (S,) segments whose rotation is measured at least.
+        """
+        rows, creep_m = self._rows, _REST * dt_s
+        moved = (poses - before)[rows]
+        moved_m = np.linalg.norm((moved[:, :3, :3] @ self._places[..., None])[..., 0] + moved[:, :3, 3], axis=1)
+        resting = np.flatnonzero(turning[rows] & (moved_m < creep_m)).tolist()
+        sigmas = np.where(observed[rows], creep_m, 2.0 * creep_m)
+        return [RestingPoint(int(rows[i]), self._places[i], float(sigmas[i])) for i in resting]

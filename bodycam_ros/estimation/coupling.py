@@ -173,7 +173,7 @@ class Coupling:
         """That the root is upright, once: when it is placed."""
         sigma, poses = self.equipment.upright_sigma, []
         if self.placed and not self._was_placed and np.isfinite(sigma):
-            level = start.poses[self._root]
+            level = start.poses[self._root].copy()
             up = level[:3, 2]
             lean = np.cross(up, [0.0, 0.0, 1.0])
             sine = float(np.linalg.norm(lean))

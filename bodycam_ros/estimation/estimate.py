@@ -137,10 +137,7 @@ def body_uncertainty(estimate: Estimate, dt_s: float, root_observed: bool) -> Bo
     tangent, P, J = estimate.at.tangent, estimate.covariance, estimate.at.jacobians
     K = tangent.count
     segments = (J.reshape(-1, K) @ P[:K, :K]).reshape(J.shape) @ np.swapaxes(J, -1, -2) + _BODY
-    joints = np.zeros((len(tangent.twists), 3, 3))
-    for row, (joint, columns) in enumerate(zip(tangent.tree.tree_joints, tangent.columns, strict=True)):
-        turns = joint.child_T_joint[:3, :3] @ tangent.twists[row][:3]
-        joints[row] = turns @ P[columns, columns] @ turns.T
+    joints = tangent.child_turns @ P[:K, :K] @ np.swapaxes(tangent.child_turns, -1, -2)
     root = segments[tangent.tree.segment_index[tangent.tree.root]]
     twist = P[K : K + 6, K : K + 6].copy()
     if root_observed and dt_s > 0.0:

@@ -20,7 +20,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, measured_turns
 from bodycam_ros.estimation.camera_gate import gate_cameras
 from bodycam_ros.estimation.chain import ChainState, Step, first_poses, predict_step, smooth
-from bodycam_ros.estimation.contact import ContactSettings, foot_points, resting_points
+from bodycam_ros.estimation.contact import ContactSettings, Soles
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimate import Coordinates, Transition, body_uncertainty
 from bodycam_ros.estimation.frame_gaps import FrameGaps
@@ -99,7 +99,7 @@ class BodyEstimator:
         if not self._cameras and static_cameras is None:
             there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
             raise BodyError(f"body {body.name}: none of the recording's cameras ({there}) is on it; it has {carried}")
-        self._soles = foot_points(body) if (contact or ContactSettings()).enabled else []
+        self._soles = Soles(body, contact or ContactSettings())
         self._mounted = MountedCameras(body, evidence or EvidenceSettings())
         self._tangent = TreeTangent(self.body, SLIDES_M)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
@@ -304,7 +304,7 @@ class BodyEstimator:
 
     def _add_contacts(self, before: Array, step: Step, observed: Mask, turning: Mask) -> Step:
         """Both states of a step, given the points of the soles that rest since the poses (S, 4, 4) before."""
-        resting = resting_points(self._soles, before, step.after.at.poses, step.dt_s, observed, turning)
+        resting = self._soles.resting(before, step.after.at.poses, step.dt_s, observed, turning)
         return replace(step, link=condition(step.link, resting), between=[*step.between, *resting])
 
     def flush(self) -> list[BodyState]:
@@ -355,7 +355,7 @@ class BodyEstimator:
         return BodyState(
             stamp_ns=state.stamp_ns,
             segments=self.body.segments[rows],
-            world_T_segment=at.poses[rows],
+            world_T_segment=at.poses[rows].copy(),
             uncertainty=replace(uncertainty, joints=joints, segments=segments),
             observed=state.observed[rows],
             cameras_used=state.cameras_used,

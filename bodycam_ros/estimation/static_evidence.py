@@ -139,7 +139,8 @@ class StaticEvidence:
 
     def _listed(self, rows: Iterable[int]) -> Mask:
         """(S,) segments of some rows that no body camera measures."""
-        listed = np.isin(np.arange(len(self.rows)), list(rows))
+        listed = np.zeros(len(self.rows), bool)
+        listed[list(rows)] = True
         return np.asarray(listed & ~self._on_body, bool)
 
     @property
@@ -181,6 +182,8 @@ class StaticEvidence:
 
     def widen(self, uncertainty: BodyUncertainty) -> BodyUncertainty:
         """Covariances with errors of static cameras that last for a recording: surfaces are wrong in all frames."""
+        if not (self.rows.any() or self._measured.unsupported):
+            return uncertainty
         added, by_static = np.zeros((len(self.rows), 6)), self.rows & ~self._on_body
         if len(self._measured.surface_variances):
             added[by_static] = self._measured.surface_variances[by_static]

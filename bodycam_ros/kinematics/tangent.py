@@ -84,6 +84,7 @@ class TreeTangent:
         tree: as given.
         twists: of each joint of the tree, (6, F) in its frame.
         columns: of each joint of the tree, its columns of an increment; the root's are the first six.
+        child_turns: (J, 3, K) how joint rotations turn, about the axes of the child.
         slides: (J, 3) along which axes joints slide.
         root: row of the root.
         count: K.
@@ -96,6 +97,9 @@ class TreeTangent:
         ends = 6 + np.cumsum([0, *(twists.shape[1] for twists in self.twists)])
         self.columns = [slice(int(start), int(end)) for start, end in zip(ends[:-1], ends[1:], strict=True)]
         self.count = int(ends[-1])
+        self.child_turns = np.zeros((len(self.twists), 3, self.count))
+        for row, (joint, columns) in enumerate(zip(tree.tree_joints, self.columns, strict=True)):
+            self.child_turns[row, :, columns] = joint.child_T_joint[:3, :3] @ self.twists[row][:3]
         self._carriers = np.append(np.zeros(6, np.int64), 1 + np.repeat(np.arange(len(self.twists)), np.diff(ends)))
         self._of_columns = np.concatenate([np.eye(6), *(twists.T for twists in self.twists)])
         moves = np.concatenate([np.ones((len(tree.segments), 1)), tree.moves], axis=1)
