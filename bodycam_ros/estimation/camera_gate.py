@@ -38,23 +38,23 @@ class GatedCameras:
 def gate_cameras(predicted: Estimate, cameras: SegmentPoses, unobserved: NDArray[np.bool_]) -> GatedCameras:
     """Weigh cameras, where some coordinates (K,) of the prediction had no measurement."""
     K, at, weights = len(unobserved), predicted.at, np.ones(len(cameras))
-    covariance = predicted.covariance[:K, :K].copy()
-    covariance[unobserved, unobserved] += _UNOBSERVED**2
-    prior = np.linalg.inv(covariance)
+    prior = predicted.information
+    if unobserved.any():
+        covariance = predicted.covariance[:K, :K] + np.diag(_UNOBSERVED**2 * unobserved)
+        prior = np.asarray(np.linalg.inv(covariance), np.float64)
     while (weights > 0.0).any():
         kept = np.flatnonzero(weights)
         spread = cameras.covariances[kept] / weights[kept, None, None] + np.diag(_GROSS**2)
-        at, step = predicted.at, np.zeros(K)
+        at = predicted.at
         for _ in range(_ITERATIONS):
-            at = at.moved(step)
             J, r = at.jacobians[cameras.rows[kept]], cameras.residuals(at.poses)[kept]
             weighted = np.swapaxes(J, 1, 2) @ np.linalg.inv(spread)
             C = np.linalg.inv(prior + (weighted @ J).sum(axis=0))
             b = (weighted @ r[..., None])[..., 0].sum(axis=0)
             step = C @ (b - prior @ predicted.at.step_to(at)[:K])
+            at = at.moved(step)
             if np.abs(step).max() < _LINEAR:
                 break
-        at = at.moved(step)
         off, known = r - J @ step, J @ C @ np.swapaxes(J, 1, 2)
         squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread - known, off[..., None])[..., 0])
         if squared.max() < _GATE:

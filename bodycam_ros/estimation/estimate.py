@@ -70,6 +70,13 @@ class Estimate:
     at: Coordinates
     covariance: Array
 
+    @cached_property
+    def information(self) -> Array:
+        """(K, K) inverse of the covariance of the coordinates."""
+        K = self.at.tangent.count
+        information = np.linalg.inv(self.covariance[:K, :K])
+        return np.asarray(0.5 * (information + information.T), np.float64)
+
 
 @dataclass(frozen=True, eq=False)
 class Transition:
@@ -93,16 +100,16 @@ class Transition:
     def _gain(self) -> Array:
         return np.asarray(np.linalg.solve(self.after.covariance, self.cross).T, np.float64)
 
-    def fitted(self, at: Coordinates, covariance: Array, prior: Array, step: Array) -> "Transition":
+    def fitted(self, at: Coordinates, covariance: Array, step: Array) -> "Transition":
         """The same given a fit of the later state's coordinates; all else follows by its covariance with these.
 
         Args:
             at: the coordinates of the fit.
             covariance: (K, K) of them.
-            prior: (K, K) inverse of their covariance before the fit.
             step: (K) increment from the coordinates before the fit.
         """
-        K, P, cross = len(prior), self.after.covariance, self.cross
+        prior, P, cross = self.after.information, self.after.covariance, self.cross
+        K = len(prior)
         gain, gain_before, less = P[K:, :K] @ prior, cross[:K].T @ prior, P[:K, :K] - covariance
         after, covaries = np.empty_like(P), np.empty_like(cross)
         after[:K, :K], after[K:, :K] = covariance, gain @ covariance

@@ -6,7 +6,7 @@ is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inve
 """
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Self
 
@@ -28,13 +28,14 @@ KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
 
+@dataclass(frozen=True, eq=False)
 class _Stacked:
     """Arrays with a row for each measurement."""
 
     def __add__(self, other: Self) -> Self:
         """The rows of both."""
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return type(self)(*(np.concatenate(pair) for pair in pairs))
+        names = [each.name for each in fields(self)]
+        return type(self)(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class SegmentPoses(_Stacked):
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @cached_property
+    def information(self) -> Array:
+        """(N, 6, 6) inverse covariances."""
+        return np.asarray(np.linalg.inv(self.covariances), np.float64)
 
     def residuals(self, poses: Array) -> Array:
         """(N, 6) from poses (S, 4, 4) of all segments to the measured ones."""
@@ -158,10 +164,8 @@ class StateFit:
             measured: of the later state.
             start: its initial coordinates.
         """
-        K, predicted, at = self._tangent.count, link.after, start
-        prior = np.linalg.inv(predicted.covariance[:K, :K])
-        prior = 0.5 * (prior + prior.T)
-        robust = False
+        K, predicted, at, robust = self._tangent.count, link.after, start, False
+        prior = predicted.information
         for _ in range(_STEPS):
             A, b = self._normal_equations(at, measured, robust)
             information = prior + A
@@ -173,7 +177,7 @@ class StateFit:
                 break
             robust = robust or moved < _NEAR
         covariance = np.linalg.inv(information)
-        return link.fitted(at, 0.5 * (covariance + covariance.T), prior, x + step)
+        return link.fitted(at, 0.5 * (covariance + covariance.T), x + step)
 
     def _normal_equations(self, at: Coordinates, measured: Measurements, robust: bool) -> tuple[Array, Array]:
         """Matrix (K, K) and right side (K) of all measurements about coordinates."""
@@ -182,7 +186,7 @@ class StateFit:
         if len(measured.cameras):
             r = measured.cameras.residuals(at.poses)
             J = log_jacobian(r) @ at.jacobians[measured.cameras.rows]
-            information = np.asarray(np.linalg.inv(measured.cameras.covariances), np.float64)
+            information = measured.cameras.information
             if robust:
                 information = information * cauchy(_squared(information, r), KERNEL)[:, None, None]
             of_rows = (information @ J).reshape(-1, K)
