@@ -2,8 +2,8 @@
 
 import logging
 import math
-import threading
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,8 +22,6 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import check_upright, load_map
 
 logger = logging.getLogger(__name__)
-
-_STOP_S = 5.0
 
 
 class LiveCalibration:
@@ -68,7 +66,9 @@ class LiveCalibration:
         self.cameras = tuple(self._rig.cameras)
         self._facing = None if math.isnan(parameters.facing) else math.radians(parameters.facing)
         self._calibrator: BodyCalibrator | None = None
-        self._run: CalibrationRun | None = None
+        self._run: Future[CalibratedBody] | None = None
+        self._worker = ThreadPoolExecutor(1, "calibration")
+        self._step, self._share = "start", 0.0
         self._collected = 0
         self._failure = ""
 
@@ -96,9 +96,8 @@ class LiveCalibration:
             self._collected += 1
 
     def restart(self) -> str:
-        """Drop the collected registrations, cancel a calibration; return what to do."""
-        if self._run is not None:
-            self._run.cancel()
+        """Drop the collected registrations and a calibration; return what to do."""
+        self._run = None
         if self._calibrator is not None:
             self._calibrator.forget()
         self._collected, self._failure = 0, ""
@@ -112,98 +111,51 @@ class LiveCalibration:
         """
         if self._calibrator is None:
             raise BodyError(f"there is no camera_info yet of all of the rig's cameras {', '.join(self.cameras)}")
-        if self._run is None or self._run.is_cancelled:
-            self._run = CalibrationRun(self._calibrator, self.path, self._run)
+        if self._run is None:
+            # One that was dropped ends first.
+            self._run = self._worker.submit(self._calibrator.solve, self.path.stem, self._set_progress)
         return f"making {self.path}; /diagnostics has the progress and the result"
 
     def poll(self) -> BodyModel | None:
-        """The new body, once; call it regularly."""
-        if self._run is None or self._run.is_alive():
+        """The new body, once, after it and its report were written; call it regularly."""
+        if self._run is None or not self._run.done():
             return None
         done, self._run = self._run, None
-        if not done.is_cancelled:
-            self._failure = "" if done.body is not None else done.text
-            (logger.warning if done.body is not None else logger.error)("%s", done.text)
-        return done.body
+        try:
+            calibrated = done.result()
+            body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
+            write_html_report(body, calibrated.diagnosis, self.path.with_suffix(".html"))
+            write_body(body, self.path)
+            logger.warning("%s", _summary(self.path, calibrated))
+            self._failure = ""
+            # Read from the file, which rounds, so that a replay with the file gives the same result.
+            return read_body(self.path)
+        except BodycamError as error:
+            self._failure = str(error)
+            logger.error("%s", error)
+        except Exception as error:
+            self._failure = (
+                f"the calibration failed ({type(error).__name__}: {error}); the node's log has the traceback"
+            )
+            logger.exception("calibration")
+        return None
 
     def stop(self) -> BodyModel | None:
-        """Cancel the calibration; if it is writing the body already, wait for it."""
-        if self._run is not None and not self._run.cancel():
-            self._run.join(_STOP_S)
-        return self.poll()
+        """The new body if it is there; a calibration that goes on is dropped."""
+        body, self._run = self.poll(), None
+        return body
 
     def report(self) -> Status:
         """Progress."""
         values: dict[str, object] = {"registrations collected": self._collected}
         if self._run is not None:
-            values |= {"step": self._run.step, "done [%]": round(100 * self._run.share)}
+            values |= {"step": self._step, "done [%]": round(100 * self._share)}
             return Status("calibration", StatusLevel.OK, "calibrating", values)
         level = StatusLevel.WARN if self._failure else StatusLevel.OK
         return Status("calibration", level, self._failure or "collecting", values)
 
-
-class _Cancelled(Exception):
-    """The result is not needed any more."""
-
-
-class CalibrationRun(threading.Thread):
-    """Makes a body, and writes it and its report; starts at once.
-
-    Args:
-        calibrator: may go on collecting.
-        path: of the body file; the report is written beside it. Both are replaced by a complete body only.
-        previous: a cancelled run, which has to end first.
-
-    Attributes:
-        step, share: current step and how much of it is done, 0 to 1.
-        is_cancelled: whether it was cancelled before it wrote anything.
-        body: after the thread has ended, the body; None after an error.
-        text: after the thread has ended, a summary or the error.
-    """
-
-    def __init__(self, calibrator: BodyCalibrator, path: Path, previous: threading.Thread | None = None) -> None:
-        super().__init__(name="calibration", daemon=True)
-        self._calibrator, self._path, self._previous = calibrator, path, previous
-        self._lock = threading.Lock()
-        self._is_writing = self.is_cancelled = False
-        self.step, self.share = "start", 0.0
-        self.body: BodyModel | None = None
-        self.text = ""
-        self.start()
-
-    def cancel(self) -> bool:
-        """Stop it without any output; False if it is writing its files already."""
-        with self._lock:
-            self.is_cancelled = not self._is_writing
-            return self.is_cancelled
-
-    def run(self) -> None:
-        """Do the work; called by ``start``."""
-        try:
-            if self._previous is not None:
-                self._previous.join()
-            calibrated = self._calibrator.solve(self._path.stem, self._set_progress)
-            self._set_progress("report", 0.0, is_writing=True)
-            body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
-            write_html_report(body, calibrated.diagnosis, self._path.with_suffix(".html"))
-            write_body(body, self._path)
-            self.text = _summary(self._path, calibrated)
-            # Read from the file, which rounds, so that a replay with the file gives the same result.
-            self.body = read_body(self._path)
-        except BodycamError as error:
-            self.text = str(error)
-        except _Cancelled:
-            pass
-        except Exception as error:
-            self.text = f"the calibration failed ({type(error).__name__}: {error}); the node's log has the traceback"
-            logger.exception("calibration")
-
-    def _set_progress(self, step: str, share: float, is_writing: bool = False) -> None:
-        with self._lock:
-            if self.is_cancelled:
-                raise _Cancelled
-            self._is_writing = is_writing
-        self.step, self.share = step, share
+    def _set_progress(self, step: str, share: float) -> None:
+        self._step, self._share = step, share
 
 
 def _summary(path: Path, calibrated: CalibratedBody) -> str:
