@@ -130,8 +130,6 @@ class ClockHistory:
         """Stamps (N,) of the camera as times of the recording [ns]; the first clock extends backwards."""
         since_ns = np.array([clock.since_ns for clock in self.clocks], np.int64)
         rows = np.maximum(np.searchsorted(since_ns, stamps_ns, side="right") - 1, 0)
-        offsets_s, drifts = (np.array([getattr(c, name) for c in self.clocks]) for name in ("offset", "drift"))
-        at_ns = np.array([clock.at_ns for clock in self.clocks], np.int64)
-        ahead_s = offsets_s[rows] + drifts[rows] * 1e-9 * (stamps_ns - at_ns[rows])
-        corrected: NDArray[np.int64] = stamps_ns - np.round(1e9 * ahead_s).astype(np.int64)
-        return corrected
+        clocks = [self.clocks[row] for row in rows.tolist()]
+        ahead_ns = [clock.offset_ns(stamp) for clock, stamp in zip(clocks, stamps_ns.tolist(), strict=True)]
+        return stamps_ns - np.array(ahead_ns, np.int64)

@@ -25,8 +25,7 @@ from bodycam_ros.timing.clock_state import ClockSettings
 _SAME_NS = 1_000_000  # stamps of one trigger differ by less
 _MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, common stamps are spaced equally
 _LONGEST_GAP_NS = 60_000_000_000  # no common stamps are made for a gap longer than this
-_KEPT_NS = 1_000_000_000  # of images: live, common stamps may be known only later
-_FORGOTTEN_NS = 30_000_000_000  # common stamps that a camera has no image near
+_KEPT, _MOST_STAMPS = 60, 2000  # images of a camera, as common stamps may be known later; stamps without an image
 
 
 class TimeSynchronizer:
@@ -118,16 +117,14 @@ class CameraInterpolator:
     """Interpolates one camera to common stamps."""
 
     def __init__(self) -> None:
-        self._images: deque[LandmarkMatches] = deque()
-        self._stamps: deque[int] = deque()
+        self._images: deque[LandmarkMatches] = deque(maxlen=_KEPT)
+        self._stamps: deque[int] = deque(maxlen=_MOST_STAMPS)
         self._previous: tuple[int, int] | None = None
 
     def add_stamp(self, stamp_ns: int) -> list[LandmarkMatches]:
         """One more common stamp, later than those before; images that are ready."""
         if not self._stamps or stamp_ns > self._stamps[-1]:
             self._stamps.append(stamp_ns)
-        while self._stamps[0] < stamp_ns - _FORGOTTEN_NS:
-            self._stamps.popleft()
         return self._ready()
 
     def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
@@ -136,10 +133,9 @@ class CameraInterpolator:
             # Its clock was corrected backwards.
             self._images.clear()
             self._previous = None
-            self._stamps = deque(stamp for stamp in self._stamps if stamp >= matches.stamp_ns)
+            while self._stamps and self._stamps[0] < matches.stamp_ns:
+                self._stamps.popleft()
         self._images.append(matches)
-        while self._images[0].stamp_ns < matches.stamp_ns - _KEPT_NS:
-            self._images.popleft()
         return self._ready()
 
     def flush(self) -> list[LandmarkMatches]:
@@ -160,29 +156,26 @@ class CameraInterpolator:
 
     def _interpolate(self, nearest: LandmarkMatches, stamp_ns: int) -> LandmarkMatches | None:
         """The camera at a common stamp; None without an image near it."""
-        off_s = 1e-9 * (stamp_ns - nearest.stamp_ns)
+        off_s = 1e-9 * abs(stamp_ns - nearest.stamp_ns)
         if off_s == 0.0:
             return self._restamped(nearest, stamp_ns)
-        if abs(off_s) > MAX_GAP_S / 2.0:
+        if off_s > MAX_GAP_S / 2.0:
             return None
-        near_ns = round(2e9 * MAX_GAP_S)
         known = [
             (image.stamp_ns, image.world_T_camera)
             for image in self._images
-            if image.world_T_camera is not None and abs(image.stamp_ns - stamp_ns) <= near_ns
+            if image.world_T_camera is not None and 1e-9 * abs(image.stamp_ns - stamp_ns) <= 2.0 * MAX_GAP_S
         ]
         # Two on either side make the curve.
-        before = sum(own_ns <= stamp_ns for own_ns, _ in known)
+        before, wanted = sum(own_ns <= stamp_ns for own_ns, _ in known), np.array([stamp_ns])
         known = known[max(0, before - 2) : before + 2]
-        if nearest.world_T_camera is None or len(known) < 2:
-            return self._restamped(nearest, stamp_ns, world_T_camera=None)
-        path = CameraPath(np.array([own_ns for own_ns, _ in known], np.int64), np.stack([pose for _, pose in known]))
-        wanted = np.array([stamp_ns], np.int64)
-        if not path.covers(wanted, MAX_GAP_S)[0]:
-            return self._restamped(nearest, stamp_ns, world_T_camera=None)
-        point = path.interpolate(wanted)
-        covariance = nearest.pose_covariance + np.diag(point.variances[0])
-        return self._restamped(nearest, stamp_ns, world_T_camera=point.poses[0], pose_covariance=covariance)
+        if nearest.world_T_camera is not None:
+            path = CameraPath(*map(np.array, zip(*known, strict=True)))
+            if path.covers(wanted, MAX_GAP_S)[0]:
+                point = path.interpolate(wanted)
+                covariance = nearest.pose_covariance + np.diag(point.variances[0])
+                return self._restamped(nearest, stamp_ns, world_T_camera=point.poses[0], pose_covariance=covariance)
+        return self._restamped(nearest, stamp_ns, world_T_camera=None)
 
     def _restamped(self, image: LandmarkMatches, stamp_ns: int, **changes: Any) -> LandmarkMatches:
         """An image without its landmarks at a common stamp, with the rotation since the one before, if known."""
