@@ -6,7 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.cli.study import run_steps
-from bodycam_ros.study.recording_folder import LAYOUT, SOLVED, list_missing, read_recording_folder
+from bodycam_ros.study.study_file import LAYOUT, SOLVED, list_missing, read_recording_folder
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
 

@@ -17,8 +17,8 @@ from bodycam_ros.quality.sensor_checks import sensor_quality
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import distance_in_time, interpolated
+from bodycam_ros.results.camera_picture import project_overlay
 from bodycam_ros.results.camera_record import CameraRecord, StationRecord
-from bodycam_ros.results.overlay import project_overlay
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.timing.clock_state import ClockHistory
 

@@ -15,9 +15,8 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
-from bodycam_ros.results.camera_picture import draw_picture
+from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.overlay import GOOD, GOOD_PX
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras.contour_painting import (
     CONTOUR,

@@ -4,7 +4,6 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 
 from bodycam_ros.errors import OutputError, RecordingError, SettingsError
@@ -21,15 +20,6 @@ Content = Mapping[str, str | bytes]
 """Content of a file, under "", and of files beside it, under the suffix that they have instead of the file's own."""
 
 
-class Reads(Enum):
-    """What a format is written of."""
-
-    BODY = "a solved bag or a body file"
-    BAG = "a solved bag, and progress"
-    FRAMES = "the motion at its solved frames"
-    EVEN_FRAMES = "the motion at evenly spaced frames: the file has a rate and no times"
-
-
 @dataclass(frozen=True)
 class Format:
     """One format.
@@ -37,20 +27,24 @@ class Format:
     Attributes:
         what: what it contains, and for which programs.
         mark: what every such file has near its beginning.
-        reads: what it is written of.
-        write: makes the content of that and the options.
+        write: makes the content of the sampled motion and the options; or see below.
         options: fields of ``MotionOptions`` that it uses.
         beside: end of the names of files beside it -> the mark of such a file, and what it is.
         has_equipment: whether it contains the equipment beside the body.
+        has_rate: whether frames must be evenly spaced: the file has a rate and no times.
+        of_bag: it is written of a bag: ``write`` takes its path, the options and progress.
+        of_body: it is written of a bag or a body file: ``write`` takes its path and the options.
     """
 
     what: str
     mark: str | bytes
-    reads: Reads
     write: Callable[..., str | bytes | Content]
     options: frozenset[str] = frozenset()
     beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
     has_equipment: bool = False
+    has_rate: bool = False
+    of_bag: bool = False
+    of_body: bool = False
 
     def content(self, source: Path, options: MotionOptions, progress: Progress) -> Content:
         """The content made of a source.
@@ -62,13 +56,13 @@ class Format:
         return {"": written} if isinstance(written, str | bytes) else written
 
     def _written(self, source: Path, options: MotionOptions, progress: Progress) -> str | bytes | Content:
-        if self.reads is Reads.BODY:
+        if self.of_body:
             return self.write(source, options)
         if source.is_file() and urdf.is_body_file(source):
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
-        if self.reads is Reads.BAG:
+        if self.of_bag:
             return self.write(source, options, progress)
-        motion = sample_motion(read_solved_body(source, progress), options.rate, self.reads is Reads.EVEN_FRAMES)
+        motion = sample_motion(read_solved_body(source, progress), options.rate, self.has_rate)
         if not self.has_equipment and motion.body.equipment_segments:
             logger.warning(
                 "%s: %s, which are no part of the body, are left out; %s have them",
@@ -85,51 +79,49 @@ _MODEL = {opensim.MODEL_SUFFIX: (opensim.MODEL_MARK.encode(), "OpenSim model")}
 
 FORMATS: Mapping[str, Format] = {
     "urdf": Format(
-        "the body, for RViz and every tool that reads robots", "<robot", Reads.BODY,
-        lambda source, options: urdf.robot_description(source, options.mass), frozenset({"mass"}),
+        "the body, for RViz and every tool that reads robots", "<robot",
+        lambda source, options: urdf.robot_description(source, options.mass), frozenset({"mass"}), of_body=True,
     ),
     "mjcf": Format(
-        "the body with its loops closed, for MuJoCo", "<mujoco", Reads.BODY,
-        lambda source, options: urdf.convert_body(source, mjcf.mjcf_text),
+        "the body with its loops closed, for MuJoCo", "<mujoco",
+        lambda source, options: urdf.convert_body(source, mjcf.mjcf_text), of_body=True,
     ),
     "bvh": Format(
-        "the motion as bones, for Blender, MotionBuilder, Maya", bvh.MARK, Reads.EVEN_FRAMES, bvh.write_bvh,
-        _FIGURE | {"up", "scale"},
+        "the motion as bones, for Blender, MotionBuilder, Maya", bvh.MARK, bvh.write_bvh, _FIGURE | {"up", "scale"},
+        has_rate=True,
     ),
     "trc": Format(
-        "virtual markers, with a model (.osim) beside them, for OpenSim", trc.MARK, Reads.EVEN_FRAMES, trc.write_trc,
-        _RATE, _MODEL,
+        "virtual markers, with a model (.osim) beside them, for OpenSim", trc.MARK, trc.write_trc, _RATE, _MODEL,
+        has_rate=True,
     ),
     "mot": Format(
         "joint angles, with the model (.osim) that they move beside them, for OpenSim", opensim.MOTION_MARK,
-        Reads.EVEN_FRAMES, opensim.write_mot, _RATE, _MODEL,
+        opensim.write_mot, _RATE, _MODEL, has_rate=True,
     ),
     "c3d": Format(
-        "virtual markers, for the programs of motion laboratories", c3d.SOFTWARE, Reads.EVEN_FRAMES, c3d.write_c3d,
-        _RATE | {"up"},
+        "virtual markers, for the programs of motion laboratories", c3d.SOFTWARE, c3d.write_c3d, _RATE | {"up"},
+        has_rate=True,
     ),
     "glb": Format(
-        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, Reads.FRAMES,
-        glb.write_glb, _FIGURE,
+        "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, glb.write_glb,
+        _FIGURE,
     ),
     "csv": Format(
-        "positions, quaternions and joint angles, a row per frame, for spreadsheets", csv.MARK, Reads.FRAMES,
-        csv.write_csv, _RATE, has_equipment=True,
+        "positions, quaternions and joint angles, a row per frame, for spreadsheets", csv.MARK, csv.write_csv, _RATE,
+        has_equipment=True,
     ),
     "tum": Format(
-        "the trajectory of the root, a segment or a camera, for evo", tum.MARK, Reads.FRAMES, tum.write_tum,
-        _RATE | {"segment"}, {".tum": (tum.MARK.encode(), "trajectory")}, has_equipment=True,
+        "the trajectory of the root, a segment or a camera, for evo", tum.MARK, tum.write_tum, _RATE | {"segment"},
+        {".tum": (tum.MARK.encode(), "trajectory")}, has_equipment=True,
     ),
-    "npz": Format(
-        "everything as NumPy arrays", npz.MARK, Reads.FRAMES, npz.write_npz, _RATE, has_equipment=True
-    ),
+    "npz": Format("everything as NumPy arrays", npz.MARK, npz.write_npz, _RATE, has_equipment=True),
     "ply": Format(
-        "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare", ply.MARK, Reads.BAG,
-        ply.write_ply, _RATE, has_equipment=True,
+        "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare", ply.MARK, ply.write_ply,
+        _RATE, has_equipment=True, of_bag=True,
     ),
     "usd": Format(
-        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, Reads.EVEN_FRAMES, usd.write_usd,
-        _FIGURE,
+        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd, _FIGURE,
+        has_rate=True,
     ),
 }  # fmt: skip
 

@@ -1,5 +1,6 @@
-"""A camera's image with the body, its equipment and the landmarks drawn over it."""
+"""A camera's image with the body, its equipment and the landmarks projected into it, and drawn over it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -9,10 +10,68 @@ from numpy.typing import NDArray
 from bodycam_ros.body.stick_figure import Bone
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, WARNING, rgb, side_colour
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.results.overlay import GOOD, GOOD_PX, project_overlay
+
+GOOD, GOOD_PX = "#35e0c4", 3.0
+"""Colour of landmarks within this distance [px] of their tracks; on grey images a light colour shows."""
+
+_POINTS_PER_BONE = 40  # a straight line is bent in a fisheye image
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """What is drawn over one image.
+
+    Attributes:
+        limbs: (segment, (K, 2) pixels of a bone); NaN outside the lens.
+        equipment: (K, 2) pixels of each line of equipment; NaN outside the lens.
+        pixels: (N, 2) named tracks [px], as the image shows them.
+        projected: (N, 2) their landmarks at the exposure of their rows [px]; NaN outside the lens.
+    """
+
+    limbs: tuple[tuple[str, Array], ...]
+    equipment: tuple[Array, ...]
+    pixels: Array
+    projected: Array
+
+    @property
+    def errors(self) -> Array:
+        """(N,) distances between tracks and landmarks [px]."""
+        distances: Array = np.linalg.norm(self.projected - self.pixels, axis=1)
+        return distances
+
+
+def project_overlay(
+    model: CameraModel, world_T_camera: Array, bones: Iterable[Bone], matches: LandmarkMatches | None
+) -> Overlay:
+    """Project limbs, equipment and landmarks into an image.
+
+    Args:
+        model: the camera's lens.
+        world_T_camera: (4, 4) its solved pose [m].
+        bones: lines of the body and its equipment at this one time [m].
+        matches: landmarks that were found in the image.
+    """
+    camera_T_world = inverse(world_T_camera)
+    along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
+    limbs, equipment = [], []
+    for bone in bones:
+        points_world = (1.0 - along) * bone.start + along * bone.end
+        line = model.project(transform_points(camera_T_world, points_world))[0]
+        if bone.is_equipment:
+            equipment.append(line)
+        else:
+            limbs.append((bone.segment, line))
+    shown, projected = np.zeros((0, 2)), np.zeros((0, 2))
+    if matches is not None and len(matches.pixels):
+        shown = matches.shown.astype(np.float64)
+        points_world = matches.points_world.astype(np.float64)
+        # The pose is that of the middle row; other rows were moved by their read-out.
+        projected = model.project(transform_points(camera_T_world, points_world))[0] + (shown - matches.pixels)
+    return Overlay(tuple(limbs), tuple(equipment), shown, projected)
+
 
 WIDTH = 640
 """Of the picture [px]; a larger image is scaled down."""
@@ -60,10 +119,7 @@ def draw_picture(
     size = (round(model.width * scale), round(model.height * scale))
     pixels = cv2.cvtColor(cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2RGB)
     overlay = project_overlay(model, world_T_camera, limbs, matches)
-    for line in overlay.equipment:
-        draw_polyline(pixels, line * scale, EQUIPMENT, 1)
-    for segment, line in overlay.limbs:
-        draw_polyline(pixels, line * scale, side_colour(segment), 3)
+    draw_body(pixels, overlay, 3, scale)
     is_good = overlay.errors <= GOOD_PX
     for ends in np.stack([overlay.pixels, overlay.projected], axis=1)[~is_good]:
         draw_polyline(pixels, ends * scale, WARNING, 1)
@@ -75,6 +131,16 @@ def draw_picture(
     return CameraPicture(
         np.asarray(pixels, np.uint8), float(np.median(errors)) if len(errors) else float("nan"), landmarks
     )
+
+
+def draw_body(
+    pixels: NDArray[np.generic], overlay: Overlay, width: int, scale: float = 1.0, *, is_bgr: bool = False
+) -> None:
+    """Draw limbs as lines of a width [px], and equipment half as wide, into an image of another scale."""
+    for line in overlay.equipment:
+        draw_polyline(pixels, line * scale, EQUIPMENT, width // 2, is_bgr=is_bgr)
+    for segment, line in overlay.limbs:
+        draw_polyline(pixels, line * scale, side_colour(segment), width, is_bgr=is_bgr)
 
 
 def draw_polyline(pixels: NDArray[np.generic], points: Array, colour: str, width: int, *, is_bgr: bool = False) -> None:

@@ -8,19 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from bodycam_ros.body.stick_figure import Bone, body_bones
+from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.camera.perspective import PlumbBobCamera
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.picture_style import EQUIPMENT, INK, rgb, side_colour
+from bodycam_ros.picture_style import INK, rgb
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import nearest
-from bodycam_ros.results.camera_picture import draw_polyline
-from bodycam_ros.results.overlay import project_overlay
+from bodycam_ros.results.camera_picture import draw_body, draw_polyline, project_overlay
 from bodycam_ros.results.topics import read_clock
 from bodycam_ros.shown import shown
 from bodycam_ros.viewer.motion import mounted_camera
@@ -94,7 +93,7 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
             points = transform_points(camera_T_world, np.linspace(start, end, _STEPS))
             pixels = np.where(points[:, 2:] > _NEAREST_M, lens.project(points)[0], np.nan)
             draw_polyline(picture, pixels, GRID, 1, is_bgr=True)
-        _draw_body(picture, _bones_at(sources, index, motion.segments_at(body, index)), world_T_camera, lens)
+        _draw(picture, sources, index, world_T_camera, lens)
         yield seconds, picture
 
 
@@ -116,30 +115,22 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[
             index = nearest(motion.stamps_ns, stamp_ns, motion.frame_ns // 2)
             if index is None:
                 continue
-            world_T_segment = motion.segments_at(sources.body, index)
             if camera in stations:
                 world_T_camera = stations[camera].world_T_camera
             else:
-                world_T_camera = mounted_camera(sources.body, world_T_segment, camera)
+                world_T_camera = mounted_camera(sources.body, motion.segments_at(sources.body, index), camera)
             picture = np.ascontiguousarray(decode_colour(image))
-            _draw_body(picture, _bones_at(sources, index, world_T_segment), world_T_camera, lens)
+            _draw(picture, sources, index, world_T_camera, lens)
             times = -(-_SHARP_PX // lens.height)
             large = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_LINEAR)
             yield (stamp_ns - int(motion.stamps_ns[0])) * 1e-9, np.asarray(large, np.uint8)
 
 
-def _bones_at(sources: Sources, index: int, world_T_segment: Array) -> list[Bone]:
-    """Bones and equipment of one state, whose segments are at poses (S, 4, 4) [m]."""
-    return body_bones(sources.body, world_T_segment) + sources.motion.equipment_at(index)
-
-
-def _draw_body(picture: Image, bones: list[Bone], world_T_camera: Array, lens: CameraModel) -> None:
-    overlay = project_overlay(lens, world_T_camera, bones, None)
-    width = max(2, round(_BONE_SHARE * picture.shape[0]))
-    for line in overlay.equipment:
-        draw_polyline(picture, line, EQUIPMENT, width // 2, is_bgr=True)
-    for segment, line in overlay.limbs:
-        draw_polyline(picture, line, side_colour(segment), width, is_bgr=True)
+def _draw(picture: Image, sources: Sources, index: int, world_T_camera: Array, lens: CameraModel) -> None:
+    """Draw the body and its equipment at one state."""
+    bones = body_bones(sources.body, sources.motion.segments_at(sources.body, index))
+    overlay = project_overlay(lens, world_T_camera, bones + sources.motion.equipment_at(index), None)
+    draw_body(picture, overlay, max(2, round(_BONE_SHARE * picture.shape[0])), is_bgr=True)
 
 
 def looking_at(position: Array, look_at: Array) -> Array:

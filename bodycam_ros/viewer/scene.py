@@ -13,16 +13,14 @@ from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
+from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.overlay import GOOD
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD
-from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene
-from bodycam_ros.viewer.surface_scene import SurfaceReader, SurfaceScene
+from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene, SurfaceReader, SurfaceScene
 
 MAP, CAMERAS, SURFACE, NAMES = "map", "cameras", "surface", "names"
 """Layers that a person can hide."""

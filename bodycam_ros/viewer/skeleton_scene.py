@@ -1,15 +1,19 @@
-"""The skeleton in the scene: a frame for every segment, with its bones, joints and their names in it."""
+"""The body in the scene: a frame for every segment, with its bones, joints, their names and its surface in it."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
-from viser import CylinderHandle, IcosphereHandle, LabelHandle, SceneApi
+from viser import CylinderHandle, IcosphereHandle, LabelHandle, MeshHandle, SceneApi
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, rgb
+from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.surface import Surface
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.scene_nodes import (
     SELECTED,
@@ -127,3 +131,76 @@ def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
         start, end = transform_points(segment_T_root, np.concatenate([bone.start, bone.end]))
         lines.append((bone.segment, start, end))
     return lines
+
+
+_OPACITY = 0.45
+
+SurfaceReader = Callable[[BodyModel], Mapping[str, Surface]]
+"""Segment -> its surface, of a body as it is corrected now."""
+
+
+class SurfaceScene:
+    """Draws the surface of a body; the frames of its segments move it.
+
+    Args:
+        scene: that it is added to.
+        read: gives the surface of a body.
+
+    It is made while it is visible: a correction changes the body with every move.
+    """
+
+    def __init__(self, scene: SceneApi, read: SurfaceReader) -> None:
+        self._scene, self._read = scene, read
+        self._body: BodyModel | None = None
+        self._drawn: BodyModel | None = None
+        self._meshes: list[MeshHandle] = []
+        self._is_visible = False
+
+    def reshape(self, body: BodyModel) -> None:
+        """Show the surface of another body.
+
+        Raises:
+            BodyError: it cannot be used.
+        """
+        self._body = body
+        self.show(self._is_visible)
+
+    def show(self, visible: bool) -> None:
+        """Show the surface, or hide it; raises as ``reshape``."""
+        self._is_visible = visible
+        if visible and self._body is not None and self._body is not self._drawn:
+            self._draw(self._body)
+        for mesh in self._meshes:
+            mesh.visible = visible
+
+    def _draw(self, body: BodyModel) -> None:
+        surfaces = self._read(body)
+        for mesh in self._meshes:
+            mesh.remove()
+        self._drawn = body
+        self._meshes = [
+            self._scene.add_mesh_simple(
+                f"{segment_name(segment)}/surface",
+                surface.vertices,
+                surface.faces,
+                color=segment_rgb(segment),
+                opacity=_OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for segment, surface in surfaces.items()
+        ]
+
+
+def surface_reader(body: BodyModel, body_path: Path, folder: Path | None) -> SurfaceReader:
+    """Gives the surface of a body: capsules follow its correction; a scan is as it is, and read once.
+
+    Args:
+        body: as it was read.
+        body_path: its file.
+        folder: of meshes, as the user asks for.
+    """
+    if folder is None and body.surface is None:
+        return capsule_surfaces
+    scan = cache(lambda: surfaces_of(body, body_path, folder))
+    return lambda corrected: scan()

@@ -8,9 +8,8 @@ import pytest
 from bodycam_ros.cli.main import make_parser
 from bodycam_ros.errors import OutputError, RecordingError, StudyError
 from bodycam_ros.study.done_steps import DoneSteps, fingerprint, state_of
-from bodycam_ros.study.recording_folder import LAYOUT, list_missing, read_recording_folder
 from bodycam_ros.study.study import Step, Study, study_steps
-from bodycam_ros.study.study_file import check_results_folder, read_study
+from bodycam_ros.study.study_file import LAYOUT, check_results_folder, list_missing, read_recording_folder, read_study
 
 ALL = (
     "reference/a.jpg", "rig.yaml", "rom/head.mp4", "takes/walk/head.mp4", "takes/run/metadata.yaml", "settings.yaml",
