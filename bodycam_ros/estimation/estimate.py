@@ -13,6 +13,12 @@ from bodycam_ros.body_state import BodyUncertainty
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
+UNKNOWN = 1.0
+"""Sigma of what nothing measured [rad], [m]."""
+
+LINEAR, STEPS = 0.1, 10
+"""A step after which residuals of cameras are linear enough to be judged [rad], [m]; so many steps at most."""
+
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:

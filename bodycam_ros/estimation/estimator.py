@@ -33,7 +33,7 @@ from bodycam_ros.estimation.measurements import (
     SegmentPoses,
     StateFit,
 )
-from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
+from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
@@ -48,7 +48,6 @@ CARRIED_S = 5.0
 """The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
 
 _BENT = 0.2  # of the first guess: from a straight knee, the pose of a foot bends it backwards as well as forwards
-_FIRST_S = 0.033  # how long the first state lasts, as a measurement among others
 
 
 class BodyEstimator:
@@ -202,7 +201,7 @@ class BodyEstimator:
         joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.dt_s == 0.0)
         # The measurements of this state.
         cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
-        predicted = self._prior.predict(joints_observed, joints_turning, step.dt_s or _FIRST_S)
+        predicted = self._prior.predict(joints_observed, joints_turning, step.dt_s or LASTS_S)
         measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
             evidence = [*accepted.values(), *static.together]
@@ -236,15 +235,15 @@ class BodyEstimator:
     def _gate(self, registered: Mapping[str, SegmentPose], step: Step) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        gated = gate_cameras(step.after, poses, self._unobserved_columns())
-        weights = dict(zip(registered, gated.weights.tolist(), strict=True))
-        self.rejected.update(name for name, weight in weights.items() if weight < 1.0)
-        accepted = {
-            name: replace(pose, covariance=pose.covariance / weights[name])
-            for name, pose in registered.items()
-            if weights[name] > 0.0
-        }
-        return accepted, gated.at
+        weights, at = gate_cameras(step.after, poses, self._unobserved_columns())
+        accepted = dict(registered)
+        for name, weight in zip(registered, weights.tolist(), strict=True):
+            if weight < 1.0:
+                self.rejected[name] += 1
+                pose = accepted.pop(name)
+                if weight > 0.0:
+                    accepted[name] = replace(pose, covariance=pose.covariance / weight)
+        return accepted, at
 
     def _unobserved_columns(self) -> Mask:
         """(K,) coordinates that nothing measured in the state before: no reason to reject a camera that does now."""

@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
-from bodycam_ros.estimation.estimate import Coordinates, Transition
+from bodycam_ros.estimation.estimate import LINEAR, STEPS, Coordinates, Transition
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
-_STEPS = 10
-_NEAR, _SETTLED = 0.1, 1e-3  # [rad], [m] of steps after which the cost is robust, and after which the fit ends
+_SETTLED = 1e-3  # [rad], [m] of a step after which the fit ends
 KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
@@ -166,7 +165,7 @@ class StateFit:
         """
         K, predicted, at, robust = self._tangent.count, link.after, start, False
         prior = predicted.information
-        for _ in range(_STEPS):
+        for _ in range(STEPS):
             A, b = self._normal_equations(at, measured, robust)
             information = prior + A
             x = predicted.at.step_to(at)[:K]
@@ -175,7 +174,7 @@ class StateFit:
             moved = float(np.abs(step).max())
             if robust and moved < _SETTLED:
                 break
-            robust = robust or moved < _NEAR
+            robust = robust or moved < LINEAR
         covariance = np.linalg.inv(information)
         return link.fitted(at, 0.5 * (covariance + covariance.T), x + step)
 

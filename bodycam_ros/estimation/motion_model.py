@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
+from bodycam_ros.estimation.estimate import UNKNOWN, Coordinates, Estimate, Transition
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.settings import setting
@@ -18,7 +18,6 @@ from bodycam_ros.settings import setting
 FADE_S = 0.2  # in which an unobserved velocity fades: a blind limb comes to rest instead of flying off
 LASTS_S = 0.033  # how long an acceleration lasts: with it a standard deviation becomes a spectral density
 _FIRST_SPEEDS = (6.0, 2.0)  # [rad/s], [m/s] sigmas of people, before the motion is known
-_FIRST_POSE = 1.0  # [rad], [m] sigma of the first state, which its measurements determine alone
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class MotionModel:
         self.tangent = tangent
         turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
         self.fade_s = np.full(tangent.count, FADE_S)
-        self._first = np.append(np.full(tangent.count, _FIRST_POSE), np.where(turns > 0.0, *_FIRST_SPEEDS))
+        self._first = np.append(np.full(tangent.count, UNKNOWN), np.where(turns > 0.0, *_FIRST_SPEEDS))
         equipment = tangent.tree.equipment_segments
         self._of_people = np.array([name not in equipment for name in tangent.tree.segments], bool)
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)

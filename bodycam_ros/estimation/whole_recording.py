@@ -14,12 +14,10 @@ from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
 from bodycam_ros.estimation.estimate import Coordinates, Transition
 from bodycam_ros.estimation.measurements import JointRotations, StateFit
-from bodycam_ros.estimation.motion_model import MotionModel
+from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel
 from bodycam_ros.estimation.pose_prior import FORGET_S, PosePrior, RecordedPoses
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.settings import setting
-
-_LEAST_S = 1e-3
 
 
 class WholeRecording:
@@ -97,7 +95,7 @@ class WholeRecording:
         rotations = np.array([self._body.joint_rotations(at.poses) for at in smoothed])
         stamps_ns = np.array([state.stamp_ns for state in states])
         observed = np.array([state.joints_observed for state in states])
-        lasting_s = np.maximum(1e-9 * np.diff(stamps_ns, prepend=stamps_ns[0] - 33_000_000), _LEAST_S)
+        lasting_s = np.append(LASTS_S, 1e-9 * np.diff(stamps_ns))
         by_prior = [
             self._prior.predict(state.joints_observed, state.turning, float(dt_s))
             if state.is_observed
