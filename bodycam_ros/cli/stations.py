@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
     from bodycam_ros.recording.bag_reader import open_recording
-    from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+    from bodycam_ros.registration.reference_map import load_map
     from bodycam_ros.static_cameras.calibration_files import TOML_MARK
     from bodycam_ros.static_cameras.station_registration import StationsSettings
     from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
@@ -55,8 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.map is None:
         raise StationError("give with --map the map in which the cameras stand")
-    reference_map = ReferenceMap.load(arguments.map)
-    check_metric(reference_map, arguments.map)
+    reference_map = load_map(arguments.map)
     found: list[RegisteredStation] = []
     unplaced: list[UnplacedCamera] = []
     with open_recording(arguments.recording) as recording, shown_progress() as progress:

@@ -20,7 +20,7 @@ from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.reference_map import check_metric, load_map
+from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.static_measurement import ReportedMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
@@ -183,6 +183,4 @@ def read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
             "recording with 'bodycam view --place', and give that as the parameter 'start'"
         )
     reference_map = load_map(Path(parameters.map)) if parameters.map else None
-    if reference_map is not None:
-        check_metric(reference_map, Path(parameters.map))
     return read_stations(Path(stations), reference_map)

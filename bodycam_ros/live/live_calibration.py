@@ -19,7 +19,7 @@ from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.reference_map import check_upright, load_map
+from bodycam_ros.registration.reference_map import load_map
 
 logger = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class LiveCalibration:
             raise BodyError(f"{path}: its folder does not exist; make it first")
         if not parameters.map:
             raise BodyError("the parameter 'map' is missing: a calibration needs its scale and its vertical")
-        check_upright(load_map(Path(parameters.map)), Path(parameters.map))
+        load_map(Path(parameters.map), upright=True)
         self.cameras = tuple(self._rig.cameras)
         self._facing = None if math.isnan(parameters.facing) else math.radians(parameters.facing)
         self._calibrator: BodyCalibrator | None = None

@@ -25,7 +25,7 @@ from bodycam_ros.messages.segment_poses import (
 from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import StageNode
-from bodycam_ros.registration.reference_map import check_metric, load_map
+from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.single_camera import SingleCamera
 from bodycam_ros.static_cameras.start_file import PlacedBody
@@ -52,8 +52,6 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         given = self.parameters
         file, path = Path(self.required("stations")), Path(self.required("body"))
         reference_map = load_map(Path(given.map)) if given.map else None
-        if reference_map is not None:
-            check_metric(reference_map, Path(given.map))
         stations = read_stations(file, reference_map)
         if self.camera not in stations:
             raise StationError(f"{file}: there is no camera {self.camera}; it has {', '.join(stations)}")

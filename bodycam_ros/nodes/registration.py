@@ -25,7 +25,7 @@ from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.registration.reference_map import assumed_vertical, check_metric, load_map
+from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2
@@ -50,9 +50,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         of = self.parameters
         self._map_path = Path(self.required("map"))
         self.map = load_map(self._map_path)
-        check_metric(self.map, self._map_path)
-        if assumed := assumed_vertical(self.map, self._map_path):
-            self.log.warning(assumed)
+        if not self.map.gravity_aligned:
+            self.log.warning(f"{self._map_path}: {ASSUMED_VERTICAL}")
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # Each registration grows a map of its own; several may have the same parameters.
         stored = Path(of.grown_map, node.get_fully_qualified_name().strip("/")) if of.grown_map else None

@@ -28,7 +28,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.pose_fit import steady_pixels
-from bodycam_ros.registration.reference_map import ReferenceMap, check_metric
+from bodycam_ros.registration.reference_map import ReferenceMap, load_map
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -79,8 +79,7 @@ def extend_map(
         BodycamError: what is wrong with recording or map.
     """
     started_s = time.monotonic()
-    reference_map = extended = ReferenceMap.load(map_path)
-    check_metric(reference_map, map_path)
+    reference_map = extended = load_map(map_path)
     with open_recording(recording_path) as recording:
         names = recording.cameras if cameras is None else cameras
         models = {name: recording.camera_model(name) for name in names}

@@ -23,7 +23,7 @@ from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
-from bodycam_ros.registration.reference_map import ReferenceMap, check_metric, check_upright
+from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -66,9 +66,7 @@ def measure_body(
             f"'bodycam view --place {recording_path}', and give that as --start"
         )
     body = replace(with_hands(body), surface=None)
-    reference_map = None if map_path is None else ReferenceMap.load(map_path)
-    if reference_map is not None and map_path is not None:
-        check_metric(reference_map, map_path)
+    reference_map = None if map_path is None else load_map(map_path)
     with open_recording(recording_path) as recording:
         stations = read_recorded_stations(given, reference_map, recording, body)
         refused: set[str] = set()
@@ -169,7 +167,7 @@ def calibrate(
         BodycamError: anything that is wrong with the input, or a motion that does not tell enough.
     """
     warm_up()
-    check_upright(ReferenceMap.load(map_path), map_path)
+    load_map(map_path, upright=True)
     with open_recording(recording_path) as recording:
         if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
             raise RangeOfMotionError(

@@ -44,7 +44,7 @@ from bodycam_ros.quality.judge import judge
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_time import ReadoutLog
-from bodycam_ros.registration.reference_map import ReferenceMap, assumed_vertical, check_metric
+from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.verdict import Verdict
 from bodycam_ros.whole_file import scratch_folder
@@ -102,7 +102,7 @@ def replay(
         if passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
             map_path, rounds = _extend(recording_path, map_path, body, settings, jobs, passes, on_step, scratch)
-        metric_map = cache(partial(_metric_map, map_path))
+        metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         with open_recording(recording_path) as recording:
             stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
             cameras = _mounted_cameras(recording, body, stations) if map_path else {}
@@ -115,6 +115,8 @@ def replay(
         # As early as can be: cameras are registered while the rest is made ready.
         workers = stack.enter_context(start_workers(task, cameras, jobs))
         reference_map = metric_map()
+        if reference_map is not None and not reference_map.gravity_aligned:
+            logger.warning("%s: %s", map_path, ASSUMED_VERTICAL)
         log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
         static_cameras = None
@@ -219,17 +221,6 @@ def _extend(
     extension = extend_map(recording_path, map_path, limited, jobs, cameras, readouts, on_step)
     extension.reference_map.save(scratch / "map")
     return scratch / "map", extension.rounds
-
-
-def _metric_map(path: Path | None) -> ReferenceMap | None:
-    """The map, if there is one and its unit is the metre; a vertical that is only assumed is warned about."""
-    if path is None:
-        return None
-    reference_map = ReferenceMap.load(path)
-    check_metric(reference_map, path)
-    if assumed := assumed_vertical(reference_map, path):
-        logger.warning(assumed)
-    return reference_map
 
 
 def _with_images(

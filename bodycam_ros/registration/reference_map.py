@@ -1,7 +1,7 @@
 """The reference map: the landmarks of a place, their descriptors and photographs.
 
-A body needs a map with lengths in metres, and its upright needs z up; the checks are here. A loaded map is never
-changed; landmarks are added to a copy.
+A body needs a map with lengths in metres, and its upright needs z up (``load_map``). A loaded map is never changed;
+landmarks are added to a copy.
 """
 
 import re
@@ -258,54 +258,37 @@ def _read_header(path: Path) -> tuple[_Header, dict[str, Any]]:
         raise MapError(f"{path.parent}: not a map: {path.name}: {error}") from error
 
 
-def check_metric(reference_map: ReferenceMap, path: Path) -> None:
-    """Check that a map is metric: a body and its accelerations need a size.
-
-    Raises:
-        MapError: the map, loaded from ``path``, is not metric.
-    """
-    if not reference_map.metric:
-        raise MapError(f"{path}: this map is not metric, so a body has no size in it; {_REMEDY}")
-
-
-def check_upright(reference_map: ReferenceMap, path: Path) -> None:
-    """Check that a map is metric and z up: bones need a length, and the N-pose a vertical.
-
-    Raises:
-        MapError: the map, loaded from ``path``, is not metric, or its z is not up.
-    """
-    check_metric(reference_map, path)
-    if not reference_map.gravity_aligned:
-        raise MapError(
-            f"{path}: this map does not know what is up, so a body has no upright in it; {_REMEDY}, whose 'placement' "
-            "says which of its axes is up"
-        )
-
-
-def assumed_vertical(reference_map: ReferenceMap, path: Path) -> str:
-    """Message where a body is solved in a map without a vertical; empty where the map has one."""
-    if reference_map.gravity_aligned:
-        return ""
-    return (
-        f"{path}: this map does not know what is up; the body is solved all the same, but z of the output is the "
-        "board's z, and up only if the board lay flat"
-    )
-
+ASSUMED_VERTICAL = (
+    "this map does not know what is up; the body is solved all the same, but z of the output is the board's z, and up "
+    "only if the board lay flat"
+)
+"""A warning where a body is solved in a map that is not ``gravity_aligned``."""
 
 _lock = threading.Lock()
 _loaded: WeakValueDictionary[tuple[Path, int], ReferenceMap] = WeakValueDictionary()
-"""Folder and time of its last change -> map, for as long as a node uses it."""
+"""Folder and time of its last change -> map, for as long as it is used."""
 
 
-def load_map(path: Path) -> ReferenceMap:
-    """Read a map folder, once for all nodes of a process.
+def load_map(path: Path, upright: bool = False) -> ReferenceMap:
+    """Read a metric map, once for all nodes of a process: a body and its accelerations need a size.
+
+    Args:
+        path: folder.
+        upright: whether its z has to be up: the N-pose needs a vertical.
 
     Raises:
-        MapError: as of ``ReferenceMap.load``.
+        MapError: as of ``ReferenceMap.load``; or it is not metric, or its z is not up.
     """
     with _lock:
         key = (path.absolute(), path.stat().st_mtime_ns if path.exists() else 0)
         reference_map = _loaded.get(key)
         if reference_map is None:
             reference_map = _loaded[key] = ReferenceMap.load(path)
-        return reference_map
+    if not reference_map.metric:
+        raise MapError(f"{path}: this map is not metric, so a body has no size in it; {_REMEDY}")
+    if upright and not reference_map.gravity_aligned:
+        raise MapError(
+            f"{path}: this map does not know what is up, so a body has no upright in it; {_REMEDY}, whose 'placement' "
+            "says which of its axes is up"
+        )
+    return reference_map
