@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.alignment import (
@@ -22,7 +23,6 @@ from bodycam_ros.evaluate.anatomical_angles import (
     AngleAgreement,
     compare_centre_angles,
     compare_rotations,
-    joint_name,
 )
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.comparison import TrueMotion
@@ -188,7 +188,7 @@ class Agreement:
             "position_rigid_mean_cm": 100.0 * self.rigid_error,
             "angle_deg": spread(np.degrees(np.array(angles))) if angles else None,
             "points": {point.name: point.figures() for point in self.points},
-            "joints": {joint_name(angle.segment): angle.figures() for angle in self.angles},
+            "joints": {SegmentName(angle.segment).joint.replace("_", " "): angle.figures() for angle in self.angles},
         }
 
     def lines(self) -> list[str]:

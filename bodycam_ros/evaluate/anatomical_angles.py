@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
+from bodycam_ros.body.segment_name import JOINT_ABOVE, RIGHT, SegmentName
 from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 
@@ -21,21 +21,9 @@ PLANES = ("sagittal", "frontal", "transverse")
 
 _ALTERNATIONS = 50  # of the fit of constant frames; it has converged to rounding long before
 _WITHIN = 1.96  # standard deviations on either side that 95 % lie within
-_ORDER = ("torso", "head", "upper_arm", "forearm", "hand", "thigh", "shin", "foot")
+_ORDER = tuple(JOINT_ABOVE)
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
-
-
-def kind_and_side(segment: str) -> tuple[str, str]:
-    """``thigh_left`` -> thigh, left; the side is empty where there is none."""
-    name = SegmentName(segment)
-    return name.kind, name.side.removeprefix("_")
-
-
-def joint_name(segment: str) -> str:
-    """``thigh_left`` -> hip left; of an unknown segment its own name."""
-    kind, side = kind_and_side(segment)
-    return f"{JOINT_ABOVE.get(kind, kind.replace('_', ' '))} {side}".strip()
 
 
 def planes_of(segment: str, parent_R_child: Array) -> Array:
@@ -60,11 +48,11 @@ def _swing(direction: Array) -> Array:
 
 def _signed(segment: str, swing: Array, twist: Array) -> Array:
     """Swing (T, 3) and twist (T,) as angles (T, 3) in the planes, with the signs of anatomy."""
-    kind, side = kind_and_side(segment)
-    mirrored = -1.0 if side == "right" else 1.0
-    signs = [1.0 if kind in _BENDS_BACKWARDS else -1.0, mirrored, -mirrored]
+    name = SegmentName(segment)
+    mirrored = -1.0 if name.side == RIGHT else 1.0
+    signs = [1.0 if name.kind in _BENDS_BACKWARDS else -1.0, mirrored, -mirrored]
     turns = np.column_stack([swing[:, 1], swing[:, 0], twist])
-    signed: Array = turns * np.array([1.0, -1.0, 1.0] if kind in _TRUNK else signs)
+    signed: Array = turns * np.array([1.0, -1.0, 1.0] if name.kind in _TRUNK else signs)
     return signed
 
 
@@ -245,15 +233,10 @@ def compare_centre_angles(ours: Mapping[str, Array], theirs: Mapping[str, Array]
         return ()
     both = [angles_of_centres({name: points[known] for name, points in each.items()}) for each in (ours, theirs)]
     found = []
-    for segment in sorted(both[0], key=_order):
+    for segment in sorted(both[0], key=lambda segment: (_ORDER.index(SegmentName(segment).kind), segment)):
         planes = np.full((2, len(known), 3), np.nan)
         planes[:, known] = both[0][segment], both[1][segment]
         turns = np.sqrt(np.nansum((planes - planes[:, known][:, :1]) ** 2, axis=2))
         turns[:, ~known] = np.nan
         found.append(AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1]))
     return tuple(found)
-
-
-def _order(segment: str) -> tuple[int, str]:
-    kind = kind_and_side(segment)[0]
-    return _ORDER.index(kind) if kind in _ORDER else len(_ORDER), segment

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from bodycam_ros.body.segment_name import JOINT_ABOVE
-from bodycam_ros.evaluate.anatomical_angles import kind_and_side
+from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import (
@@ -107,7 +106,8 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
         panels = figure.subplots(len(rows), 4, sharex=True, squeeze=False)
         for row, (errors, factor, label, kinds) in zip(panels, rows, strict=True):
             for axes, kind in zip(row, kinds, strict=True):
-                here = {segment: factor * e for segment, e in errors.items() if _joint_kind(segment) == kind}
+                below = next((segment for segment, joint in JOINT_ABOVE.items() if joint == kind), kind)
+                here = {segment: factor * e for segment, e in errors.items() if SegmentName(segment).kind == below}
                 _draw_panel(axes, kind, {s: evaluation.solved.curve(stamps_ns, e) for s, e in here.items()})
             row[0].set_ylabel(label)
         for axes in panels[-1]:
@@ -118,11 +118,6 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
         figure.subplots_adjust(
             left=0.05, right=0.985, bottom=0.75 / height, top=1.0 - 0.4 / height, wspace=0.16, hspace=0.34
         )
-
-
-def _joint_kind(segment: str) -> str:
-    kind = kind_and_side(segment)[0]
-    return JOINT_ABOVE.get(kind, kind)
 
 
 def _draw_panel(axes: Axes, kind: str, curves: Mapping[str, tuple[Array, Array]]) -> None:

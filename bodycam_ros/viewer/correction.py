@@ -1,10 +1,10 @@
 """Corrections of a body by hand: every step is kept, can be undone, and is written to the body's file."""
 
-from collections.abc import Callable, Iterable, Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -61,10 +61,12 @@ class Move:
         """Whether it stayed where it was."""
         return bool(np.linalg.norm(self.shift_mm) < _SMALLEST_MM and np.linalg.norm(self.turn_deg) < _SMALLEST_DEG)
 
-    def rounded(self) -> "Move":
+    @property
+    def note(self) -> dict[str, list[float]]:
         """The move as it is noted: to the micrometre and the thousandth of a degree."""
+        noted = {"moved_mm": self.shift_mm, "turned_deg": self.turn_deg}
         # Adding zero turns -0.0 into 0.0.
-        return Move(np.round(self.shift_mm, _DECIMALS) + 0.0, np.round(self.turn_deg, _DECIMALS) + 0.0)
+        return {name: (np.round(vector, _DECIMALS) + 0.0).tolist() for name, vector in noted.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +206,10 @@ class BodyFile:
                 f"{self.path}: changed since it was read, so it is not replaced; keep your corrections by copying the "
                 "file elsewhere first, or start 'bodycam view' again on the new one"
             )
-        body = _noted(correction.body, correction.moves())
+        body, notes = correction.body, [{part.kind: part.name} | move.note for part, move in correction.moves()]
+        before = body.report.get(CORRECTIONS, [])
+        noted = [*(before if isinstance(before, list) else [before]), *notes]
+        body = replace(body, report={**body.report, CORRECTIONS: noted})
         kept_before = self.original_path.exists()
         if not kept_before:
             write_whole(self.original_path, self._read)
@@ -231,14 +236,3 @@ def _without(body: BodyModel, segments: Set[str]) -> BodyModel:
         segments=tuple(segment for segment in body.segments if segment not in segments),
         joints=tuple(joint for joint in body.joints if joint.child not in segments),
     )
-
-
-def _noted(body: BodyModel, moves: Iterable[tuple[Part, Move]]) -> BodyModel:
-    before = body.report.get(CORRECTIONS, [])
-    before = before if isinstance(before, list) else [before]
-    return replace(body, report={**body.report, CORRECTIONS: [*before, *(_note(*moved) for moved in moves)]})
-
-
-def _note(part: Part, move: Move) -> dict[str, Any]:
-    noted = move.rounded()
-    return {part.kind: part.name, "moved_mm": noted.shift_mm.tolist(), "turned_deg": noted.turn_deg.tolist()}
