@@ -14,7 +14,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.solved_body import read_solved_body
-from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, camera_topics, read_landmarks
+from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, read_landmarks
 
 MARK = "comment bodycam: "
 
@@ -48,7 +48,7 @@ def write_ply(source: Path, options: MotionOptions, progress: Progress) -> dict[
 def _landmarks(source: Path, progress: Progress) -> Array:
     """(N, 3) of all cameras, each once [m]; none of a bag without registrations, as of static cameras alone."""
     with BagFile(source) as bag:
-        cameras = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE)
+        cameras = bag.camera_topics(LANDMARKS, LANDMARKS_TYPE)
         images = sum(map(bag.message_count, cameras))
     positions: dict[int, tuple[float, ...]] = {}
     with progress.step(f"landmarks of {source.name}", images) as advance:

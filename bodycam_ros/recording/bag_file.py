@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
@@ -138,10 +139,15 @@ class BagFile:
     ) -> None:
         self._reader.close()
 
-    @property
+    @cached_property
     def topics(self) -> dict[str, str]:
         """Topic -> message type ("sensor_msgs/msg/Image"), in the order of the topics' names."""
         return dict(sorted((self._name(c.topic), c.msgtype) for c in self._reader.connections))
+
+    def camera_topics(self, ending: str, message_type: str) -> dict[str, str]:
+        """Topic -> camera, of the topics ``/<camera><ending>`` of a type."""
+        found = {topic: topic.removeprefix("/").removesuffix(ending) for topic in self.topics if topic.endswith(ending)}
+        return {topic: camera for topic, camera in found.items() if camera and self.topics[topic] == message_type}
 
     @property
     def start_ns(self) -> int:

@@ -60,7 +60,10 @@ class Recording:
         self.dropped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self._bag = bag
-        self._image_topic = _image_topics(bag.topics)
+        self._image_topic: dict[str, str] = {}
+        for transport in TRANSPORTS.values():
+            for topic, camera in bag.camera_topics(transport.ending, transport.kind).items():
+                self._image_topic.setdefault(camera, topic)
         self.cameras = tuple(sorted(self._image_topic))
         if not self.cameras:
             there = ", ".join(f"{topic} ({kind})" for topic, kind in bag.topics.items()) or "none at all"
@@ -232,17 +235,6 @@ class Recording:
 
 def _stands_alone(image: CameraImage) -> bool:
     return not isinstance(image.content, VideoPacket) or image.content.is_key
-
-
-def _image_topics(topics: dict[str, str]) -> dict[str, str]:
-    """Camera -> the topic to read its images from."""
-    found: dict[str, str] = {}
-    for transport in TRANSPORTS.values():
-        for topic, message_type in topics.items():
-            camera = topic.removeprefix("/").removesuffix(transport.ending)
-            if topic.endswith(transport.ending) and message_type == transport.kind and camera:
-                found.setdefault(camera, topic)
-    return found
 
 
 def sensor_topics(bag: BagFile, cameras: Collection[str], required: bool = True) -> dict[str, str]:

@@ -24,7 +24,6 @@ from bodycam_ros.results.solved_body import BodyMessages, SolvedBody, missing_to
 from bodycam_ros.results.topics import (
     LANDMARKS,
     LANDMARKS_TYPE,
-    camera_topics,
     clock_history,
     read_landmarks,
     wrong_message_named,
@@ -135,11 +134,11 @@ def read_solved(path: Path) -> SolvedRecording:
     """
     with BagFile(path) as bag:
         messages = BodyMessages(bag)
-        landmarks = camera_topics(bag, LANDMARKS, LANDMARKS_TYPE)
-        static = camera_topics(bag, SEGMENT_POSES, SEGMENT_POSES_TYPE)
+        landmarks = bag.camera_topics(LANDMARKS, LANDMARKS_TYPE)
+        static = bag.camera_topics(SEGMENT_POSES, SEGMENT_POSES_TYPE)
         if not any(map(bag.message_count, landmarks | static)):
             raise missing_topic(bag, f"no topic /<camera>{LANDMARKS} ({LANDMARKS_TYPE}) with messages")
-        timing = camera_topics(bag, TIMING, TIMING_TYPE)
+        timing = bag.camera_topics(TIMING, TIMING_TYPE)
         judged = [VERDICT] if bag.topics.get(VERDICT) == VERDICT_TYPE else []
         registered: dict[str, dict[int, Registration]] = defaultdict(dict)
         observed: dict[str, dict[int, tuple[int, float]]] = defaultdict(dict)

@@ -45,16 +45,6 @@ def published_body(bag: BagFile) -> BodyModel | None:
         raise RecordingError(f"{bag.path}: {ROBOT}: {error}") from error
 
 
-def camera_topics(bag: BagFile, suffix: str, message_type: str) -> dict[str, str]:
-    """Topic -> camera, of the topics ``/<camera><suffix>`` of a type."""
-    found = {}
-    for topic, kind in bag.topics.items():
-        camera = topic.removeprefix("/").removesuffix(suffix)
-        if topic.endswith(suffix) and kind == message_type and camera:
-            found[topic] = camera
-    return found
-
-
 def read_landmarks(path: Path, cameras: Collection[str]) -> Iterator[LandmarkMatches]:
     """The registrations of some cameras, in the order of the bag.
 
@@ -62,7 +52,7 @@ def read_landmarks(path: Path, cameras: Collection[str]) -> Iterator[LandmarkMat
         RecordingError: the bag or a message is damaged.
     """
     with BagFile(path) as bag:
-        topics = {t: c for t, c in camera_topics(bag, LANDMARKS, LANDMARKS_TYPE).items() if c in cameras}
+        topics = {t: c for t, c in bag.camera_topics(LANDMARKS, LANDMARKS_TYPE).items() if c in cameras}
         for topic, _, message in bag.messages(topics):
             with wrong_message_named(path, topic):
                 matches = landmark_matches(message, topics[topic])

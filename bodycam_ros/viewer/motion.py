@@ -19,7 +19,6 @@ from bodycam_ros.messages.poses import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.solved_body import read_solved_body
-from bodycam_ros.results.topics import camera_topics
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # of a motion with a single state
@@ -125,7 +124,7 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         )
     poses: dict[str, dict[int, Array]] = defaultdict(dict)
     with BagFile(path) as bag:
-        cameras = {t: c for t, c in camera_topics(bag, _POSE, _POSE_TYPE).items() if c in body.mounts}
+        cameras = {t: c for t, c in bag.camera_topics(_POSE, _POSE_TYPE).items() if c in body.mounts}
         for topic, _, message in bag.messages(cameras):
             poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
     return Motion(
