@@ -92,20 +92,12 @@ def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
 
 
 def write_timing_report(offsets: Offsets, folder: Path) -> None:
-    """Write ``timing.yaml`` into a folder; an earlier one is replaced.
+    """Write ``timing.yaml``, as described on top, into a folder; an earlier one is replaced.
 
     Raises:
         OutputError: it cannot be written.
     """
-    text = yaml.safe_dump(_document(offsets), sort_keys=False, allow_unicode=True, width=120)
-    head = "# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n"
-    with whole_files(folder) as unfinished, failure_named(folder):
-        write_whole(unfinished / "timing.yaml", head + text)
-
-
-def _document(offsets: Offsets) -> dict[str, Any]:
-    """The content of ``timing.yaml``, as described on top."""
-    return {
+    document = {
         "reference": offsets.reference,
         "cameras": {
             name: {
@@ -121,3 +113,7 @@ def _document(offsets: Offsets) -> dict[str, Any]:
         "unplaced": dict(offsets.unplaced),
         "remarks": list(offsets.remarks),
     }
+    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
+    head = "# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n"
+    with whole_files(folder) as unfinished, failure_named(folder):
+        write_whole(unfinished / "timing.yaml", head + text)

@@ -81,7 +81,6 @@ class SampledRecording:
     """Samples of all cameras.
 
     Attributes:
-        path: of the recording.
         cameras: by name.
         duration_s: of the recording [s].
         instants_s: (K,) times of the samples, since the start [s].
@@ -90,7 +89,6 @@ class SampledRecording:
         left_out: cameras that cannot be read, and why.
     """
 
-    path: Path
     cameras: tuple[SampledCamera, ...]
     duration_s: float
     instants_s: Array
@@ -139,7 +137,7 @@ def sample_bag(path: Path, instants: Instants, on_instant: Callable[[], None]) -
             cameras.append(
                 SampledCamera(camera, lens, lens_fault, stamps_s, recorded_s, images[camera], fault, missing)
             )
-        return SampledRecording(path, tuple(cameras), recording.duration_s, instants_s, is_synchronous=True)
+        return SampledRecording(tuple(cameras), recording.duration_s, instants_s, is_synchronous=True)
 
 
 def _rows_at(times: Mapping[str, NDArray[np.int64]], start_ns: int) -> dict[str, tuple[int, int]]:
@@ -205,7 +203,7 @@ def sample_videos(
         cameras.append(
             SampledCamera(files.camera, lens, lens_fault, stamps_s, stamps_s, images, fault, has_sound=has_sound)
         )
-    return SampledRecording(path, tuple(cameras), duration_s, instants_s, False, tuple(left_out))
+    return SampledRecording(tuple(cameras), duration_s, instants_s, False, tuple(left_out))
 
 
 def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:

@@ -39,13 +39,16 @@ class Place:
     Attributes:
         map: an existing map.
         reference: photographs to make a map of, where there is no ``map``.
-        folder: for the map, within that of the results.
     """
 
     name: str
     map: Path | None
     reference: Path | None
-    folder: Path
+
+    @property
+    def folder(self) -> Path:
+        """For the map, within that of the results."""
+        return Path("places", self.name) if self.name else Path()
 
 
 @dataclass(frozen=True)
@@ -57,15 +60,18 @@ class Subject:
         rig: which camera is on which segment; needed to make a body.
         rom: the range of motion to make a body of, where there is no ``body``.
         place: name of the place where that was recorded.
-        folder: for the body, within that of the results.
     """
 
     name: str
     body: Path | None
     rig: Path | None
-    rom: Source | None
-    place: str
-    folder: Path
+    rom: Source | None = None
+    place: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """For the body, within that of the results."""
+        return Path("subjects", self.name) if self.name else Path()
 
 
 @dataclass(frozen=True)

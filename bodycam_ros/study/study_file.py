@@ -6,6 +6,7 @@ All of it is checked before anything is run.
 import os
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, NoReturn
 
@@ -101,27 +102,20 @@ class _StudyReader:
         if (entry.map is None) == (entry.reference is None):
             self._refuse(key, "needs either map, an existing one, or reference, a folder of photographs")
         existing, reference = (self._existing(f"{key}.{k}", getattr(entry, k)) for k in ("map", "reference"))
-        return Place(name, existing, reference, Path("places", name))
+        return Place(name, existing, reference)
 
     def _subject(self, name: str, entry: _SubjectEntry, places: Mapping[str, Place]) -> Subject:
         key = f"subjects.{name}"
         if (entry.body is None) == (entry.range_of_motion is None):
             self._refuse(key, "needs either body, an existing one, or range_of_motion, a recording to make one of")
         body, rig = (self._existing(f"{key}.{k}", getattr(entry, k)) for k in ("body", "rig"))
-        folder = Path("subjects", name)
         rom = self._existing(f"{key}.range_of_motion", entry.range_of_motion)
         if rom is None:
-            return Subject(name, body, rig, None, "", folder)
+            return Subject(name, body, rig)
         if rig is None:
             self._refuse(key, "lacks rig, which says on which segment each camera is: without it no body can be made")
-        return Subject(
-            name,
-            None,
-            rig,
-            Source(name, rom, self._source(f"{key}.range_of_motion", rom).is_bag),
-            self._chosen(key, "place", entry.place, places),
-            folder,
-        )
+        source = self._source(f"{key}.range_of_motion", rom)
+        return Subject(name, None, rig, source, self._chosen(key, "place", entry.place, places))
 
     def _recordings(
         self,
@@ -149,7 +143,7 @@ class _StudyReader:
         wild = [index for index, part in enumerate(parts) if _WILDCARD.search(part)]
         if not wild:
             source = self._source(key, self._existing(key, text) or Path())
-            yield Source(name or folder_name(source.name), source.path, source.is_bag)
+            yield replace(source, name=name or folder_name(source.name))
             return
         if name is not None:
             self._refuse(key, "name belongs to one recording; leave it out where path has wildcards")
@@ -160,8 +154,7 @@ class _StudyReader:
             if (source_there := find_source(path)) is not None and not _is_result(path, fixed):
                 found = True
                 named = path.with_name(source_there.name).relative_to(fixed).parts
-                name_there = folder_name("_".join(named[: len(named) - below]))
-                yield Source(name_there, path, source_there.is_bag)
+                yield replace(source_there, name=folder_name("_".join(named[: len(named) - below])))
         if not found:
             self._refuse(key, f"no recording fits {self._path.parent.joinpath(*parts)}")
 
@@ -286,8 +279,8 @@ def read_recording_folder(path: Path) -> Study:
     rom = find_source(path / "rom")
     if rom is None and not sources and "reference" not in there:
         raise RecordingError(f"{path}: holds nothing that could be solved; expected\n{LAYOUT}")
-    place = Place("", there.get("map"), there.get("reference"), Path())
-    subject = Subject("", there.get("body.yaml"), there.get("rig.yaml"), rom, "", Path())
+    place = Place("", there.get("map"), there.get("reference"))
+    subject = Subject("", there.get("body.yaml"), there.get("rig.yaml"), rom)
     recordings = (Recording(source, "", "", None, equipment if equipment.exists() else None) for source in sources)
     return Study(path, {"": place}, {"": subject}, tuple(recordings), there.get("settings.yaml"), there.get("lenses"))
 

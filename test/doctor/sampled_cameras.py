@@ -1,7 +1,5 @@
 """Cameras as the doctor's checks know them, made up."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 
@@ -41,4 +39,4 @@ def sampled(name: str = "head", **changes: object) -> SampledCamera:
 def recording(*cameras: SampledCamera, **changes: object) -> SampledRecording:
     instants_s = np.linspace(1.0, DURATION_S - 1.0, 4)
     fields: dict[str, object] = {"is_synchronous": True} | changes
-    return SampledRecording(Path("walk"), cameras, DURATION_S, instants_s, **fields)  # type: ignore[arg-type]
+    return SampledRecording(cameras, DURATION_S, instants_s, **fields)  # type: ignore[arg-type]
