@@ -9,7 +9,7 @@ from bodycam_ros.body.articulation import ArticulatedMotion, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
 from bodycam_ros.calibration.assessment import Findings, assess
-from bodycam_ros.calibration.camera_motion import CameraLog, MotionLogSettings, camera_motion
+from bodycam_ros.calibration.camera_motion import CameraLog, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body
 from bodycam_ros.calibration.hinge import place_hinges
@@ -30,18 +30,10 @@ from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.readout_time import ReadoutLog
-from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.timing.clock_state import ClockSettings
 
 _PERCENTILE = 0.5  # [%] of the states beyond each limit: one wrong state must not open a joint
 _MARGIN_RAD = 0.09  # of limits beyond what was exercised: people go a little further another day
-
-
-@dataclass(frozen=True)
-class CalibrationSettings(SettingsGroups):
-    """Settings of a calibration."""
-
-    motion_log: MotionLogSettings = MotionLogSettings()
 
 
 @dataclass(frozen=True)

@@ -9,26 +9,12 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.settings import setting
 from bodycam_ros.timing.camera_path import CameraPath
 from bodycam_ros.timing.stamps import find_shared_stamps
 
 _SHORTEST_INTERVAL_NS = 1_000_000_000 // 480  # shorter than the time between two images
 _MAX_IMAGES = 2400  # per camera, about 3 kB each: a minute and a half at 25 Hz; of a longer recording fewer a second
 _MAX_GAP_S = 0.15  # between two registrations that are interpolated; beyond, a limb's path bends by centimetres
-
-
-@dataclass(frozen=True)
-class MotionLogSettings:
-    """What is kept of a range of motion."""
-
-    max_rate: float = setting(
-        25.0,
-        unit="Hz",
-        limits=(2.0, 1000.0),
-        reason="images used per second and camera of a recording; more take longer, and at 12 a walk with that body is "
-        "10 to 16 % less accurate",
-    )
 
 
 class CameraLog:

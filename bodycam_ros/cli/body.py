@@ -65,7 +65,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config(
         parser,
         PIPELINE,
-        "calibration.body_calibrator:CalibrationSettings",
         "static_cameras.body_shape:MeasureSettings",
     )
 
@@ -103,12 +102,11 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     import numpy as np
 
     from bodycam_ros.body.body_file import write_body
-    from bodycam_ros.calibration.body_calibrator import CalibrationSettings
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.evaluate.body_report import body_report, write_html_report
     from bodycam_ros.offline.measure_body import calibrate
 
-    pipeline, settings = pipeline_settings(arguments), read_settings(arguments, CalibrationSettings)
+    pipeline = pipeline_settings(arguments)
     with shown_progress() as progress:
         calibrated = calibrate(
             arguments.recording,
@@ -116,7 +114,6 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
             Rig.from_yaml(arguments.rig),
             name,
             pipeline,
-            settings,
             jobs=arguments.jobs,
             facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
             on_progress=progress.show,

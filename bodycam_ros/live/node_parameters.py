@@ -264,7 +264,7 @@ GROUPS: Final = frozenset(
     """
     keypoints registrar growth extend direct pose_fit
     clock assembler smoother motion contact evidence coupling inertial region
-    motion_log frames features shape
+    frames features shape
     """.split()
 )
 """Groups of settings of all nodes and commands: one file serves all of them."""
