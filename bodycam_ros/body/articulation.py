@@ -23,6 +23,7 @@ from bodycam_ros.geometry import (
     robust_average_pose,
 )
 from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.tree import all_motion
 
 Array = NDArray[np.float64]
 
@@ -139,12 +140,12 @@ class ArticulatedMotion:
             mount = mounts[camera].segment_T_camera @ exp_se3(lasting[self.mount_columns(c)])
             mount = rigid(nearest_rotation(mount[:3, :3]), mount[:3, 3])
             mounts[camera] = replace(mounts[camera], segment_T_camera=mount)
-        root, motion = self._tangent.moved(self.world_T_root, self.joint_motion, moving)
+        motion = self._tangent.moved(all_motion(self.world_T_root, self.joint_motion), moving)
         return replace(
             self,
             body=replace(self.body, joints=joints, mounts=mounts),
-            world_T_root=root,
-            joint_motion=motion,
+            world_T_root=motion[:, 0],
+            joint_motion=motion[:, 1:],
             delays=self.delays + lasting[self.delay_columns],
         )
 

@@ -20,6 +20,7 @@ from bodycam_ros.body.equipment import Equipment, unknown_lengths
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, joint_gap, turn_jacobian
+from bodycam_ros.kinematics.tree import all_motion
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
@@ -121,7 +122,8 @@ class Mechanism:
 
     def moved(self, configuration: Configuration, step: Array) -> Configuration:
         """After an increment (K) of the columns."""
-        return Configuration(*self.tangent.moved(*configuration, step))
+        motion = self.tangent.moved(all_motion(*configuration), step)
+        return Configuration(motion[0], motion[1:])
 
     def poses(self, configuration: Configuration) -> Array:
         """world_T_segment (S, 4, 4) of the tree, the body's segments first."""

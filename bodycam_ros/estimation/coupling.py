@@ -7,7 +7,6 @@ placed, or contradicted by most attachments, is searched.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,12 +96,12 @@ class Coupling:
 
     def initial(self, estimate: Estimate) -> Estimate:
         """An initial estimate, with the lengths as they were known before the first state."""
-        motion, covariance = estimate.at.motion.copy(), estimate.covariance.copy()
+        joints, covariance = estimate.at.joints.copy(), estimate.covariance.copy()
         for (row, axis), shift in zip(self._length_places, self._first_shifts, strict=True):
-            motion[row, axis, 3] = shift
+            joints[row, axis, 3] = shift
         columns, rates = self._length_columns, self._tangent.count + self._length_columns
         covariance[columns, columns], covariance[rates, rates] = self._first_sigmas**2, STILL**2
-        return Estimate(replace(estimate.at, motion=motion), covariance)
+        return Estimate(estimate.at.placed(joints), covariance)
 
     def standing_points(self) -> list[RestingPoint]:
         """What equipment that stands has in common with the state before: three points of its root."""
@@ -141,10 +140,10 @@ class Coupling:
         """Search equipment that is not placed, or nearer to its attachments than it is."""
         attachments = self.attachments
         measured = [name for name, flag in zip(attachments.names, attachments.measured, strict=True) if flag]
-        found = self._search.find(Configuration(start.root, start.motion), measured, has_camera)
+        found = self._search.find(Configuration(start.root, start.joints), measured, has_camera)
         if found is None:
             return None
-        start = replace(start, motion=found.joint_motion)
+        start = start.placed(found.joint_motion)
         after = attachments.gaps(start.poses)
         if self.placed and not after[attachments.measured].sum() < gaps[attachments.measured].sum():
             return None
@@ -156,13 +155,13 @@ class Coupling:
         self, at: Coordinates, start: Coordinates, before: ActiveAttachments | None
     ) -> tuple[Coordinates, NDArray[np.bool_]]:
         """Coordinates and their columns (K,) without a past: of equipment just placed, of hinges driven again."""
-        motion, joints = at.motion.copy(), np.zeros(len(at.motion), bool)
+        motion, joints = at.joints.copy(), np.zeros(len(at.joints), bool)
         if not self._was_placed:
             joints |= self._of_equipment
-            motion[joints] = start.motion[joints]
+            motion[joints] = start.joints[joints]
         for row in self.motion.coasting_rows:
             joints[row] |= self.motion.is_driven(row, self.active) and not self.motion.is_driven(row, before)
-        return replace(at, motion=motion), self._tangent.columns_of(joints)
+        return at.placed(motion), self._tangent.columns_of(joints)
 
     def closed_joints(self) -> tuple[ClosedJoint, ...]:
         """Joints of the active attachments."""
@@ -189,7 +188,7 @@ class Coupling:
 
     def _length_estimates(self, at: Coordinates, covariance: Array) -> tuple[Array, Array]:
         """Shifts (L) from the file's lengths, and their sigmas [m]."""
-        shifts = np.array([at.motion[row, axis, 3] for row, axis in self._length_places])
+        shifts = np.array([at.joints[row, axis, 3] for row, axis in self._length_places])
         return shifts, np.sqrt(np.diag(covariance)[self._length_columns])
 
     def report(self, at: Coordinates, covariance: Array, active: ActiveAttachments | None) -> EquipmentReport:

@@ -101,7 +101,7 @@ class EquipmentMotion:
         driven = {row for row in self.coasting_rows if self.is_driven(row, active)}
         self._driven |= driven
         rows = sorted(self._driven - driven) if active is not None else []
-        return coasting(rows, at.motion[rows, :3, :3])
+        return coasting(rows, at.joints[rows, :3, :3])
 
 
 def coasting(rows: Sequence[int], rotations: Array) -> JointRotations:

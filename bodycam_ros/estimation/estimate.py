@@ -12,6 +12,7 @@ import numpy as np
 from bodycam_ros.body_state import BodyUncertainty
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.tree import all_motion
 
 UNKNOWN = 1.0
 """Sigma of what nothing measured [rad], [m]."""
@@ -26,42 +27,53 @@ class Coordinates:
 
     Attributes:
         tangent: of the body.
-        root: (4, 4) world_T_root [m].
-        motion: (J, 4, 4) joint motions.
+        motion: (1 + J, 4, 4) of the root, world_T_root [m], and of all joints.
         velocity: (K) rate of the increments of ``TreeTangent`` [rad/s], [m/s].
     """
 
     tangent: TreeTangent
-    root: Array
     motion: Array
     velocity: Array
 
     @staticmethod
     def stacked(first: "Coordinates", second: "Coordinates") -> "Coordinates":
         """Those of two states, whose Jacobians and increments cost hardly more together than those of one."""
-        pairs = zip(*((of.root, of.motion, of.velocity) for of in (first, second)), strict=True)
-        return Coordinates(first.tangent, *(np.stack(pair) for pair in pairs))
+        motion, velocity = np.stack([first.motion, second.motion]), np.stack([first.velocity, second.velocity])
+        return Coordinates(first.tangent, motion, velocity)
 
     def __getitem__(self, row: int) -> "Coordinates":
         """One of several states."""
-        return Coordinates(self.tangent, self.root[row], self.motion[row], self.velocity[row])
+        return Coordinates(self.tangent, self.motion[row], self.velocity[row])
+
+    @property
+    def root(self) -> Array:
+        """(4, 4) world_T_root [m]."""
+        return self.motion[..., 0, :, :]
+
+    @property
+    def joints(self) -> Array:
+        """(J, 4, 4) joint motions."""
+        return self.motion[..., 1:, :, :]
+
+    def placed(self, joints: Array, root: Array | None = None) -> "Coordinates":
+        """The same with other joint motions (J, 4, 4), and another root (4, 4) if it is given."""
+        return replace(self, motion=all_motion(self.root if root is None else root, joints))
 
     def moved(self, step: Array) -> "Coordinates":
         """The coordinates after an increment (2K) of coordinates and velocities, or (K) of coordinates alone."""
         K = self.tangent.count
-        root, motion = self.tangent.moved(self.root, self.motion, step[..., :K])
         velocity = self.velocity + step[..., K:] if step.shape[-1] > K else self.velocity
-        return Coordinates(self.tangent, root, motion, velocity)
+        return Coordinates(self.tangent, self.tangent.moved(self.motion, step[..., :K]), velocity)
 
     def step_to(self, other: "Coordinates") -> Array:
         """The increment (2K) from these coordinates to others."""
-        step = self.tangent.step_between(self.root, self.motion, other.root, other.motion)
+        step = self.tangent.step_between(self.motion, other.motion)
         return np.concatenate([step, other.velocity - self.velocity], axis=-1)
 
     @cached_property
     def poses(self) -> Array:
         """(S, 4, 4) world_T_segment."""
-        return self.tangent.tree.forward_kinematics(self.root, self.motion)
+        return self.tangent.tree.poses_of(self.motion)
 
     @cached_property
     def jacobians(self) -> Array:

@@ -39,6 +39,7 @@ from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.tree import all_motion
 
 Mask = NDArray[np.bool_]
 
@@ -166,7 +167,8 @@ class BodyEstimator:
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
         """The first state, where cameras measured the body or somebody placed it by hand."""
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
-        initial = self._motion.initial(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
+        motion = all_motion(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
+        initial = self._motion.initial(motion)
         initial = self._coupling.initial(initial) if self._coupling else initial
         return self._solve(frame, registered, Step(0.0, Transition.first(initial)), placed)
 
@@ -267,13 +269,14 @@ class BodyEstimator:
             return step, start
         poses = self._static.poses(poses)
         root, motion = poses[self._root], self.body.joint_poses(poses, self._tangent.slides)
-        start = replace(start, root=root, motion=motion)
+        start = start.placed(motion, root)
         jumped = self._static.jumped
         joints = jumped[self.body.joint_ends].any(axis=1)
-        at = replace(step.after.at, motion=np.where(joints[:, None, None], motion, step.after.at.motion))
+        at = step.after.at.placed(
+            np.where(joints[:, None, None], motion, step.after.at.joints), root if jumped[self._root] else None
+        )
         columns = self._tangent.columns_of(joints)
-        if jumped[self._root]:
-            at, columns[:6] = replace(at, root=root), True
+        columns[:6] = jumped[self._root]
         return self._restart_columns(step, at, columns), start
 
     def _couple(

@@ -195,14 +195,14 @@ class StateFit:
         for row, rotation, sigmas in zip(expected.rows.tolist(), expected.rotations, expected.sigmas, strict=True):
             columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3]
             W = self._child_R_joint[row] / sigmas[:, None]
-            r = log_so3(at.motion[row, :3, :3].T @ rotation)
+            r = log_so3(at.joints[row, :3, :3].T @ rotation)
             J, r = W @ log_jacobian(r) @ turns, W @ r
             A[columns, columns] += J.T @ J
             b[columns] += J.T @ r
         for row, sigmas in self._soft.items():
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
-            b[columns] -= twists.T @ log_se3(at.motion[row]) / sigmas**2
+            b[columns] -= twists.T @ log_se3(at.joints[row]) / sigmas**2
         for each in (*self._loops, *measured.closed):
             gap, J = self._tangent.gap(each.joint, at.poses, at.jacobians)
             weight = cauchy(_squared(each.information, gap), each.kernel)

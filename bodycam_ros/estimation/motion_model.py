@@ -91,9 +91,9 @@ class MotionModel:
         covariance[both, both] = self._first[both] ** 2
         return Estimate(replace(at, velocity=np.where(columns, 0.0, at.velocity)), covariance)
 
-    def initial(self, root: Array, motion: Array) -> Estimate:
-        """The first state, at a pose (4, 4) and joint motions (J, 4, 4), which its measurements determine alone."""
-        at = Coordinates(self.tangent, root, motion, np.zeros(self.tangent.count))
+    def initial(self, motion: Array) -> Estimate:
+        """The first state, at motions (1 + J, 4, 4), which its measurements determine alone."""
+        at = Coordinates(self.tangent, motion, np.zeros(self.tangent.count))
         return Estimate(at, np.diag(self._first**2))
 
     def predict(self, before: Estimate, dt_s: float, prior: MotionPrior | None = None) -> Transition:

@@ -56,7 +56,7 @@ class WholeRecording:
             self._on_progress(number / len(states))
             before, step = again[-1] if again else self._before, state.step
             if before is None:
-                initial = self._motion.initial(at.root, at.motion)
+                initial = self._motion.initial(at.motion)
                 step = Step(0.0, Transition.first(coupling.initial(initial) if coupling else initial))
             else:
                 dt_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
@@ -77,13 +77,13 @@ class WholeRecording:
         for row in coupling.motion.coasting_rows:
             joint = self._body.tree_joints[row]
             driven = np.array([coupling.motion.is_driven(row, state.active) for state in states], bool)
-            turned = np.array([at.motion[row, :3, :3] for at in smoothed])
+            turned = np.array([at.joints[row, :3, :3] for at in smoothed])
             angles = coasting_trajectory(np.unwrap(hinge_angle(turned, joint.axis)), stamps_s, driven)
             rotations = joint.hinge_rotation(angles)
             for place in np.flatnonzero(~driven).tolist():
-                motion = smoothed[place].motion.copy()
-                motion[row, :3, :3] = rotations[place]
-                smoothed[place] = replace(smoothed[place], motion=motion)
+                joints = smoothed[place].joints.copy()
+                joints[row, :3, :3] = rotations[place]
+                smoothed[place] = smoothed[place].placed(joints)
                 pin = coasting([row], rotations[place][None])
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array, adjoint, hat, inverse, log_so3
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint, hinge_angle
-from bodycam_ros.kinematics.tree import KinematicTree, all_motion
+from bodycam_ros.kinematics.tree import KinematicTree
 from bodycam_ros.kinematics.tree_kernels import moved_motion, segment_tangents, steps_between
 
 GIVES_RAD, GIVES_M = 1.0, 0.25
@@ -109,19 +109,17 @@ class TreeTangent:
         self.root = tree.segment_index[tree.root]
         self._child_of_column = np.append(self.root, tree.joint_ends[:, 1])[self._carriers]
 
-    def moved(self, world_T_root: Array, joint_motion: Array, step: Array) -> tuple[Array, Array]:
-        """Root (..., 4, 4) and joint motions (..., J, 4, 4) after an increment (..., K)."""
-        motion = all_motion(world_T_root, joint_motion)
+    def moved(self, motion: Array, step: Array) -> Array:
+        """Motions (..., 1 + J, 4, 4) of the root and of all joints (``all_motion``) after an increment (..., K)."""
         rows, steps = motion.reshape(-1, *motion.shape[-3:]), as_rows(step[..., : self.count].reshape(-1, self.count))
-        moved = moved_motion(rows, steps, self._of_columns, self._carriers).reshape(motion.shape)
-        return moved[..., 0, :, :], moved[..., 1:, :, :]
+        moved: Array = moved_motion(rows, steps, self._of_columns, self._carriers).reshape(motion.shape)
+        return moved
 
-    def step_between(self, world_T_root: Array, joint_motion: Array, to_root: Array, to_motion: Array) -> Array:
-        """The increment (..., K) that moves root (..., 4, 4) and joint motions (..., J, 4, 4) to others."""
-        ends = all_motion(world_T_root, joint_motion), all_motion(to_root, to_motion)
-        start, end = (motion.reshape(-1, *motion.shape[-3:]) for motion in ends)
-        steps = steps_between(start, end, self._of_columns, self._carriers)
-        return steps.reshape(*joint_motion.shape[:-3], self.count)
+    def step_between(self, motion: Array, to: Array) -> Array:
+        """The increment (..., K) that moves motions (..., 1 + J, 4, 4) of the root and of all joints to others."""
+        start, end = (each.reshape(-1, *each.shape[-3:]) for each in (motion, to))
+        steps: Array = steps_between(start, end, self._of_columns, self._carriers)
+        return steps.reshape(*motion.shape[:-3], self.count)
 
     def columns_of(self, joints: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(K,) columns of some joints (J,) of the tree."""

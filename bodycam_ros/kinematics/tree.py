@@ -145,11 +145,14 @@ class KinematicTree:
         """
         if joint_motion.shape[-1] == 3:
             joint_motion = rigid(joint_motion, np.zeros(3))
-        motion = all_motion(world_T_root, joint_motion)
+        return self.poses_of(all_motion(world_T_root, joint_motion))
+
+    def poses_of(self, motion: Array) -> Array:
+        """The same of motions (..., 1 + J, 4, 4) of the root and of all joints (``all_motion``)."""
         _, _, parent_T_joint, joint_T_child = self._frames
-        root = self.segment_index[self.root]
-        rows = tree_poses(motion.reshape(-1, *motion.shape[-3:]), parent_T_joint, joint_T_child, self.joint_ends, root)
-        return rows.reshape(motion.shape)
+        rows, root = motion.reshape(-1, *motion.shape[-3:]), self.segment_index[self.root]
+        poses: Array = tree_poses(rows, parent_T_joint, joint_T_child, self.joint_ends, root)
+        return poses.reshape(motion.shape)
 
     def n_pose(self, world_T_root: Array) -> Array:
         """Poses world_T_segment (S, 4, 4) of the body standing with its arms down: all joint motions the identity."""

@@ -11,6 +11,7 @@ from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.tree import all_motion
 
 BODY = body_with_cameras()
 TANGENT = TreeTangent(BODY, SLIDES_M)
@@ -20,7 +21,7 @@ SIGMA = 0.05  # [rad], [m] of the prediction
 
 def predicted() -> Estimate:
     poses = true_poses(BODY, 7)
-    at = Coordinates(TANGENT, poses[0], BODY.joint_poses(poses), np.zeros(TANGENT.count))
+    at = Coordinates(TANGENT, all_motion(poses[0], BODY.joint_poses(poses)), np.zeros(TANGENT.count))
     return Estimate(at, SIGMA**2 * np.eye(2 * TANGENT.count))
 
 

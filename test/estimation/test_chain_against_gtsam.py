@@ -61,7 +61,7 @@ class Graph:
         """Coordinates as gtsam has them."""
         turns = [
             gtsam.Rot3(R) if joint.type == "ball" else np.array([float(hinge_angle(R, joint.axis))])
-            for joint, R in zip(self.joints, at.motion[:, :3, :3], strict=True)
+            for joint, R in zip(self.joints, at.joints[:, :3, :3], strict=True)
         ]
         return [gtsam.Pose3(at.root), *turns]
 
