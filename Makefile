@@ -53,7 +53,7 @@ test-ros:
 	bash test_ros/run.sh
 
 readers: $(VENV)/ros.stamp $(READERS)/blender.stamp $(READERS)/readers.stamp
-	$(BIN)/python -m pytest test/export/test_readers.py
+	$(BIN)/python -m pytest test/formats/test_readers.py
 
 faults: $(VENV)/ros.stamp
 	$(BIN)/python test/faults

@@ -37,7 +37,7 @@ class Finding:
         why: likely cause.
         remedy: what to do.
         part: kind of the subject.
-        check: name of the check that found it, as "gaps"; empty for checks of a result.
+        check: name of the check that found it, as "gaps" or "contradiction", for programs.
     """
 
     subject: str

@@ -111,3 +111,9 @@ def test_the_pipeline_knows_nothing_of_verdicts_and_messages_nothing_of_the_esti
     for file in files():
         if room(file) in ("calibration", "mapping", "estimation", "registration", "static_cameras"):
             assert not drawing & {module.split(".")[0] for module in imports(file)}, file
+
+
+def test_tests_are_in_the_folder_of_the_room_that_they_test() -> None:
+    rooms = {folder.name for folder in PACKAGE.iterdir() if folder.is_dir()} | {"docs", "faults"}
+    folders = {folder.name for folder in Path(__file__).parent.iterdir() if folder.is_dir()} - {"__pycache__"}
+    assert folders <= rooms, folders - rooms

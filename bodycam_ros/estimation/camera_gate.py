@@ -2,8 +2,8 @@
 
 The residual of a left-out camera, in units of its predicted covariance, follows in closed form from the fit with all of
 them. While the largest exceeds the gate, that camera is first down-weighted, then rejected, and the rest is fitted
-anew. Down-weighted, a camera whose position is wrong still measures its rotation. The verdict on a result
-(``quality/judge.py``) relies on it: of two cameras on a segment the one that fits the body was kept.
+anew. Down-weighted, a camera whose position is wrong still measures its rotation. Of two cameras on a segment the one
+that fits the body is kept. The weights end here: ``quality/judge.py`` judges a bag, in which they are not.
 """
 
 import numpy as np

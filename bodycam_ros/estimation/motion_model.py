@@ -1,4 +1,4 @@
-"""The motion prior: a white-noise acceleration of every coordinate, on velocities that fade (A eq. 10-11 with units).
+"""The motion prior: a white-noise acceleration of every coordinate, on velocities that fade (A eq. 10-11, altered).
 
 The paper penalises the change of pose between frames. That pulls every motion towards standing still; we penalise the
 change of velocity, whose size in people is known: accelerations of limbs in m/s^2 and rad/s^2.

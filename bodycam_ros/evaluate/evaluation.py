@@ -160,7 +160,7 @@ def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
         log.add_registration(matches)
     for row in range(added, len(stamps_ns)):
         log.add_state(stamps_ns[row], solved.world_T_segment[row])
-    return Verdict.from_findings((*judge(log.poses()).findings, *equipment_findings(solved.equipment)))
+    return judge(log.poses(), equipment_findings(solved.equipment))
 
 
 def _without_nan(value: Any) -> Any:

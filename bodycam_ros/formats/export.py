@@ -26,12 +26,12 @@ class Format:
 
     Attributes:
         what: what it contains, and for which programs.
-        mark: what every such file has near its beginning.
+        mark: what every such file has near its beginning, by which ``--force`` recognises it.
         write: makes the content of the sampled motion and the options; or see below.
         options: fields of ``MotionOptions`` that it uses.
         beside: end of the names of files beside it -> the mark of such a file, and what it is.
         has_equipment: whether it contains the equipment beside the body.
-        has_rate: whether frames must be evenly spaced: the file has a rate and no times.
+        is_even: whether frames must be evenly spaced: the file has a rate and no times.
         of_bag: it is written of a bag: ``write`` takes its path, the options and progress.
         of_body: it is written of a bag or a body file: ``write`` takes its path and the options.
     """
@@ -42,7 +42,7 @@ class Format:
     options: frozenset[str] = frozenset()
     beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
     has_equipment: bool = False
-    has_rate: bool = False
+    is_even: bool = False
     of_bag: bool = False
     of_body: bool = False
 
@@ -62,7 +62,7 @@ class Format:
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
         if self.of_bag:
             return self.write(source, options, progress)
-        motion = sample_motion(read_solved_body(source, progress), options.rate, self.has_rate)
+        motion = sample_motion(read_solved_body(source, progress), options.rate, self.is_even)
         if not self.has_equipment and motion.body.equipment_segments:
             logger.warning(
                 "%s: %s, which are no part of the body, are left out; %s have them",
@@ -88,19 +88,19 @@ FORMATS: Mapping[str, Format] = {
     ),
     "bvh": Format(
         "the motion as bones, for Blender, MotionBuilder, Maya", bvh.MARK, bvh.write_bvh, _FIGURE | {"up", "scale"},
-        has_rate=True,
+        is_even=True,
     ),
     "trc": Format(
         "virtual markers, with a model (.osim) beside them, for OpenSim", trc.MARK, trc.write_trc, _RATE, _MODEL,
-        has_rate=True,
+        is_even=True,
     ),
     "mot": Format(
         "joint angles, with the model (.osim) that they move beside them, for OpenSim", opensim.MOTION_MARK,
-        opensim.write_mot, _RATE, _MODEL, has_rate=True,
+        opensim.write_mot, _RATE, _MODEL, is_even=True,
     ),
     "c3d": Format(
         "virtual markers, for the programs of motion laboratories", c3d.SOFTWARE, c3d.write_c3d, _RATE | {"up"},
-        has_rate=True,
+        is_even=True,
     ),
     "glb": Format(
         "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, glb.write_glb,
@@ -121,7 +121,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "usd": Format(
         "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd, _FIGURE,
-        has_rate=True,
+        is_even=True,
     ),
 }  # fmt: skip
 

@@ -46,7 +46,6 @@ from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.verdict import Verdict
 from bodycam_ros.whole_file import scratch_folder
 
 logger = logging.getLogger(__name__)
@@ -185,9 +184,8 @@ def replay(
         summary.equipment = out.coupled.record()
         # Hands that the body file does not have were added here, and need not be observed.
         bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
-        findings = judge(poses).findings
-        findings = (*findings, *equipment_findings(summary.equipment, coupling), *out.static.findings(bare))
-        summary.verdict = Verdict.from_findings(findings)
+        others = (*equipment_findings(summary.equipment, coupling), *out.static.findings(bare))
+        summary.verdict = judge(poses, others)
         out.write_verdict(item.stamp_ns, summary.verdict)
         summary.interpolated, summary.rejected = skeleton.interpolated, skeleton.rejected
         summary.instants = skeleton.assembler.assembled + summary.interpolated

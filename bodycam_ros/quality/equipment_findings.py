@@ -42,7 +42,10 @@ def equipment_findings(record: EquipmentRecord | None, equipment: Equipment | No
             if (fault := _attachment_fault(record, column, known.get(name))) is not None
         ]
         faults += [] if equipment is None else _far_lengths(record, equipment)
-    return tuple(Finding(record.name, Level.DOUBTFUL, what, remedy=remedy, part="equipment") for what, remedy in faults)
+    return tuple(
+        Finding(record.name, Level.DOUBTFUL, what, remedy=remedy, part="equipment", check="equipment")
+        for what, remedy in faults
+    )
 
 
 def _attachment_fault(record: EquipmentRecord, column: int, attachment: Attachment | None) -> _Fault | None:

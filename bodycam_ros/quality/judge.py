@@ -1,6 +1,6 @@
 """The verdict on a result, afterwards or live, by registered and solved camera poses."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,13 @@ _LIVE_SPAN_S = 30.0  # of the past in a live verdict: it ends this long after it
 _LIVE_INTERVAL_S = 3.0  # between two live verdicts; one takes some hundredths of a second, in which nothing is solved
 
 
-def judge(poses: CameraPoses) -> Verdict:
-    """The verdict on what was solved, by registered and solved poses of its cameras."""
+def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
+    """The verdict on what was solved.
+
+    Args:
+        poses: registered and solved poses of worn cameras.
+        others: findings on equipment and static cameras.
+    """
     unregistered = [camera for camera in poses.cameras if _is_unregistered(poses, camera)]
     alone = [c for c in poses.cameras if c not in unregistered and _shares_no_time(poses, c)]
     cameras = [camera for camera in poses.cameras if camera not in unregistered and camera not in alone]
@@ -51,7 +56,7 @@ def judge(poses: CameraPoses) -> Verdict:
     if all(finding.level is not Level.WRONG for finding in accused):
         subjects = {finding.subject for finding in findings}
         findings += _solver_findings(poses, found, subjects)
-    return Verdict.from_findings(findings)
+    return Verdict.from_findings((*findings, *others))
 
 
 def _solved_gap(poses: CameraPoses, camera: str) -> float:
@@ -75,11 +80,11 @@ def _unregistered_findings(poses: CameraPoses, unregistered: Sequence[str], is_e
         what = f"registered on {count.registered} of {count.images} images"
         if is_everybody:
             why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
-            yield Finding(camera, Level.WRONG, what, why, remedy)
+            yield Finding(camera, Level.WRONG, what, why, remedy, check="registered")
         else:
             why = "it was covered, dark or blurred, or its lens is not what camera_info says"
             remedy = "look at its pictures; its segment follows from the others"
-            yield Finding(camera, Level.DOUBTFUL, what, why, remedy)
+            yield Finding(camera, Level.DOUBTFUL, what, why, remedy, check="registered")
 
 
 def _shares_no_time(poses: CameraPoses, camera: str) -> bool:
@@ -94,7 +99,7 @@ def _no_common_time_finding(poses: CameraPoses, camera: str, others: Sequence[st
     later_s = 1e-9 * (poses.counts[camera].first_ns - float(np.median(starts))) if starts else 0.0
     why = f"its clock is far off: it begins {abs(later_s):.1f} s {'after' if later_s > 0.0 else 'before'} them"
     what = "shares no time with the other cameras"
-    return Finding(camera, Level.WRONG, what, why, "set the cameras' clocks to one time")
+    return Finding(camera, Level.WRONG, what, why, "set the cameras' clocks to one time", check="clock")
 
 
 def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str, cause: Cause) -> Finding:
@@ -109,12 +114,16 @@ def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str
         what += f" between {times[0]:.1f} and {times[-1]:.1f} s"
     if camera in found.rivals:
         what += f" (or {found.rivals[camera]} does)"
-    is_wrong = gap_m > _WRONG_GAP_M and share > _WRONG_SHARE and not _is_rejected(poses, found, camera)
-    return Finding(camera, Level.WRONG if is_wrong else Level.DOUBTFUL, what, cause.why, cause.remedy)
+    is_wrong = gap_m > _WRONG_GAP_M and share > _WRONG_SHARE and not _is_outvoted(poses, found, camera)
+    level = Level.WRONG if is_wrong else Level.DOUBTFUL
+    return Finding(camera, level, what, cause.why, cause.remedy, check="contradiction")
 
 
-def _is_rejected(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
-    """Whether ``estimation/camera_gate.py`` rejected it: its segment has another, and the body agrees with others."""
+def _is_outvoted(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
+    """Whether the body was solved by the others: another camera is on its segment, and the body agrees with those.
+
+    The weights of ``estimation/camera_gate.py`` are not in a bag, so they are inferred.
+    """
     mounts = poses.body.mounts
     is_shared = any(mounts[other].segment == mounts[camera].segment for other in found.core)
     return is_shared and not any(_solved_gap(poses, other) > DOUBTFUL_GAP_M for other in found.core)
@@ -125,9 +134,13 @@ def _lens_and_clock_findings(poses: CameraPoses, core: Sequence[str]) -> Iterato
     clocks = clock_causes(poses, core)
     for camera in core:
         if (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
-            yield Finding(camera, Level.DOUBTFUL, "its landmarks do not fit its lens", cause.why, cause.remedy)
+            yield Finding(
+                camera, Level.DOUBTFUL, "its landmarks do not fit its lens", cause.why, cause.remedy, check="lens"
+            )
         elif (cause := clocks.get(camera)) is not None:
-            yield Finding(camera, Level.DOUBTFUL, "its poses fit at other times", cause.why, cause.remedy)
+            yield Finding(
+                camera, Level.DOUBTFUL, "its poses fit at other times", cause.why, cause.remedy, check="clock"
+            )
 
 
 def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str]) -> Iterator[Finding]:
@@ -140,7 +153,8 @@ def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str
         if gap_m > (_WRONG_GAP_M if camera in subjects else DOUBTFUL_GAP_M):
             level = Level.WRONG if gap_m > _WRONG_GAP_M else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from its registration"
-            yield Finding(camera, level, what, "the body does not bend as this one did", "check the body's joints")
+            why, remedy = "the body does not bend as this one did", "check the body's joints"
+            yield Finding(camera, level, what, why, remedy, check="joints")
 
 
 def _unobserved_findings(poses: CameraPoses, cameras: Sequence[str]) -> Iterator[Finding]:
@@ -155,7 +169,7 @@ def _unobserved_findings(poses: CameraPoses, cameras: Sequence[str]) -> Iterator
             what = f"not registered from {until_s - 1e-9 * count.blind_ns:.1f} s to {until_s:.1f} s"
             why = "it was covered or dark, or saw what the map does not show"
             remedy = f"{segment} is a guess in that time, by the poses that it was seen in"
-            yield Finding(camera, Level.DOUBTFUL, what, why, remedy)
+            yield Finding(camera, Level.DOUBTFUL, what, why, remedy, check="blind")
 
 
 def _early_end_findings(poses: CameraPoses, cameras: Sequence[str]) -> Iterator[Finding]:
@@ -166,7 +180,7 @@ def _early_end_findings(poses: CameraPoses, cameras: Sequence[str]) -> Iterator[
             end_s, all_s = (1e-9 * (stamp_ns - poses.start_ns) for stamp_ns in (ended_ns, last_ns))
             what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
             remedy = "its segment follows from the others after that"
-            yield Finding(camera, Level.DOUBTFUL, what, "it stopped, or was covered", remedy)
+            yield Finding(camera, Level.DOUBTFUL, what, "it stopped, or was covered", remedy, check="end")
 
 
 class LiveVerdict:

@@ -54,7 +54,8 @@ class StaticCameraLog:
             if (share := count / len(seconds)) > _MISPLACED_SHARE:
                 what = f"its images do not show the body where the others have it, for {share:.0%} of the time"
                 why = "its pose or lens is not that of the file of static cameras, or it has been moved"
-                yield Finding(camera, Level.WRONG, what, why, "calibrate it anew; it was left out meanwhile")
+                remedy = "calibrate it anew; it was left out meanwhile"
+                yield Finding(camera, Level.WRONG, what, why, remedy, check="misplaced")
         for segment, unsupported in self._unsupported.items():
             rows = np.array(sorted(unsupported))
             runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
@@ -72,9 +73,10 @@ class StaticCameraLog:
                 "the start did not place it, it was lost, or it has the colours of what is behind it",
                 "place it in the start, or let another camera see it; it counts as unobserved in that time",
                 part="segment",
+                check="unsupported",
             )
         for segment in wanted:
             if (share := self._observed[segment] / len(seconds)) < _MIN_SHARE:
                 what = f"static cameras observed it at {share:.0%} of their states, and it carries none"
                 why, remedy = "hidden, lost, or of the colours of what is behind it", "let another camera see it"
-                yield Finding(segment, Level.DOUBTFUL, what, why, remedy, part="segment")
+                yield Finding(segment, Level.DOUBTFUL, what, why, remedy, part="segment", check="unobserved")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 import cv2
 import numpy as np
 import pytest
-from doctor.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
+from quality.sampled_cameras import DURATION_S, INTERVAL_S, lens, recording, sampled, textured
 
 from bodycam_ros.quality import sampled_recording
 from bodycam_ros.quality.recording_checks import (
