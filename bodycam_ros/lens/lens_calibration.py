@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ _FLAT = 0.9  # share of the points that lie in a plane, from which on no other w
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
 _TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
-_TWO_CAMERAS = 1.5  # times the errors of lenses of their own, by which one lens of two groups of pictures is off
+_TWO_CAMERAS = 3.5  # standard deviations, by which groups of pictures have lenses of their own; alike lenses: -2 to 2.6
 _LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 _LEAST_GROUP = 4
 
@@ -117,7 +117,7 @@ def calibrate_lens(
             trials.append(ModelTrial(model, trial, validate(trial, ray_grid(is_lit, reach))))
             advance()
     best = _best(trials, ray_grid(is_lit))
-    _check_one_camera(best.fit)
+    _check_one_camera(best, ray_grid(is_lit))
     area = board_coverage(best.fit, is_lit)
     is_checkerboard = board.squares is not None and board.squares.kind == CHECKERBOARD
     return LensCalibration(
@@ -149,20 +149,32 @@ def _chosen_variant(pictures: Sequence[LensImage], board: LensBoard, progress: P
     return best
 
 
-def _check_one_camera(fit: LensFit) -> None:
-    """Refuse pictures whose names make two groups, each of which fits a lens of its own clearly better."""
+def _check_one_camera(best: ModelTrial, grid: Array) -> None:
+    """Refuse pictures whose names make groups that lenses of their own explain better, by more than chance."""
+    fit, together = best.fit, best.validation
     groups: dict[str, list[int]] = {}
     for row, view in enumerate(fit.views):
         groups.setdefault(_LAST_NUMBER.sub("*", view.name.split(" at ")[0]), []).append(row)
     large = {name: rows for name, rows in sorted(groups.items()) if len(rows) >= _LEAST_GROUP}
     if len(large) < 2:
         return
-    fits = [fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]) for rows in large.values()]
-    own_px = max(each.median_px for each in fits)
-    if fit.median_px > _TWO_CAMERAS * own_px:
+    gains, errors = [], []
+    for rows in large.values():
+        own = validate(fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]), grid)
+        of_group = np.isin(together.pictures, rows)
+        shared = replace(
+            together,
+            errors_px=together.errors_px[of_group],
+            spreads=together.spreads[of_group],
+            pictures=np.searchsorted(rows, together.pictures[of_group]),
+        )
+        gains.append(_gains(own, shared))
+        errors.append(own.median_px)
+    if _is_beyond_chance(np.concatenate(gains), _TWO_CAMERAS):
         raise LensError(
-            f"pictures {' and '.join(large)} were taken by different cameras: one lens is off by {fit.median_px:.2f} "
-            f"px, lenses of their own by {own_px:.2f} px; give the pictures of one camera, as in {next(iter(large))}"
+            f"pictures {' and '.join(large)} were taken by different cameras: pictures left out are off by "
+            f"{together.median_px:.3f} px by one lens, by {max(errors):.3f} px by lenses of their own; give the "
+            f"pictures of one camera, as in {next(iter(large))}"
         )
 
 
@@ -197,13 +209,22 @@ def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:
 
 
 def _is_better(one: Validation, other: Validation) -> bool:
-    """Whether a lens explains pictures left out better, summed picture by picture, whose noise differs."""
-    errors = [validation.errors_px / validation.spreads for validation in (one, other)]
+    """Whether a lens explains pictures left out better than another."""
+    return _is_beyond_chance(_gains(one, other), _BEYOND_CHANCE)
+
+
+def _gains(one: Validation, other: Validation) -> Array:
+    """By how much better each picture, left out, is explained by one lens than by another; their noise differs."""
+    orders = [np.argsort(validation.pictures, kind="stable") for validation in (one, other)]
+    errors = [(v.errors_px / v.spreads)[order] for v, order in zip((one, other), orders, strict=True)]
     scale = _TAIL * min(float(np.median(e)) for e in errors)
     gains = np.log1p((errors[1] / scale) ** 2) - np.log1p((errors[0] / scale) ** 2)
-    by_picture = np.bincount(one.pictures, gains)
-    chance = float(by_picture.std(ddof=1)) * np.sqrt(len(by_picture))
-    return bool(by_picture.sum() > _BEYOND_CHANCE * chance)
+    return np.bincount(one.pictures[orders[0]], gains)
+
+
+def _is_beyond_chance(gains: Array, sigmas: float) -> bool:
+    """Whether the sum of gains, one a picture, is greater than by chance."""
+    return bool(gains.sum() > sigmas * float(gains.std(ddof=1)) * np.sqrt(len(gains)))
 
 
 def _find(

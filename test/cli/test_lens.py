@@ -192,20 +192,41 @@ def test_a_checkerboard_that_is_whole_in_each_picture_makes_a_lens_as_good_as_op
     assert ours < max(0.15, 1.5 * ray_difference_px(_opencv(checkerboards[1]), truth, near).max())
 
 
-def test_pictures_of_two_cameras_are_noticed(checkerboards, tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("count", "k", "d", "noise"),
+    [
+        (6, [480, 0, 300, 0, 480, 250, 0, 0, 1], [0.0] * 5, 0.0),
+        (13, [540, 0, 324, 0, 540, 251, 0, 0, 1], [-0.278, -0.047, 0.0018, -0.0003, 0.25], 10.0),
+    ],
+    ids=["unlike", "stereo pair"],
+)
+def test_pictures_of_two_cameras_are_noticed(checkerboards, tmp_path, capsys, count, k, d, noise):
     _, images = checkerboards
-    folder = tmp_path / "both"
-    folder.mkdir()
-    k = [480, 0, 300, 0, 480, 250, 0, 0, 1]
-    other = _whole(camera_from_info("c", 640, 480, "plumb_bob", [0.0] * 5, k), _CHECKERBOARD, 5, seed=7)
-    for name, group in (("left", images[:6]), ("right", other)):
-        for number, image in enumerate(group):
-            cv2.imwrite(str(folder / f"{name}{number:02}.png"), image)
-    board = _board_file(tmp_path, _CHECKERBOARD)
-    assert main(["lens", str(folder), "--board", str(board), "-o", str(tmp_path / "lens.yaml")]) == 1
+    other = _whole(camera_from_info("c", 640, 480, "plumb_bob", d, k), _CHECKERBOARD, count - 1, seed=7)
+    board, both = _in_one_folder(tmp_path, images[:count], other, noise)
+    assert main(["lens", str(both), "--board", str(board), "-o", str(tmp_path / "lens.yaml")]) == 1
     assert "pictures left*.png and right*.png were taken by different cameras" in " ".join(
         capsys.readouterr().err.split()
     )
+
+
+def test_pictures_of_one_camera_may_have_two_names(checkerboards, tmp_path):
+    truth, images = checkerboards
+    board, both = _in_one_folder(tmp_path, images[:7], images[7:])
+    words = ["lens", str(both), "--board", str(board), "-o", str(tmp_path / "lens.yaml"), "--model", "plumb_bob"]
+    assert main(words) == 0
+    assert camera_from_yaml(tmp_path / "lens.yaml").fx == pytest.approx(truth.fx, abs=1.0)
+
+
+def _in_one_folder(folder, left, right, noise=0.0):
+    random = np.random.default_rng(5)
+    both = folder / "both"
+    both.mkdir()
+    for name, group in (("left", left), ("right", right)):
+        for number, image in enumerate(group):
+            noisy = np.clip(image + random.normal(0.0, noise, image.shape), 0, 255)
+            cv2.imwrite(str(both / f"{name}{number:02}.png"), noisy.astype(np.uint8))
+    return _board_file(folder, _CHECKERBOARD), both
 
 
 @pytest.mark.parametrize("change", ["inverted", "mirrored", "upper left square"])
