@@ -219,7 +219,7 @@ def _gains(one: Validation, other: Validation) -> Array:
     errors = [(v.errors_px / v.spreads)[order] for v, order in zip((one, other), orders, strict=True)]
     scale = _TAIL * min(float(np.median(e)) for e in errors)
     gains = np.log1p((errors[1] / scale) ** 2) - np.log1p((errors[0] / scale) ** 2)
-    return np.bincount(one.pictures[orders[0]], gains)
+    return np.asarray(np.bincount(one.pictures[orders[0]], gains), np.float64)
 
 
 def _is_beyond_chance(gains: Array, sigmas: float) -> bool:
