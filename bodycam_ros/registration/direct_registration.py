@@ -65,6 +65,7 @@ class DirectView:
         pixels: (N, 2) their places in the image.
         information: (6, 6) of the pose; None where it was not fitted to these pixels.
         shifts: (N, 2) how far the read-out of the rows moved them [px].
+        share: of the landmarks that were looked for; few are found from a pose nearby that is wrong.
     """
 
     stamp_ns: int
@@ -73,6 +74,7 @@ class DirectView:
     pixels: Array
     information: Array | None = None
     shifts: Array | None = None
+    share: float = 1.0
 
 
 class LandmarkTrust:
@@ -165,8 +167,9 @@ class DirectRegistration:
         agree = np.zeros(len(rows), bool)
         agree[found[inliers]] = True
         self._trust.update(rows, agree)
+        share = len(inliers) / np.count_nonzero(views >= 0)
         return DirectView(
-            stamp_ns, fit.world_T_camera, rows[agree], pixels[agree], fit.information, fit.shifts[inliers]
+            stamp_ns, fit.world_T_camera, rows[agree], pixels[agree], fit.information, fit.shifts[inliers], share
         )
 
     def _choose(self, near: Array, motion: ImageMotion | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
