@@ -168,3 +168,15 @@ def test_few_images_a_second_are_found_with_a_gyroscope_and_one_that_lies_does_n
         for (_, matches), (_, truth) in zip(each, said[::6][-len(each) :], strict=True):
             degrees, metres = apart(matches.world_T_camera, truth.world_T_camera)
             assert degrees < most_deg and metres < most_m
+
+
+def test_a_small_share_of_many_landmarks_does_not_do_without_features(reference_map, seen) -> None:
+    camera, images = seen
+    covered = [(image.copy(), stamp_ns) for image, stamp_ns in images]
+    for row, (image, _) in enumerate(covered):
+        image[:, : round(0.035 * row * camera.width)] = 128
+    many = replace(PipelineSettings(), direct=DirectSettings(per_cell=8))
+    frames = [frame for frame, _ in run(reference_map, camera, covered, many)]
+    known = [0 if frame.landmark_ids is None else int((frame.landmark_ids != NO_LANDMARK).sum()) for frame in frames]
+    assert all(is_direct(frame) for frame in frames[2:8])
+    assert any(count > 24 and not is_direct(frame) for count, frame in zip(known, frames, strict=True))
