@@ -51,12 +51,12 @@ solves it at once, and what queued meanwhile has to go."""
 
 _OF_CAMERA = (
     Moment.PLAYED,
-    Moment.IMAGE_HEARD,
+    Moment.IMAGE_RECEIVED,
     Moment.TRACKING,
     Moment.TRACKED,
-    Moment.TRACKS_HEARD,
+    Moment.TRACKS_RECEIVED,
     Moment.REGISTERED,
-    Moment.LANDMARKS_HEARD,
+    Moment.LANDMARKS_RECEIVED,
 )
 
 

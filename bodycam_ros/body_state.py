@@ -71,9 +71,9 @@ class BodyState:
         segments: (S) names, in the order of ``BodyModel.segments``.
         world_T_segment: (S, 4, 4) poses [m].
         uncertainty: covariances of root, velocity, joints and segments.
-        observed: (S,) whether a camera on the segment spoke and was believed; else the pose follows from its joints,
-            from smoothness and from the poses that the body has been seen in.
-        cameras_used: how many cameras spoke and were believed.
+        observed: (S,) whether a camera on the segment was registered and accepted; else the pose follows from its
+            joints, from smoothness and from the poses that the body has been seen in.
+        cameras_used: how many cameras were registered and accepted.
         equipment: how the body is coupled to what it rides, holds or stands on; None without such.
     """
 
@@ -154,16 +154,16 @@ def moving(
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The registrations of one instant, and what static cameras saw or said of it.
+    """The registrations of one instant, and images of static cameras or measurements in them.
 
     Attributes:
         stamp_ns: the instant [ns].
-        matches: camera -> its registration; a camera that has nothing to say is absent.
+        matches: camera -> its registration; a camera without one is absent.
         images: static camera -> its image.
-        said: static camera -> what its image said, where it was looked at elsewhere.
+        measured: static camera -> measurements of segments in its image, where a node of its own made them.
     """
 
     stamp_ns: int
     matches: Mapping[str, LandmarkMatches]
     images: Mapping[str, CameraImage] = field(default_factory=dict)
-    said: Mapping[str, SegmentMeasurements] = field(default_factory=dict)
+    measured: Mapping[str, SegmentMeasurements] = field(default_factory=dict)

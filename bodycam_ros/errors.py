@@ -30,7 +30,7 @@ class BodyError(BodycamError):
 
 
 class RangeOfMotionError(BodyError):
-    """A range of motion does not tell what a body is like; the message names the joint, and what to repeat."""
+    """A range of motion does not determine a body; the message names the joint, and what to repeat."""
 
 
 class StationError(BodycamError):

@@ -20,12 +20,12 @@ class Moment(Enum):
     """What happened to a frame, in the order in which it happens."""
 
     PLAYED = "played"
-    IMAGE_HEARD = "image heard"
+    IMAGE_RECEIVED = "image received"
     TRACKING = "tracking"
     TRACKED = "tracked"
-    TRACKS_HEARD = "tracks heard"
+    TRACKS_RECEIVED = "tracks received"
     REGISTERED = "registered"
-    LANDMARKS_HEARD = "landmarks heard"
+    LANDMARKS_RECEIVED = "landmarks received"
     SOLVING = "solving"
     SOLVED = "solved"
 
@@ -50,7 +50,7 @@ class Moments:
     """Notes moments, if it is asked to.
 
     Args:
-        path: file to be; None if nobody wants to know.
+        path: file to be; None: not written.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -58,7 +58,7 @@ class Moments:
         self._noted: list[Noted] = []
 
     def now(self) -> Instant | None:
-        """The time now; None if nobody wants to know."""
+        """The time now; None where none is written."""
         return None if self._path is None else Instant(time.monotonic_ns(), time.process_time_ns())
 
     def note(self, moment: Moment, camera: str, stamp_ns: int, at: Instant | None = None) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bodycam_ros.errors import OutputError
 
-_LOOKED_AT = 65_536  # [bytes] of a file, to tell what it is
+_LOOKED_AT = 65_536  # [bytes] of a file, by which its kind is known
 
 
 def check_output(output: Path, inputs: Iterable[Path | None], makes_folders: bool = True) -> None:
@@ -35,7 +35,7 @@ def check_output(output: Path, inputs: Iterable[Path | None], makes_folders: boo
                 f"{output}: {relation} what this command reads ({given}), which it must not touch; choose another place"
             )
     if output.name != os.fsencode(output.name).decode("utf-8", "replace"):
-        raise OutputError(f"{output}: a name that is not UTF-8 cannot be said in what is written; choose another")
+        raise OutputError(f"{output}: a name that is not UTF-8 cannot stand in what is written; choose another")
     if not (makes_folders or output.parent.is_dir()):
         raise OutputError(f"{output}: cannot be written: its folder is not there; make it first")
     _check_writable(output)

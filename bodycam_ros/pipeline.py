@@ -38,20 +38,20 @@ class SkeletonPipeline:
         body: segments, joints and mounts.
         cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
         settings: of all stages.
-        live: whether the cameras are heard while they see, see ``FrameAssembler``.
-        on_corrected: told what every image said, its stamp corrected by what is known of its camera's clock.
+        live: whether registrations come while images are taken, see ``FrameAssembler``.
+        on_corrected: called with every registration, its stamp corrected by its camera's clock.
         equipment: what the body rides, holds or stands on.
-        on_together: told the share that is done while all instants are solved together.
+        on_together: called with the share that is done while all instants are solved together.
         static_cameras: static cameras around the body.
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.
-        placed: whether somebody has placed the body for them; else, live, nobody waits for them before it is solved.
+        placed: whether the body is placed for them by hand; else, live, they are not awaited before it is solved.
 
     Attributes:
         body: with the equipment, if any.
         timeline: admits messages of the time that most cameras agree on.
         synchronizer: brings the cameras to common stamps.
-        assembler: puts together what they say of one.
+        assembler: puts together the registrations of one stamp.
 
     Raises:
         BodyError: the body carries none of the cameras, and none looks at it.
@@ -81,8 +81,8 @@ class SkeletonPipeline:
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras, self._waits_for_worn = static_cameras, bool(on_body)
         self._from_stations: deque[CameraImage | SegmentMeasurements] = deque()
-        self._untold = [*stations] if live and on_body and not placed else []
-        awaited = on_body if self._untold else [*on_body, *stations]
+        self._not_awaited = [*stations] if live and on_body and not placed else []
+        awaited = on_body if self._not_awaited else [*on_body, *stations]
         self.timeline = Timeline(settings.assembler.max_wait)
         self.assembler = FrameAssembler(awaited, settings.assembler, live)
         floor = evidence_floor(settings.evidence)
@@ -124,7 +124,7 @@ class SkeletonPipeline:
 
     @property
     def rejected(self) -> Counter[str]:
-        """Camera -> instants at which it was not believed."""
+        """Camera -> instants at which it was down-weighted or rejected."""
         return self._rejected + self._smoother.rejected
 
     @property
@@ -199,9 +199,9 @@ class SkeletonPipeline:
         outputs = self._assemble(self.synchronizer.flush()) + self._release(None)
         return outputs + self._solve(self.assembler.flush())
 
-    def _assemble(self, said: Iterable[LandmarkMatches]) -> list[BodyOutput]:
+    def _assemble(self, registered: Iterable[LandmarkMatches]) -> list[BodyOutput]:
         outputs = []
-        for matches in said:
+        for matches in registered:
             outputs += self._release(matches.stamp_ns)
             outputs += self._solve(self.assembler.add(matches))
         return outputs if self._holds_stations else outputs + self._release(None)
@@ -224,8 +224,8 @@ class SkeletonPipeline:
             self._solved_ns = frame.stamp_ns
             self.inertial.set_clocks(self.synchronizer.clocks.corrections)
             outputs += self._outputs(self._smoother.update(frame))
-            while self._untold and len(self._smoother.latest_states) > 1:
-                self.assembler.join(self._untold.pop(), FIRST_WAIT_S)
+            while self._not_awaited and len(self._smoother.latest_states) > 1:
+                self.assembler.join(self._not_awaited.pop(), FIRST_WAIT_S)
         return outputs
 
     def _carry(self, due_ns: float) -> list[BodyOutput]:
@@ -233,7 +233,7 @@ class SkeletonPipeline:
         period_ns = round(self._smoother.period_ns)
         outputs = [] if self._is_carried else self._flush_frames()
         self._is_carried = True
-        due_ns = min(due_ns, self._silence.heard_ns + 1e9 * CARRIED_S)
+        due_ns = min(due_ns, self._silence.message_ns + 1e9 * CARRIED_S)
         while self._smoother.latest_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
             if not self.inertial.carry(self._solved_ns, stamp_ns):
                 break

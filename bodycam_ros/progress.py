@@ -1,4 +1,4 @@
-"""How a long computation tells what it is doing."""
+"""How a long computation reports its progress."""
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor

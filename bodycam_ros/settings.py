@@ -72,7 +72,7 @@ def setting(
     reason: str,
     live: bool = False,
 ) -> Any:
-    """A dataclass field that knows its unit, its inclusive limits and why it has its default.
+    """A dataclass field with its unit, its inclusive limits and why it has its default.
 
     Args:
         words: allowed in place of a number.
@@ -146,7 +146,7 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
     for name, value in parameters:
         if not isinstance(name, str):
             raise SettingsError(f"{path}: {shown(name)} is no name of a group of settings")
-        # ROS knows two spellings: a mapping under the group's name, and the group joined to the setting by a dot.
+        # ROS has two spellings: a mapping under the group's name, and the group joined to the setting by a dot.
         if isinstance(value, dict):
             groups.setdefault(name, {}).update(value)
         elif "." in name:

@@ -30,7 +30,7 @@ def shown(value: Any) -> str:
 def printable(text: str) -> str:
     r"""Text whose control characters (all but line feed and tab) are written as escapes, as in ``\x1b[31m``.
 
-    A topic's name could otherwise clear a terminal, or write to it what nobody said.
+    A topic's name could otherwise clear a terminal, or write to it what no program printed.
     """
     if text.isascii() and text.isprintable():
         return text

@@ -16,7 +16,7 @@ from bodycam_ros.shown import printable
 
 _ANY_WIDTH = 10_000
 _NARROWEST = 128
-"""Columns of what is written to a file or pipe, whose width nobody knows."""
+"""Columns of what is written to a file or pipe, whose width is unknown."""
 
 
 class Terminal(Console):

@@ -87,7 +87,7 @@ def whole_folder(path: Path, check_replaceable: Callable[[Path], None]) -> Itera
             user should know if that must not be replaced.
 
     Raises:
-        OutputError: the place cannot be written to; the message says where the old folder is if it could not be put
+        OutputError: the place cannot be written to; the message has the place of the old folder if it could not be put
             back. Errors of the block are passed on as they are; ``failure_named`` makes these of it.
     """
     final = _final(path)
@@ -107,7 +107,7 @@ def whole_folder(path: Path, check_replaceable: Callable[[Path], None]) -> Itera
 
 @contextmanager
 def failure_named(path: Path) -> Iterator[None]:
-    """Say of an OSError in the block that ``path`` cannot be written, as OutputError."""
+    """Raise an OSError of the block as OutputError: ``path`` cannot be written."""
     try:
         yield
     except OSError as error:
@@ -135,7 +135,7 @@ def _exchange(path: Path, new: Path) -> None:
 
 @contextmanager
 def scratch_folder(parent: Path) -> Iterator[Path]:
-    """An empty folder in another, for nobody else to see, removed afterwards; so are those of killed processes.
+    """An empty folder in another, that no other program sees, removed afterwards; so are those of killed processes.
 
     Raises:
         OSError: it cannot be made.

@@ -50,7 +50,7 @@ def read_text(path: Path | str, what: str, error_type: type[BodycamError], most_
         BodycamError: of ``error_type``; the message names the file.
     """
     try:
-        # Without waiting for somebody to write into a pipe.
+        # Without waiting until a pipe is written to.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with open(descriptor, "rb") as file:
             status = os.fstat(descriptor)
@@ -148,7 +148,7 @@ class _Inspection:
                     self.size_of[ended.anchor] = self.nodes - ended.before
 
     def _take(self, event: yaml.NodeEvent, name: str | None) -> None:
-        """Note a key or a value of the table that it is in; PyYAML would keep the last of two and say nothing."""
+        """Note a key or a value of the table that it is in; PyYAML would keep the last of two without a word."""
         if not self.open or (table := self.open[-1]).keys is None:
             return
         if table.key_comes and name is not None:

@@ -83,24 +83,24 @@ BONES = {kind: 0.5 * (shorter + longer) for kind, (shorter, longer) in BONE_RANG
 """Kind of segment -> length of its bone: the body's sex is not known."""
 
 SLENDERNESS = 0.15
-"""Mean radius over length of a bone that nobody measured; those of the four limbs are 0.12 to 0.20."""
+"""Mean radius over length of a bone that is not measured; those of the four limbs are 0.12 to 0.20."""
 
 USUAL_STATURE_M = 1.738
 
 
 def stature_of(body: BodyModel) -> float:
-    """Stature [m] that the bones of a body let expect: the median of what each says; a usual one if none is known."""
-    said = []
+    """Stature [m] that the bones of a body let expect: the median over the bones; a usual one if none is known."""
+    statures = []
     for joint in body.tree_joints:
         known, above = BONES.get(SegmentName(joint.parent).kind), body.joint_to_parent(joint.parent)
         if known is not None and above is not None and joint.type != "free":
             length = float(np.linalg.norm(joint.parent_T_joint[:3, 3] - above.child_T_joint[:3, 3]))
-            said += [length / known] if length > BONE_RADIUS_M else []
-    return median(said) if said else USUAL_STATURE_M
+            statures += [length / known] if length > BONE_RADIUS_M else []
+    return median(statures) if statures else USUAL_STATURE_M
 
 
 SHORTEST_M, TALLEST_M = 0.6, 2.75
-"""Nobody stands who is shorter, and nobody was taller."""
+"""No grown person is shorter, and none was taller."""
 
 SPINE_ABOVE_HIPS = 0.5 * (0.094 / 1.77 + 0.107 / 1.61)
 NECK_ABOVE_SPINE = 0.5 * (0.477 / 1.77 + 0.429 / 1.61)
@@ -114,10 +114,12 @@ def body_of_height(height_m: float, name: str) -> BodyModel:
     """A body of average people of a height [m], with hands; all joints are balls.
 
     Raises:
-        BodyError: nobody is so tall.
+        BodyError: no person is so tall.
     """
     if not SHORTEST_M <= height_m <= TALLEST_M:
-        raise BodyError(f"{height_m:g} m is nobody's height; expected {SHORTEST_M:g} to {TALLEST_M:g} m, such as 1.78")
+        raise BodyError(
+            f"{height_m:g} m is no person's height; expected {SHORTEST_M:g} to {TALLEST_M:g} m, such as 1.78"
+        )
     offsets = {"torso": ("pelvis", (0.0, 0.0, SPINE_ABOVE_HIPS)), "head": ("torso", (0.0, 0.0, NECK_ABOVE_SPINE))}
     for side, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
         offsets |= {
@@ -150,7 +152,7 @@ def person_masses(body: BodyModel, mass_kg: float) -> dict[str, Mass]:
         mass_kg: of the whole person [kg]; the sum of all masses.
 
     Raises:
-        BodyError: the body has no pelvis, or bones that nobody has.
+        BodyError: the body has no pelvis, or bones that no person has.
     """
     if "pelvis" not in body.segments:
         raise BodyError(

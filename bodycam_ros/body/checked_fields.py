@@ -29,7 +29,7 @@ class Entry(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
 
 
 def read_entry(kind: Any, value: Any, where: str) -> Any:
-    """The value as a type that msgspec knows.
+    """The value as a type that msgspec converts.
 
     Raises:
         BodyError: it is none.

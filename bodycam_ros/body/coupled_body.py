@@ -33,7 +33,7 @@ def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
     """The body with the equipment beside it; the body itself without.
 
     The equipment's root hangs on the body's by a free joint of the equipment's name, which holds nothing; its own
-    segments hang on each other as its joints say, and every attachment is a joint that closes a loop; optional
+    segments hang on each other by its joints, and every attachment is a joint that closes a loop; optional
     ones that the body cannot hold are left out.
 
     Raises:

@@ -1,6 +1,6 @@
 """What a body is coupled to: its own segments and joints, and the points at which the body holds it (B 3.2).
 
-A constraint is a row in a joint table. The point pairs of an attachment (B eq. 15) say how far its two segments may
+A constraint is a row in a joint table. The point pairs of an attachment (B eq. 15) bound how far its two segments may
 be from each other; summed up they are one joint with six sigmas, like any other (``equipment``).
 
 The sum of squares of N weighted distances between the points of two rigid segments depends, to first order, on six
@@ -189,7 +189,7 @@ def _principal_frame(points: Array, weights: Array) -> tuple[Array, Array]:
     far = np.linalg.norm(about, axis=1).max()
     if far < _LEAST_LEVER_M:
         return rigid(np.eye(3), centre), np.zeros(3)
-    # Two points, or points on a line, say nothing of the turn about it.
+    # Two points, or points on a line, do not determine the turn about it.
     spread[spread < weights.sum() * _LEAST_LEVER_M**2] = 0.0
     about_axes = np.sqrt(spread.sum() - spread)
     return rigid(axes, centre), about_axes

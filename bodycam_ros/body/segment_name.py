@@ -1,4 +1,4 @@
-"""Names of segments and joints: what of the body, and of which side. Only names of the default body say anything."""
+"""Names of segments and joints: what of the body, and of which side. Only names of the default body have a meaning."""
 
 from dataclasses import dataclass
 

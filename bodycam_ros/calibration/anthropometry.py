@@ -1,4 +1,4 @@
-"""What the proportions of people say about the bones of a body: a warning when they say no, never a correction.
+"""Bones of a body against the proportions of people: a warning where they contradict, never a correction.
 
 Bones are compared with those of average men and women (``body/average_person.py``, de Leva 1996, table 4). The better
 known fractions of Drillis and Contini 1966 (in Winter, *Biomechanics and Motor Control of Human Movement*, figure 4.1)
@@ -39,7 +39,7 @@ class BoneLength:
         start, end: names of the joints.
         length_m, sigma_m: with its standard deviation [m].
         mirror_m: length of the same bone on the other side [m]; None for a bone of the middle, or without its partner.
-        expected_m: what the proportions of people let expect at this body's stature [m]; None where they say nothing.
+        expected_m: what the proportions of people let expect at this body's stature [m]; None where they give none.
         warning: why a person should look at it; empty when nothing.
     """
 
@@ -98,7 +98,7 @@ def refuse_impossible(bones: Sequence[BoneLength]) -> None:
     statures = _statures(bones)
     if statures and not SHORTEST_M <= (stature_m := median(statures)) <= TALLEST_M:
         raise MapError(
-            f"by its bones this body would be {stature_m:.2f} m tall, as nobody is: {_wrong_scale(stature_m)}"
+            f"by its bones this body would be {stature_m:.2f} m tall, as no person is: {_wrong_scale(stature_m)}"
         )
 
 

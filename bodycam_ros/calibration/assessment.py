@@ -98,7 +98,7 @@ def assess(findings: Findings) -> CalibrationDiagnosis:
             for joint in unknown
         ]
         raise RangeOfMotionError(
-            "the range of motion does not tell where every joint is. Repeat it, and\n  " + "\n  ".join(lines)
+            "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(lines)
         )
     bones = _bone_lengths(findings, covariance)
     stature_m = expected_stature(bones)

@@ -122,7 +122,7 @@ class BodyCalibrator:
             {segment: one.known for segment, one in found.virtual.items()},
         )
 
-        # Of any heading: which way the person faces, the refined joints tell.
+        # Of any heading: the refined joints give the direction that the person faces.
         rest_T_virtual = rest.world_T_segment
         hinges = {child: rest_T_virtual[child][:3, :3] @ axis for child, axis in axes_on_child.items()}
         body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15

@@ -1,4 +1,4 @@
-"""What the images say about cameras and landmarks, as quadratic forms around wherever the body puts the cameras."""
+"""The evidence of images on cameras and landmarks, as quadratic forms around wherever the body puts the cameras."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -87,7 +87,7 @@ class ImageEvidence:
 
         Args:
             world_T_camera: (T, C, 4, 4) poses, which are held.
-            landmark_sigma: how well the map knows a landmark [m].
+            landmark_sigma: sigma of a landmark of the map [m].
         """
         hessians = np.tile(np.eye(3) / landmark_sigma**2, (len(self.points_world), 1, 1))
         gradients = (self.points_world - self.map_points_world) / landmark_sigma**2

@@ -95,8 +95,8 @@ def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> dict[str, A
         centres: child segment -> its joint.
 
     Raises:
-        RangeOfMotionError: joints that were held still, or turned about one axis only where nothing else tells where
-            on it they sit; each is named, with what to repeat.
+        RangeOfMotionError: joints that were held still, or turned about one axis only where nothing else determines
+            where on it they sit; each is named, with what to repeat.
     """
     hinges = {}
     complaints = []
@@ -115,6 +115,6 @@ def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> dict[str, A
             hinges[child] = centre.child_directions[2]
     if complaints:
         raise RangeOfMotionError(
-            "the range of motion does not tell where every joint is. Repeat it, and\n  " + "\n  ".join(complaints)
+            "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(complaints)
         )
     return hinges

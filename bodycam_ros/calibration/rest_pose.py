@@ -103,8 +103,8 @@ def facing_direction(joints_world: Mapping[str, Array]) -> float:
                 leftward += line
     if np.linalg.norm(leftward[:2]) == 0:
         raise RangeOfMotionError(
-            "no level line from a right to a left joint (hips, shoulders) tells which way the person faces in the "
-            "N-pose; say it with --facing, in degrees about the map's z from its x"
+            "no level line from a right to a left joint (hips, shoulders) shows which way the person faces in the "
+            "N-pose; give it with --facing, in degrees about the map's z from its x"
         )
     forward = np.cross(leftward, _UP)
     return float(np.arctan2(forward[1], forward[0]))
@@ -142,7 +142,7 @@ def zero_at_rest(
     Args:
         motion: refined.
         resting: (T) rows in which the N-pose was held.
-        facing_rad: heading of the person; None: the refined joints tell.
+        facing_rad: heading of the person; None: by the refined joints.
         hinges: child segments of the joints that turned as hinges.
     """
     heading_rad = facing_rad

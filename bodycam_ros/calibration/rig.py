@@ -1,4 +1,4 @@
-"""The rig: which camera is strapped to which segment, and which segment hangs on which. All that a user must say.
+"""The rig: which camera is strapped to which segment, and which segment hangs on which. All that a user must give.
 
 ::
 

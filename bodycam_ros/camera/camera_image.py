@@ -104,7 +104,7 @@ class FilePicture:
         """Grey pixels (H, W).
 
         Raises:
-            RecordingError: it cannot be decoded, or does not hold what it is said to.
+            RecordingError: it cannot be decoded, or does not hold what its message claims.
         """
         name, values = self._decoded()
         return ENCODINGS[name].grey(values)
@@ -126,7 +126,7 @@ class FilePicture:
         depth = values.shape[2] if values.ndim == 3 else 1
         if name not in ENCODINGS or ENCODINGS[name].values != depth:
             raise RecordingError(
-                f"camera {self.camera}: the image of stamp {self.stamp_ns} ns is said to be {shown(self.encoding)}, "
+                f"camera {self.camera}: the image of stamp {self.stamp_ns} ns claims to be {shown(self.encoding)}, "
                 f"but its file has {depth} values of {bits} bits a pixel"
             )
         return name, values
@@ -180,7 +180,7 @@ def _decoded(file: bytes, mode: int) -> NDArray[Any] | None:
 
 @dataclass(frozen=True, eq=False)
 class RawPicture:
-    """Values that are left as they came until somebody wants pixels: most want grey, and pay for no other.
+    """Values that are left as they came until pixels are asked for: mostly grey ones, and no others are made.
 
     Attributes:
         encoding: of ``ENCODINGS``.

@@ -1,4 +1,4 @@
-"""How long a camera takes to read its rows, as far as somebody knows it."""
+"""How long a camera takes to read its rows, as far as it is known."""
 
 import math
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Readout:
 
     @property
     def is_given(self) -> bool:
-        """Whether somebody said it, and nobody measured it."""
+        """Whether it is given, not measured."""
         return self.sigma == 0.0
 
     @property
@@ -56,11 +56,11 @@ class Readout:
 
 
 def readout_of(seconds: float, sigma: float) -> Readout | None:
-    """The read-out time that two numbers of a message say; None where either is NaN: it is unknown."""
+    """The read-out time of two numbers of a message; None where either is NaN: it is unknown."""
     return None if math.isnan(seconds) or math.isnan(sigma) else Readout(seconds, sigma)
 
 
 def best_known(*readouts: Readout | None) -> Readout | None:
-    """Of what several say of one camera the one to begin with: the first that is given, else the best known."""
+    """Of several of one camera the one to begin with: the first that is given, else the best known."""
     known = [readout for readout in readouts if readout is not None]
     return min(known, key=lambda readout: readout.sigma, default=None)

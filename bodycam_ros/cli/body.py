@@ -162,12 +162,12 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
     terminal = Terminal()
     lengths = {f"{each.name} {each.axis}": each for each in measured.lengths}
     girths = {each.name: each for each in measured.girths}
-    vague_ones = {name for name, each in (lengths | girths).items() if not each.told}
+    vague_ones = {name for name, each in (lengths | girths).items() if not each.is_measured}
     note = "from joint to joint, along an axis; red: not measured, about the initial value"
     print_table("lengths", "joint", _LENGTHS, lengths, note, vague_ones)
     note = "times as thick as people of this size; red: not measured"
     print_table("girths", "segment", _GIRTHS, girths, note, vague_ones)
-    if vague := sorted({each.name for each in measured.lengths if not each.told}):
+    if vague := sorted({each.name for each in measured.lengths if not each.is_measured}):
         terminal.print(
             f"the recording does not measure the lengths at {', '.join(vague)}: bend these joints widely, in view of "
             "several cameras",

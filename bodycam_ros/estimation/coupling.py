@@ -39,7 +39,7 @@ class Coupling:
         body: with the equipment (``coupled_body``).
         equipment: its segments, joints and attachments.
         settings: when attachments are active.
-        motion: how suddenly segments change their motion, where the equipment does not say.
+        motion: how suddenly segments change their motion, where the equipment's file has none.
 
     Attributes:
         body: with the equipment and its lengths; what the body lacks comes last.

@@ -33,7 +33,7 @@ class EquipmentMotion:
     Args:
         body: with the equipment.
         equipment: how its segments move.
-        motion: how suddenly segments change their motion, where the equipment does not say.
+        motion: how suddenly segments change their motion, where the equipment's file has none.
 
     Attributes:
         accelerations: (E, 6) of the segments [rad/s^2], [m/s^2].

@@ -165,7 +165,7 @@ class BodyEstimator:
         return max(longest_s, CARRIED_S) if self._inertial.carry(last_ns, stamp_ns) else longest_s
 
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
-        """The first state, where cameras measured the body or somebody placed it by hand."""
+        """The first state, where cameras measured the body or it was placed by hand."""
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
         motion = all_motion(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
         initial = self._motion.initial(motion)

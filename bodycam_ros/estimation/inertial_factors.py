@@ -28,7 +28,7 @@ _LEVER_M = 0.015  # most that a sensor's place in its camera is off
 class InertialSettings:
     """Inertial sensors in the cameras."""
 
-    enabled: bool = setting(True, reason="use the inertial sensors that the body file knows; false ignores them")
+    enabled: bool = setting(True, reason="use the inertial sensors that the body file has; false ignores them")
 
 
 class InertialSensors:

@@ -3,7 +3,7 @@
 Forwards a joint is expected where it was while it was observed, with the spread that it had then (``PosePrior``).
 
 Over a whole recording an unobserved joint is a linear function of the rotations and velocities of the observed joints,
-which tell the phases of a step apart: people move their limbs together. It is fitted to the states before and after in
+by which the phases of a step differ: people move their limbs together. It is fitted to the states before and after in
 which the joint was observed, the near ones first (``RecordedPoses``).
 """
 
@@ -29,7 +29,7 @@ _TURNING_LASTS_S = 3.0  # the same of a limb whose rotation between frames is me
 _UNKNOWN_RAD = 0.35  # assumed spread of a joint about the N-pose, where no range is known
 FORGET_S = 60.0  # people change what they do: older poses count less
 _TURN_S = 0.1  # before and after, between which velocities are taken, and by which they count like an angle
-_LEAST_S = 0.5  # of a joint that was observed for less, a whole recording knows no more than the forward pass
+_LEAST_S = 0.5  # of a joint that was observed for less, a whole recording has no more than the forward pass
 _FADES_S = 2.0  # by which states farther in time count less: people do now as they did a moment ago
 _LEAST_SHARE = 0.25  # of a joint's usual variance that remains where others predict it: few poses repeat exactly
 _MOSTLY = 0.5  # share of those states in which a feature must have been observed

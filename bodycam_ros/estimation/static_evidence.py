@@ -84,7 +84,7 @@ class StaticEvidence:
 
     def place(self, frame: BodyFrame, measured: Iterable[SegmentPose]) -> list[SegmentPose]:
         """Segments that were placed by hand in the first frame, but those that body cameras measured."""
-        placed = self._cameras.place(frame) if self._cameras and (frame.images or frame.said) else []
+        placed = self._cameras.place(frame) if self._cameras and (frame.images or frame.measured) else []
         known = {each.segment for each in measured}
         return [each for each in placed if each.segment not in known]
 
@@ -92,7 +92,7 @@ class StaticEvidence:
         self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose], on_body: Mask
     ) -> None:
         """Measure a frame, as ``StaticCameras.measure``; body cameras measured the segments ``on_body`` (S,)."""
-        cameras, before = self._cameras if frame.images or frame.said else None, self._measured.world_T_segment
+        cameras, before = self._cameras if frame.images or frame.measured else None, self._measured.world_T_segment
         known = self._recently_known(predicted, dt_s, known)
         measured = cameras.measure(frame, predicted[: self._count], dt_s, known) if cameras else None
         if measured:
@@ -125,7 +125,7 @@ class StaticEvidence:
     def _at_stamp(self, measured: StaticMeasurement, frame: BodyFrame, velocities: Array) -> StaticMeasurement:
         """Evidence moved from the time of each image to that of the frame, at the segments' velocities (S, 6)."""
         stamps_ns = {image.camera: image.stamp_ns for image in frame.images.values()}
-        stamps_ns |= {said.camera: said.stamp_ns for said in frame.said.values()}
+        stamps_ns |= {each.camera: each.stamp_ns for each in frame.measured.values()}
         evidence = dict(measured.evidence)
         for name, poses in measured.evidence.items():
             if late_ns := stamps_ns.get(name, frame.stamp_ns) - frame.stamp_ns:

@@ -189,7 +189,7 @@ class Walk:
 def find_strides(
     seconds: Array, world_T_segment: Mapping[str, Array], soles: Mapping[str, Array], longest_step_s: float
 ) -> tuple[Stride, ...]:
-    """Strides of a motion in order of time; empty where nobody walks, by ``CRITERION``.
+    """Strides of a motion in order of time; empty where no steps are found, by ``CRITERION``.
 
     Args:
         seconds: (T,) of the states, increasing [s].
@@ -235,7 +235,7 @@ def _statistic(strides: Sequence[Stride], key: str, statistic: Callable[[Array],
 
 
 def solved_gait(solved: SolvedRecording, comparison: Comparison | None) -> dict[str, Any]:
-    """Figures of the walking body as it was solved, with the ``true`` mean of each; empty where nobody walks."""
+    """Figures of the walking body as it was solved, with the ``true`` mean of each; empty where no steps are found."""
     strides = _strides_of(solved, solved.stamps_ns, {s: solved.world_T_link[s] for s in solved.body_segments})
     if not strides:
         return {}

@@ -80,7 +80,7 @@ _MOST_BYTES, _MOST_TIMES = 4 * 1024**3, 60
 
 
 def read_c3d(path: Path) -> CapturedMotion:
-    """Markers by label, at the rate that the file says; time counts from its first frame.
+    """Markers by label, at the rate of the file; time counts from its first frame.
 
     A marker is missing where its residual is negative, or where it lies exactly at the origin, as many programs write
     missing values.

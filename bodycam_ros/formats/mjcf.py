@@ -2,13 +2,13 @@
 
 Bodies are named as the segments and have their frames. The root moves freely in the world, and so does equipment, which
 MuJoCo wants beside the body and not on it. A machine that stands is a mocap body: nothing moves it, and it is where
-``mocap_pos`` says. Joints are named as the body's; at zero the body stands in its N-pose. A
+``mocap_pos`` has them. Joints are named as the body's; at zero the body stands in its N-pose. A
 ball's quaternion is its joint rotation in the child's axes; its range holds every rotation that its three limits allow.
 Cameras are sites. A ball that closes a loop is a connection of two sites, a hinge two of them along its axis, a weld
 one of both place and rotation. What such a joint's own sigmas leave loose, as a seat that rolls on a rail, is given to
 a small carriage between it and the child, which slides and turns along just that.
 
-No body file says masses: the shapes, those of the URDF, weigh what water does. They touch nothing, because neighbours
+No body file has masses: the shapes, those of the URDF, weigh what water does. They touch nothing, because neighbours
 overlap in their joint.
 """
 

@@ -2,7 +2,7 @@
 
 A ball joint is three angles whose middle axis is the child's long axis (DESIGN 3), named ``<joint>_<axis>`` in the
 order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld is none. A free joint is a place,
-``<joint>_at_x``, ``_at_y``, ``_at_z`` [m], and then the angles of a ball; both are meant where this says "angles".
+``<joint>_at_x``, ``_at_y``, ``_at_z`` [m], and then the angles of a ball; both are meant by "angles" here.
 """
 
 import numpy as np

@@ -12,7 +12,7 @@ class EverySecondImage:
     """Decides, image by image, whether it is left out.
 
     It begins when an image has waited for too long, and ends when for a while none has waited to speak of. Which of two
-    images goes is told by their stamps, not by turns: cameras that trigger together leave out the same ones, and the
+    images goes is decided by their stamps, not by turns: cameras that trigger together leave out the same ones, and the
     instants that are left have all of them.
 
     Args:

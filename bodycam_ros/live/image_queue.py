@@ -101,7 +101,7 @@ class ImageQueue:
         """Add an image of a transport of ``TRANSPORTS``."""
         self.arrived += 1
         now_s, stamp = time.monotonic(), image_stamp_ns(message)
-        self._moments.note(Moment.IMAGE_HEARD, self._camera, stamp)
+        self._moments.note(Moment.IMAGE_RECEIVED, self._camera, stamp)
         if stamp <= 0:
             self._dropped.add("images without a stamp", f"camera {self._camera}: an image has the stamp {stamp} ns")
             return

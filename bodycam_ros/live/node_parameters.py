@@ -125,7 +125,7 @@ class SolverParameters(ManagedParameters):
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
     equipment: str = setting(
         "",
-        reason="what the person rides, holds or stands on: a YAML file that says where, or the name of a supplied one "
+        reason="what the person rides, holds or stands on: a YAML file of it, or the name of a supplied one "
         "such as 'bicycle'",
     )
     cameras: tuple[str, ...] = setting((), reason="the cameras to use; all of the body if empty")
@@ -211,7 +211,7 @@ class RegionTrackerParameters(ImageParameters):
 class RetargetParameters(ManagedParameters):
     """Of the node ``retarget``."""
 
-    urdf: str = setting("", reason="URDF of the robot; its meshes are looked for above it, and where ROS knows them")
+    urdf: str = setting("", reason="URDF of the robot; its meshes are looked for above it, and in the packages of ROS")
     mapping: str = setting("", reason="YAML of which links of the robot follow what, as config/robot/talos.yaml")
     robot: str = setting("robot", reason="namespace of what is published of the robot, and prefix of its root's frame")
 
@@ -240,7 +240,7 @@ class PlayerParameters(CommonParameters):
     )
     reader_wait: float = setting(60.0, unit="s", limits=(0.0, 600.0), reason="give up when they are not there by then")
     image_only: tuple[str, ...] = setting(
-        (), reason="cameras whose camera_info nobody has to read: static ones, whose lens is in a file"
+        (), reason="cameras whose camera_info is not needed: static ones, whose lens is in a file"
     )
     settle: float = setting(
         1.0, unit="s", limits=(0.0, 60.0), reason="once they are there, give them time to find each other as well"

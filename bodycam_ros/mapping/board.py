@@ -46,7 +46,7 @@ class Board:
     Attributes:
         family: AprilTag family.
         corners_board: tag -> (4, 3) corners [m] in the board frame, in the order of cv2.aruco.
-        map_R_board: (3, 3) turns the board's upward axis to z; None if its placement does not tell what is up.
+        map_R_board: (3, 3) turns the board's upward axis to z; None if its placement does not define what is up.
     """
 
     family: str
@@ -58,7 +58,7 @@ def read_board(path: Path) -> Board:
     """Read a board's description.
 
     The file gives ``family``, ``corners_in_board`` (tag -> four corners [m] in the order of cv2.aruco) and
-    ``placement``, free text in which "board z is up" (or x, y, -x, ...) says which axis of the board points up.
+    ``placement``, free text in which "board z is up" (or x, y, -x, ...) names the axis of the board that points up.
 
     Raises:
         MapError: the file is missing, not YAML, or lacks what it must have.
@@ -96,7 +96,7 @@ def _is_square(corners: Array) -> bool:
 
 
 def _upright(placement: str) -> Array | None:
-    """Rotation (3, 3) from board axes to axes with z up, or None if the placement does not say what is up."""
+    """Rotation (3, 3) from board axes to axes with z up, or None if the placement does not name what is up."""
     match = _UP.search(placement)
     if match is None:
         return None

@@ -247,7 +247,7 @@ class CameraTimings:
         self._publishers = {each: stage.publisher(TIMING_TYPE, f"{each}{TIMING}", latched(2)) for each in cameras}
 
     def set_body(self, body: BodyModel) -> None:
-        """Publish what a body, the first or another, knows of the cameras' read-out times."""
+        """Publish what a body, the first or another, has of the cameras' read-out times."""
         for camera, readout in body.readout_starts.items():
             if camera in self._publishers:
                 self._publishers[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))

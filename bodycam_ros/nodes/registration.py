@@ -136,7 +136,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         except ValueError as error:
             self.dropped.add("track messages dropped", f"{camera}/tracks: malformed message ({error})")
             return
-        self.moments.note(Moment.TRACKS_HEARD, camera, frame.stamp_ns)
+        self.moments.note(Moment.TRACKS_RECEIVED, camera, frame.stamp_ns)
         if camera in self._cameras.rejected:
             return
         waiting = self._waiting[camera]

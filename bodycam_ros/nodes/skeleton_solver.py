@@ -165,7 +165,7 @@ class SolverStage(Stage[SolverParameters]):
         except ValueError as error:
             self.dropped.add("registrations dropped", f"{camera}/landmarks: malformed message ({error})")
             return
-        self.moments.note(Moment.LANDMARKS_HEARD, camera, matches.stamp_ns)
+        self.moments.note(Moment.LANDMARKS_RECEIVED, camera, matches.stamp_ns)
         if self._lost.add(camera, matches.stamp_ns, matches.previous_stamp_ns):
             reason = f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             self.dropped.add("registrations lost", reason)

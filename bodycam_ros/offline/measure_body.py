@@ -54,16 +54,16 @@ def measure_body(
         given: where the stations stand, and where the body is in the first images.
         pipeline: settings of following it.
         settings: what is expected of it.
-        on_progress: told the step, and the share of it that is done.
+        on_progress: called with the step, and the share of it that is done.
 
     Raises:
-        BodycamError: anything that is wrong with the input, or a recording that does not tell enough.
+        BodycamError: anything that is wrong with the input, or a recording that does not determine the body.
     """
     warm_up()
     start = given.start
     if start is None:
         raise StationError(
-            f"nobody knows where the body is at first; place it by hand with "
+            f"where the body is at first is unknown; place it by hand with "
             f"'bodycam view --place {recording_path}', and give that as --start"
         )
     body = replace(with_hands(body), surface=None)
@@ -156,14 +156,14 @@ def calibrate(
         map_path: folder of the reference map.
         rig: which camera is on which segment.
         name: of the body.
-        pipeline: settings of tracking and registration, and the noise that the solver knows.
+        pipeline: settings of tracking and registration, and the noise that the solver assumes.
         jobs: processes for the cameras.
         facing_rad: which way the person faces in the N-pose [rad]; None to read it off hips and shoulders.
-        on_progress: told how far it is.
+        on_progress: called with the step, and the share of it that is done.
         imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
 
     Raises:
-        BodycamError: anything that is wrong with the input, or a motion that does not tell enough.
+        BodycamError: anything that is wrong with the input, or a motion that does not determine the body.
     """
     warm_up()
     load_map(map_path, upright=True)

@@ -145,10 +145,10 @@ def replay(
         spans = CameraSpans([*cameras, *stations])
         unusable = UnusableCount()
         start_ns = None
-        said: Iterator[Result] = iter(())
+        registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
-            said = merged_results(workers, settings.growth, cameras, reference_map)
-        for item in _with_images(said, recording_path, stations):
+            registered = merged_results(workers, settings.growth, cameras, reference_map)
+        for item in _with_images(registered, recording_path, stations):
             if not isinstance(item, RegisteredImage | CameraImage):
                 unusable.add(item)
                 continue
@@ -222,21 +222,21 @@ def _extend(
 
 
 def _with_images(
-    said: Iterator[Result], recording_path: Path, stations: Collection[str]
+    registered: Iterator[Result], recording_path: Path, stations: Collection[str]
 ) -> Iterator[Result | CameraImage]:
     """Registrations of worn cameras, and images of static ones, in order of their stamps."""
     if not stations:
-        yield from said
+        yield from registered
         return
     with open_recording(recording_path) as recording:
-        yield from merge(said, recording.images(stations), key=lambda item: item.stamp_ns)
+        yield from merge(registered, recording.images(stations), key=lambda item: item.stamp_ns)
 
 
 def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:
     """Why there is no motion to write."""
     if outside is not None and outside.start is None:
         return StationError(
-            f"{recording_path}: no worn camera was registered, so nobody knows where the body is at first; place it "
+            f"{recording_path}: no worn camera was registered, so where the body is at first is unknown; place it "
             f"by hand with 'bodycam view --place {recording_path}', and give that as --start"
         )
     if outside is not None:

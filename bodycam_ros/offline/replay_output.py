@@ -39,7 +39,7 @@ class ReplayOutput:
     """The messages of a replay, on their way into the bag.
 
     Attributes:
-        coupled: what was said of the equipment so far.
+        coupled: how the equipment was coupled so far.
         static: what static cameras observed so far.
     """
 
@@ -99,7 +99,7 @@ class ReplayOutput:
             self.write_diagnostics(image.stamp_ns)
 
     def write_seen(self, stamps_ns: Mapping[str, int], seen: StaticMeasurement) -> None:
-        """What static cameras say of the segments at an instant, each with the stamp of its own image."""
+        """Measurements of static cameras of the segments at an instant, each with the stamp of its own image."""
         names = self._body.segments
         self.static.add(
             min(stamps_ns.values()),

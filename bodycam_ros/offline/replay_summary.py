@@ -24,12 +24,12 @@ class ReplaySummary:
         solved: instants with a body state.
         predicted: of these, instants that no camera contributed to.
         interpolated: instants at which all cameras were silent, filled in from both sides.
-        rejected: camera -> instants at which it contradicted the others and was not believed.
+        rejected: camera -> instants at which it contradicted the others and was down-weighted or rejected.
         late: registrations that came too late for their instant, because a camera had been silent for long.
         images: camera -> images read.
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
-        lost: camera -> images that the recording says it holds, but that are not in it; not among ``images``.
+        lost: camera -> images that the recording counts, but that are not in it; not among ``images``.
         readouts: camera -> how long its rows are read out, as far as is known in the end.
         remarks: what a person should know of a camera's stamps, rows and images, a line each.
         timings: camera -> how its clock went, as its stamps were corrected.

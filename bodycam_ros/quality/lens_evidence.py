@@ -1,6 +1,6 @@
 """Deviation of a registered camera's lens from its model, by landmarks.
 
-A lens that is not what ``images`` says leaves errors that no pose takes up. Four more unknowns, the focal length,
+A lens that is not what its model is leaves errors that no pose takes up. Four more unknowns, the focal length,
 how it changes towards the rim, and the principal point, are solved for together with each image's pose (A eq. 9); the
 poses are eliminated image by image, so that a camera's evidence is a sum of 4x4 systems, whatever the number of images.
 """
@@ -23,7 +23,7 @@ _RADII = np.linspace(0.0, 1.0, 5)
 
 @dataclass(frozen=True)
 class LensDeviation:
-    """By how much a lens is not what its model says.
+    """By how much a lens differs from its model.
 
     Attributes:
         scale: share by which the picture is larger, where that is most.
@@ -51,7 +51,7 @@ class LensEvidence:
 
     Attributes:
         camera: its model as the recording has it.
-        inlier_px: a landmark farther off than this says nothing [px].
+        inlier_px: a landmark farther off than this does not count [px].
         images: that were added.
     """
 

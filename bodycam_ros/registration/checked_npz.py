@@ -1,4 +1,4 @@
-"""Arrays of an npz file of which nothing is believed until it was checked against the file's size.
+"""Arrays of an npz file of which nothing is used before it is checked against the file's size.
 
 What compresses badly is stored as it is: such arrays of bytes are mapped, and shared by all processes that read the
 file; wider numbers are copied to where a processor can reach them.
@@ -40,7 +40,7 @@ def read_arrays(
         optional: the same of arrays that the file may lack.
 
     Returns:
-        The arrays that are there. What is written to one is seen by nobody else, and stays in memory.
+        The arrays that are there. What is written to one stays in this process's memory.
 
     Raises:
         MapError: the file is damaged, encrypted, or does not hold these arrays; the message names file and array.

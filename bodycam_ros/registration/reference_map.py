@@ -241,7 +241,7 @@ def check_replaceable(path: Path, force: bool) -> None:
 
 
 class _Header(msgspec.Struct):
-    """What ``map.yaml`` must say of a map; the rest of it documents how the map was made."""
+    """What ``map.yaml`` must hold of a map; the rest of it documents how the map was made."""
 
     version: int
     metric: bool

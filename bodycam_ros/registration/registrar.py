@@ -152,7 +152,7 @@ class Registrar:
         if pose is None and predicted is not None:
             tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX)
         if pose is None:
-            # Here, as whoever knows the settings alone need not load pycolmap.
+            # Here, so that the settings can be read without loading pycolmap.
             from bodycam_ros.registration.relocalisation import find_pose
 
             pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])

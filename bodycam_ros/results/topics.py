@@ -60,7 +60,7 @@ def read_landmarks(path: Path, cameras: Collection[str]) -> Iterator[LandmarkMat
 
 
 def read_clock(path: Path, camera: str) -> ClockHistory | None:
-    """How the clock of a camera went; None where the bag does not say.
+    """How the clock of a camera went; None where it is not in the bag.
 
     Raises:
         RecordingError: the bag is damaged.

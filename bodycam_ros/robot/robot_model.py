@@ -154,7 +154,7 @@ def _pinocchio() -> Any:
 
 
 def _package_folders(urdf: Path) -> Iterator[str]:
-    """Where ``package://NAME`` may be: any folder above the URDF, and what ROS knows."""
+    """Where ``package://NAME`` may be: any folder above the URDF, and the packages of ROS."""
     yield from map(str, urdf.resolve().parents)
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         yield str(Path(prefix) / "share")

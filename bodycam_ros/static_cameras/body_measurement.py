@@ -51,7 +51,7 @@ class Measure:
         name: of the joint, or of the segment that is as thick.
         axis: x, y or z, along which the joint is away from its parent's origin; empty for a girth.
         begun, found, sigma: initial and final estimate, and its standard deviation: [m], or times as thick as people.
-        told: whether the recording measures it; else it is what is expected of people.
+        is_measured: whether the recording measures it; else it is as expected of people.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Measure:
     begun: float
     found: float
     sigma: float
-    told: bool
+    is_measured: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,9 +200,14 @@ class BodyMeasurement:
         shape, count = self._shape, len(self._shape.lengths)
         begun, found = shape.initial, shape.initial * (1.0 + shares)
         found[count:] = [shape.shaped(shares).girths[segment] for segment in shape.thick]
-        told = sigmas < _MEASURED * np.sqrt(np.diag(np.linalg.inv(shape.prior(shares)[0])))
+        is_measured = sigmas < _MEASURED * np.sqrt(np.diag(np.linalg.inv(shape.prior(shares)[0])))
         rows = zip(
-            shape.names, begun.tolist(), found.tolist(), (np.abs(begun) * sigmas).tolist(), told.tolist(), strict=True
+            shape.names,
+            begun.tolist(),
+            found.tolist(),
+            (np.abs(begun) * sigmas).tolist(),
+            is_measured.tolist(),
+            strict=True,
         )
         measures = tuple(Measure(*name, *numbers) for name, *numbers in rows)
         return measures[:count], measures[count:]

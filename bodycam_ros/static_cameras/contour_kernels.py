@@ -1,7 +1,7 @@
 """The contour of a body in an image: where its projected surface ends, point by point (B 2.3).
 
 Contours are analytic: a point of the contour lies on an edge between a face that a camera sees from outside and one
-that it sees from inside. A coarse picture of which segment is in front says which of them other segments hide, and
+that it sees from inside. A coarse picture of which segment is in front shows which of them other segments hide, and
 beside which the next thing is not the background.
 """
 
@@ -121,7 +121,7 @@ def label_at(labels: Bytes, x: float, y: float, shrink: int) -> int:
 
 @kernel()
 def is_beside(stands_out: Bytes, segment: int, label: int) -> bool:
-    """Whether what has a label tells where a segment ends: the background does, and segments that differ from it."""
+    """Whether what has a label shows where a segment ends: the background does, and segments that differ from it."""
     if label < 0:
         return False
     return label == NOBODY or stands_out[segment, label] != 0
@@ -238,7 +238,7 @@ def carry_contour(lens: Array, camera_T_segment: Array, points: Array, segments:
 
 @kernel()
 def _place(lens: Array, camera_T_segment: Array, point: Array) -> bool:
-    """Fill in a contour point's pixel, and how it moves along its normal with the point; whether the lens can tell."""
+    """Fill in a contour point's pixel, and its motion along its normal with the point; whether the lens projects it."""
     T = camera_T_segment
     x = T[0, 0] * point[4] + T[0, 1] * point[5] + T[0, 2] * point[6] + T[0, 3]
     y = T[1, 0] * point[4] + T[1, 1] * point[5] + T[1, 2] * point[6] + T[1, 3]

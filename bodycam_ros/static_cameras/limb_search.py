@@ -115,7 +115,7 @@ _USUAL = {
 
 
 def with_usual_limits(body: BodyModel) -> BodyModel:
-    """The body with limits on the balls of known segments that have none; a range of motion knows better."""
+    """The body with limits on the balls of known segments that have none; a range of motion measured its own."""
     return replace(body, joints=tuple(_limited(joint) for joint in body.joints))
 
 

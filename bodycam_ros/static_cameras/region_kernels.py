@@ -28,7 +28,7 @@ _REACH = 6  # displacements that are considered to either side, in steps of a li
 _STEP = 7  # samples to either side of a displacement that the smoothed step covers
 _SLOPE, _WIDTH = 0.42, 1.0  # of the step: 0.5 - _SLOPE tanh(x / (2 _WIDTH)), x outward
 _SURE = 12.0  # logarithm of odds that no pixel exceeds
-_FLAT = 8.0  # [steps^2] variance of a line that knows nothing: all displacements alike have 14
+_FLAT = 8.0  # [steps^2] variance of a line without evidence: all displacements alike have 14
 _GAP = 2  # [px] beside the contour that belong to neither, as it is not quite where it should be
 
 
@@ -163,7 +163,7 @@ def _read_line(
 ) -> None:
     """Fill in the probability of being on the segment for each sample of a line, from inward to outward.
 
-    Beyond the far side of a thin limb, and behind what cannot be told from it, colours say nothing.
+    Beyond the far side of a thin limb, and behind what has its colours, colours are no evidence.
     """
     reach = len(inside) // 2
     for direction in (-1, 1):

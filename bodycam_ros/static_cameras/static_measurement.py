@@ -124,7 +124,7 @@ class ReportedMeasurement:
 
         After a gap it is the last measured pose; the initial one only if stamps went back.
         """
-        if self._placed is None or not frame.said:
+        if self._placed is None or not frame.measured:
             return []
         poses = self._placed if self._seen is None or frame.stamp_ns <= self._seen_ns else self._seen
         return placed_segments(self._body, poses)
@@ -133,15 +133,15 @@ class ReportedMeasurement:
         self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
     ) -> StaticMeasurement | None:
         """As ``StaticCameras.measure``, by reports on segments of the body."""
-        if not frame.said:
+        if not frame.measured:
             return None
         index = self._body.segment_index
         evidence = {
-            name: [each for each in report.evidence if each.segment in index] for name, report in frame.said.items()
+            name: [each for each in report.evidence if each.segment in index] for name, report in frame.measured.items()
         }
         confidence = {
             name: np.array([report.confidence.get(segment, 0.0) for segment in self._body.segments])
-            for name, report in frame.said.items()
+            for name, report in frame.measured.items()
         }
         received = [each for measured in evidence.values() for each in measured]
         poses = self._together([*received, *known], predicted, dt_s)

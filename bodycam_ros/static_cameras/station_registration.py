@@ -28,10 +28,10 @@ _AGREE_SIGMAS = 6.0  # of one image's pose from that of all; images of a static 
 _STILL_PX = 1.0  # shift of the picture whatever the sigmas: a tripod gives way where people jump
 
 LEAST_IMAGES = 2
-"""Fewer cannot tell whether the camera moves, nor what in an image does."""
+"""Fewer do not show whether the camera moves, nor what in an image does."""
 
 _FEW = 0.5
-"""An image that shows less than this share of the usual landmarks is dark, or somebody stands before it."""
+"""An image that shows less than this share of the usual landmarks is dark, or a person stands before it."""
 
 _SURE = 60
 """Landmarks by which an image is registered right, however many others show: those that were wrong by more than 50 mm,
@@ -175,7 +175,7 @@ class StationRegistration:
             images: (height, width) grey, of different times.
 
         Raises:
-            StationError: too few of the images show enough of the map, or the camera moves; the message says what to
+            StationError: too few of the images show enough of the map, or the camera moves; the message has what to
                 do.
         """
         if len(images) < LEAST_IMAGES:

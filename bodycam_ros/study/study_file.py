@@ -260,7 +260,7 @@ SOLVED = "solved"
 
 
 def read_recording_folder(path: Path) -> Study:
-    """The study of a folder that is laid out as ``LAYOUT`` says.
+    """The study of a folder that is laid out as ``LAYOUT`` shows.
 
     Raises:
         RecordingError: no folder, nothing in it that could be solved, or two takes of the same name.

@@ -25,12 +25,12 @@ class Silence:
         steady_s: the steady clock [s].
 
     Attributes:
-        heard_ns: latest stamp of a message [ns]; -1 before the first.
+        message_ns: latest stamp of a message [ns]; -1 before the first.
     """
 
     def __init__(self, steady_s: Callable[[], float] = time.monotonic) -> None:
         self._steady_s = steady_s
-        self._sensed_ns = self._taken_ns = self.heard_ns = -1
+        self._sensed_ns = self._taken_ns = self.message_ns = -1
         self._quiet_s = self._sensed_s = 0.0
         # Stamp and delay [ns] of registrations, of which none later has a larger delay: the first is the largest.
         self._delays: deque[tuple[int, int]] = deque()
@@ -44,7 +44,7 @@ class Silence:
             self._delays.append((stamp_ns, delay_ns))
             while self._delays[0][0] < stamp_ns - _RECENT_NS:
                 self._delays.popleft()
-        self.heard_ns = max(self.heard_ns, stamp_ns)
+        self.message_ns = max(self.message_ns, stamp_ns)
         self._quiet_s = 0.0
 
     def add_image(self, stamp_ns: int) -> None:
@@ -59,7 +59,7 @@ class Silence:
 
     def restart(self) -> None:
         """Begin a new epoch, whose time may be earlier."""
-        self._sensed_ns = self._taken_ns = self.heard_ns = -1
+        self._sensed_ns = self._taken_ns = self.message_ns = -1
         self._delays.clear()
 
     def due_ns(self, period_ns: float) -> float | None:
@@ -68,11 +68,11 @@ class Silence:
         Args:
             period_ns: of the states [ns]; infinite before it is known.
         """
-        if self.heard_ns < 0 or self._quiet_s < _QUIET_S:
+        if self.message_ns < 0 or self._quiet_s < _QUIET_S:
             return None
         delay_ns = self._delays[0][1] if self._delays else 0
         wait_ns = _WAIT_NS + _WAIT_FRAMES * period_ns + _WAIT_DELAYS * delay_ns
-        latest_ns = max(self.heard_ns, min(self._taken_ns, self.heard_ns + _STALL_NS))
+        latest_ns = max(self.message_ns, min(self._taken_ns, self.message_ns + _STALL_NS))
         if self._sensed_ns - latest_ns <= wait_ns:
             return None
         return self._sensed_ns - _LATE_FRAMES * period_ns - _LATE_DELAYS * delay_ns

@@ -1,4 +1,4 @@
-"""The cameras in the scene: a frustum for each; its colour tells whether the camera was registered."""
+"""The cameras in the scene: a frustum for each; its colour shows whether the camera was registered."""
 
 from collections.abc import Callable, Mapping
 from functools import partial

@@ -48,7 +48,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
             assert said["found"] == pytest.approx(after.parent_T_joint[2, 3], abs=1e-4)
             assert after.parent_T_joint[2, 3] == pytest.approx(joint.parent_T_joint[2, 3], rel=0.06)
             assert after.limits == joint.limits
-    assert not report["lengths"]["spine_z"]["told"]
+    assert not report["lengths"]["spine_z"]["is_measured"]
     assert "does not measure the lengths at" in printed and "spine" in printed
     assert "knee_left" in printed and f"body written to {out}" in printed.replace("\n", "")
     assert run(painted, out, *stationed(painted), *flags) == 1
@@ -63,7 +63,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
         (["--start", "start.yaml"], "--start needs --stations"),
         (["--initial-body", "body.yaml"], "--initial-body needs --stations"),
         (["STATIONS"], "give --height in metres, or --initial-body BODY"),
-        (["STATIONS", "--height", "178"], "178 m is nobody's height"),
+        (["STATIONS", "--height", "178"], "178 m is no person's height"),
         (["STATIONS", "--initial-body", "nobody.yaml"], "nobody.yaml"),
         (["STATIONS", "--height", "1.8", "--rig", "rig.yaml"], "--rig is for body cameras"),
         (["STATIONS", "--height", "1.8", "--facing", "90"], "--facing is for body cameras"),
