@@ -30,6 +30,7 @@ MAX_SIGMA_M = 0.1
 _MAX_STRIKES = 2  # consecutive frames of disagreement after which a track loses its landmark
 _MAX_PREDICTED_FRAMES = 15  # of a lost camera, by its rotation, before the whole map is searched
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
+_FEW = 0.15  # share of the described tracks; a pose that fewer agree with is compared with one found in the whole map
 _REFIT_ITERATIONS = 2  # of a fit that starts at the result of another
 
 
@@ -148,17 +149,30 @@ class Registrar:
     def _match_described(
         self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None, predicted: Array | None
     ) -> tuple[TrackLandmarks, _Pose | None]:
-        """Match the described tracks around the best pose there is: fitted, else predicted, else relocalised."""
+        """Match the described tracks around the pose there is, fitted or predicted.
+
+        Without one, or where few agree with it, the camera is looked for in the whole map; the pose counts that more
+        tracks agree with.
+        """
         if pose is None and predicted is not None:
             tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX)
-        if pose is None:
-            # Here, so that the settings can be read without loading pycolmap.
-            from bodycam_ros.registration.relocalisation import find_pose
+        known = self._match_again(frame, tracks, pose)
+        if known[1] is not None and known[1].inliers.sum() >= _FEW * len(frame.described):
+            return known
+        # Here, so that the settings can be read without loading pycolmap.
+        from bodycam_ros.registration.relocalisation import find_pose
 
-            pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
-            candidate = find_pose(self.camera, self.map, pixels, frame.descriptors)
-            if candidate is not None:
-                tracks, pose = self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX)
+        pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
+        candidate = find_pose(self.camera, self.map, pixels, frame.descriptors)
+        if candidate is None:
+            return known
+        other = self._match_again(frame, *self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX))
+        return max(known, other, key=lambda each: 0 if each[1] is None else int(each[1].inliers.sum()))
+
+    def _match_again(
+        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None
+    ) -> tuple[TrackLandmarks, _Pose | None]:
+        """Matches closer around a pose, where they give one."""
         if pose is None:
             return tracks, None
         better_tracks, better_pose = self._match_near(frame, tracks, pose.world_T_camera, RADIUS_PX)
