@@ -87,3 +87,27 @@ def described(frame: TrackFrame, keyframe: TrackFrame) -> TrackFrame:
     return dataclasses.replace(
         frame, described=rows.astype(np.uint32), descriptors=keyframe.descriptors[of], scales=keyframe.scales[of]
     )
+
+
+def test_tracks_that_slid_along_do_not_keep_a_camera_where_it_was(sample, reference_map, seen) -> None:
+    camera, frames = seen
+    registrar = Registrar(camera, reference_map)
+    before = registrar.register(frames[0])
+    with open_recording(sample / "sample" / "bag") as recording:
+        image = [image for image, _ in zip(recording.images([CAMERA]), range(25), strict=False)][-1]
+    later = FeatureTracker(camera).track(decode_grey(image), image.stamp_ns)
+    # Thirty tracks stay where the first image had them, as on a smear of the lens, beside new features.
+    slid = 30
+    jumped = dataclasses.replace(
+        later,
+        stamp_ns=frames[1].stamp_ns,
+        previous_stamp_ns=frames[0].stamp_ns,
+        track_ids=np.concatenate([before.track_ids[:slid], before.track_ids.max() + 1 + later.track_ids]),
+        pixels=np.concatenate([before.pixels[:slid], later.pixels]),
+        described=later.described + np.uint32(slid),
+    )
+    there = Registrar(camera, reference_map).register(later).world_T_camera
+    found = registrar.register(jumped).world_T_camera
+    assert there is not None and found is not None and before.world_T_camera is not None
+    assert np.linalg.norm(there[:3, 3] - before.world_T_camera[:3, 3]) > 0.2
+    assert np.linalg.norm(there[:3, 3] - found[:3, 3]) < 0.02
