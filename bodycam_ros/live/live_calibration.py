@@ -3,9 +3,11 @@
 import logging
 import math
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from threading import Event
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
@@ -67,7 +69,7 @@ class LiveCalibration:
         self._facing = None if math.isnan(parameters.facing) else math.radians(parameters.facing)
         self._calibrator: BodyCalibrator | None = None
         self._run: Future[CalibratedBody] | None = None
-        self._worker = ThreadPoolExecutor(1, "calibration")
+        self._worker, self._dropped = ThreadPoolExecutor(1, "calibration"), Event()
         self._step, self._share = "start", 0.0
         self._collected = 0
         self._failure = ""
@@ -97,7 +99,7 @@ class LiveCalibration:
 
     def restart(self) -> str:
         """Drop the collected registrations and a calibration; return what to do."""
-        self._run = None
+        self._drop()
         if self._calibrator is not None:
             self._calibrator.forget()
         self._collected, self._failure = 0, ""
@@ -113,7 +115,9 @@ class LiveCalibration:
             raise BodyError(f"there is no camera_info yet of all of the rig's cameras {', '.join(self.cameras)}")
         if self._run is None:
             # One that was dropped ends first.
-            self._run = self._worker.submit(self._calibrator.solve, self.path.stem, self._set_progress)
+            self._dropped = Event()
+            progress = partial(self._set_progress, self._dropped)
+            self._run = self._worker.submit(self._calibrator.solve, self.path.stem, progress)
         return f"making {self.path}; /diagnostics has the progress and the result"
 
     def poll(self) -> BodyModel | None:
@@ -142,7 +146,8 @@ class LiveCalibration:
 
     def stop(self) -> BodyModel | None:
         """The new body if it is there; a calibration that goes on is dropped."""
-        body, self._run = self.poll(), None
+        body = self.poll()
+        self._drop()
         return body
 
     def report(self) -> Status:
@@ -154,7 +159,14 @@ class LiveCalibration:
         level = StatusLevel.WARN if self._failure else StatusLevel.OK
         return Status("calibration", level, self._failure or "collecting", values)
 
-    def _set_progress(self, step: str, share: float) -> None:
+    def _drop(self) -> None:
+        """A calibration that goes on ends at its next step; nothing is written of it."""
+        self._dropped.set()
+        self._run = None
+
+    def _set_progress(self, dropped: Event, step: str, share: float) -> None:
+        if dropped.is_set():
+            raise CancelledError
         self._step, self._share = step, share
 
 
