@@ -25,7 +25,8 @@ from bodycam_ros.timing.clock_state import ClockSettings
 _SAME_NS = 1_000_000  # stamps of one trigger differ by less
 _MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, common stamps are spaced equally
 _LONGEST_GAP_NS = 60_000_000_000  # no common stamps are made for a gap longer than this
-_KEPT, _MOST_STAMPS = 60, 2000  # images of a camera, as common stamps may be known later; stamps without an image
+_KEPT_NS = 1_000_000_000  # of images: live, common stamps may be known only later
+_MOST_STAMPS = 2000  # common stamps that a camera has no image near
 
 
 class TimeSynchronizer:
@@ -117,7 +118,7 @@ class CameraInterpolator:
     """Interpolates one camera to common stamps."""
 
     def __init__(self) -> None:
-        self._images: deque[LandmarkMatches] = deque(maxlen=_KEPT)
+        self._images: deque[LandmarkMatches] = deque()
         self._stamps: deque[int] = deque(maxlen=_MOST_STAMPS)
         self._previous: tuple[int, int] | None = None
 
@@ -136,6 +137,8 @@ class CameraInterpolator:
             while self._stamps and self._stamps[0] < matches.stamp_ns:
                 self._stamps.popleft()
         self._images.append(matches)
+        while self._images[0].stamp_ns < matches.stamp_ns - _KEPT_NS:
+            self._images.popleft()
         return self._ready()
 
     def flush(self) -> list[LandmarkMatches]:
