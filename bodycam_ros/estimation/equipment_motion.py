@@ -20,7 +20,7 @@ from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
-STILL = 1e-6  # [m/s] of an unknown length; squared, the density of its acceleration [m^2/s^3]
+_CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
 _COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 _ENDS_S = 0.25  # before and after a gap, that give the motion at its ends: most of a stroke of a pedal
@@ -80,7 +80,7 @@ class EquipmentMotion:
                 turns = tangent.twists[row][:3].any(axis=0)
                 density[columns] = np.where(turns, sigmas[0], sigmas[3]) ** 2 * LASTS_S
             elif joint.child in tangent.tree.equipment_segments:
-                density[tangent.columns[row]] = STILL**2
+                density[tangent.columns[row]] = _CONSTANT
         for row in self.coasting_rows:
             fade_s[tangent.columns[row]] = _KEPT_S
             density[self._led_columns(row, tangent, active)] = _LED**2 * LASTS_S

@@ -22,8 +22,6 @@ from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
-_ENOUGH = 24  # landmarks; with fewer, tracks and descriptors are used as well
-_ENOUGH_SHARE = 0.25  # likewise, of those that were looked for: at ten images a second 26 of 113 were 16 cm off
 _LEAST_MATCHED = 8  # tracks with a landmark from which direct registration starts
 
 
@@ -78,8 +76,7 @@ class LandmarkTracker:
         self._direct.add_image(image)
         current_R_previous = self._measured_turn(stamp_ns)
         view = self._find_landmarks(self._direct, stamp_ns, current_R_previous)
-        is_enough = view is not None and len(view.rows) >= _ENOUGH and view.share >= _ENOUGH_SHARE
-        if view is not None and is_enough and not self._features.keyframe_wanted:
+        if view is not None and view.is_enough and not self._features.keyframe_wanted:
             frame = self._frame_of_landmarks(view)
             self._features.adopt(image, stamp_ns, frame.track_ids, frame.pixels, frame.current_R_previous, afresh=True)
             self._motion.add(stamp_ns, view.world_T_camera, frame.previous_stamp_ns)
