@@ -7,7 +7,7 @@ from viser import GuiFolderHandle, TransformControlsEvent, TransformControlsHand
 
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 from bodycam_ros.viewer.inbox import Action, Inbox, set_value
-from bodycam_ros.viewer.scene_nodes import place
+from bodycam_ros.viewer.scene import place
 
 SIZE_M = 0.22
 """Length of the arrows."""

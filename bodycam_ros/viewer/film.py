@@ -23,9 +23,9 @@ from bodycam_ros.results.camera_picture import draw_body, draw_polyline, project
 from bodycam_ros.results.topics import read_clock
 from bodycam_ros.shown import shown
 from bodycam_ros.viewer.motion import mounted_camera
-from bodycam_ros.viewer.scene import FIELD_OF_VIEW, OpeningView, grid_lines, points_to_see
-from bodycam_ros.viewer.scene_nodes import GRID
+from bodycam_ros.viewer.scene import GRID
 from bodycam_ros.viewer.sources import Sources
+from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, grid_lines, points_to_see
 from bodycam_ros.whole_file import whole_file
 
 Image = NDArray[np.uint8]

@@ -13,7 +13,7 @@ from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.picture_style import INK, LEFT, RIGHT, side_colour
 from bodycam_ros.viewer.inbox import Action, Inbox, set_value
 from bodycam_ros.viewer.motion import Motion
-from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
+from bodycam_ros.viewer.scene import LOST, REGISTERED, SELECTED, UNKNOWN
 
 _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
 _STEP_S, _DECIMALS = 0.001, 3

@@ -15,8 +15,7 @@ from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.placing_picture import PlacingPicture
 from bodycam_ros.viewer.placing_sources import PlacingSources
-from bodycam_ros.viewer.scene import Scene
-from bodycam_ros.viewer.scene_nodes import WORLD
+from bodycam_ros.viewer.scene import WORLD, Scene
 from bodycam_ros.viewer.server import LocalServer
 
 _PICTURE_PANEL_PX = 600

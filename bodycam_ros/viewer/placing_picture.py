@@ -14,7 +14,7 @@ from bodycam_ros.picture_style import EQUIPMENT, side_colour
 from bodycam_ros.results.camera_picture import draw_polyline, project_overlay
 from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
 from bodycam_ros.static_cameras.station import Image, RegionModel
-from bodycam_ros.viewer.scene_nodes import SELECTED
+from bodycam_ros.viewer.scene import SELECTED
 
 _TILE_PX, _GAP_PX = 480, 4  # of each camera's square, and between two
 _MARK_PX, _MARK_WIDTH_PX = 14, 2

@@ -1,41 +1,86 @@
-"""All that is shown: the place, the body at one state, its cameras, and the browser's first viewpoint."""
+"""All that is shown: the place, the body at one state, and its cameras.
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+Every segment of the body is a frame, and its bones, joints, cameras and surface are nodes beneath it.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from viser import PointCloudHandle, SceneApi, SceneNodeHandle, ViserServer
+from viser import CylinderHandle, SceneNodeHandle, ViserServer
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import body_bones
-from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import EQUIPMENT, rgb
+from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, transform_points
+from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.viewer.camera_scene import CameraScene
+from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.surface import Surface
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
-from bodycam_ros.viewer.scene_nodes import GRID, GRID_FINE, WORLD
-from bodycam_ros.viewer.skeleton_scene import LineScene, SkeletonScene, SurfaceReader, SurfaceScene
+from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, grid_lines, points_to_see
+
+WORLD = "/world"
+"""Name of the map's frame in the scene."""
+
+REGISTERED, LOST, UNKNOWN = "#2c7f78", WARNING, QUIET
+"""A camera that is registered at the time shown, one that is not, one without registrations in the recording."""
+
+SELECTED = "#f2c200"
+"""The part that is being moved; no side of the body, no state of a camera and no axis is yellow."""
+
+GRID_FINE, GRID = "#e3e7ea", "#b9c1c8"
 
 MAP, CAMERAS, SURFACE, NAMES = "map", "cameras", "surface", "names"
 """Layers that a person can hide."""
+
+SurfaceReader = Callable[[BodyModel], Mapping[str, Surface]]
+"""Segment -> its surface, of a body as it is corrected now."""
 
 _LANDMARKS = 100_000  # drawn at most
 _LANDMARK_M, _MATCHED_M = 0.012, 0.03
 _AMBIENT = 1.0
 _LINE_PX = 1.0
 _MARGIN_M, _LEAST_M, _MOST_M = 2.0, 10.0, 60.0  # of the floor: around the place; from edge to edge
+_BONE_RADIUS_M, _JOINT_RADIUS_M, _EQUIPMENT_RADIUS_M = 0.02, 0.032, 0.014
+_SHORTEST_M = 1e-3  # a bone shorter than that has no direction
+_OPACITY = 0.45  # of the surface
+_LABEL_SCALE = 0.7
+
+_JOINT_SUBDIVISIONS, _BONE_SIDES = 2, 12
+"""As round as such thin things need be: without a graphics card, faces and shadows are what a picture costs."""
+
+_CAMERA_FOV, _CAMERA_ASPECT = float(np.radians(60.0)), 4.0 / 3.0
+"""Of a body camera's frustum, from top to bottom: that of a wide angle lens would hide the body."""
+
+_SCALE, _PICTURE_SCALE, _STATIC_SCALE = 0.04, 0.08, 0.25  # of a frustum; a body camera's with an image in it is larger
+_FRUSTUM_LINE_M = 0.006
+_NAME_M = 0.03  # of a name along the optical axis: at the tip of the frustum a joint's name may be
+
+
+def segment_name(segment: str) -> str:
+    """Name of a segment's frame in the scene."""
+    return f"{WORLD}/body/{segment}"
+
+
+def place(handle: SceneNodeHandle, parent_T_node: Array) -> None:
+    """Put a node of the scene at a pose (4, 4) in its parent [m]."""
+    handle.position = parent_T_node[:3, 3]
+    handle.wxyz = np.roll(quaternion_xyzw(parent_T_node[:3, :3]), 1)
 
 
 class Scene:
     """Draws a body in its place.
 
     Attributes:
+        motion: of the body, whose states are shown.
         layers: name of what can be hidden -> whether it is shown.
     """
 
@@ -49,33 +94,107 @@ class Scene:
         stations: Mapping[str, Station] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
     ) -> None:
-        scene, self._server = server.scene, server
-        self.motion = motion
-        self._body, self._stations = body, stations
+        self._server, self._scene, self._on_click = server, server.scene, on_click
+        self._body, self.motion, self._stations, self._read_surfaces = body, motion, stations, read_surfaces
         self._index, self._world_T_segment = 0, motion.segments_at(body, 0)
-        self._is_selected = False
-        # Following the body moves the world past it: a browser's own camera stays under its user's hands.
-        self._world = scene.add_frame(WORLD, show_axes=False)
-        _add_light(scene)
-        if reference_map is None or reference_map.gravity_aligned:
-            _add_floor(scene, np.zeros((0, 3)) if reference_map is None else reference_map.points_world)
-        self._skeleton = SkeletonScene(scene, body, on_click)
-        self._cameras = CameraScene(scene, body, on_click, stations)
-        self._surface = SurfaceScene(scene, read_surfaces)
-        self._equipment = LineScene(scene, "equipment", len(motion.equipment), EQUIPMENT)
-        self._matched = _add_points(scene, "matched", np.zeros((1, 3)), rgb(GOOD), _MATCHED_M)
-        self._matched.visible = False
-        self._nodes: dict[str, Sequence[SceneNodeHandle]] = {}
-        if reference_map is not None:
-            drawn = slice(None, None, -(-len(reference_map.points_world) // _LANDMARKS) or 1)
-            points, colours = reference_map.points_world[drawn], reference_map.colours[drawn]
-            self._nodes[MAP] = [_add_points(scene, "landmarks", points, colours, _LANDMARK_M)]
-        self._nodes[CAMERAS] = self._cameras.nodes
-        self._nodes[SURFACE] = []
-        self._nodes[NAMES] = [*self._skeleton.names, *self._cameras.names]
+        self._selected: Part | None = None
+        self._drawn: BodyModel | None = None  # whose surface is in the scene
+        self._nodes: dict[str, list[Any]] = {layer: [] for layer in (MAP, CAMERAS, SURFACE, NAMES)}
+        if reference_map is None:
+            del self._nodes[MAP]
         self.layers = {layer: layer != NAMES for layer in self._nodes}
-        self._surface.reshape(body)
-        self.show_layer(SURFACE, self.layers[SURFACE])
+        # Following the body moves the world past it: a browser's own camera stays under its user's hands.
+        self._world = self._scene.add_frame(WORLD, show_axes=False)
+        self._add_place(reference_map)
+        self._add_body()
+        self._add_cameras()
+        self.reshape(body)
+
+    def _add_place(self, reference_map: ReferenceMap | None) -> None:
+        # Shadows and reflections take half of the time of a picture without a graphics card.
+        self._scene.configure_default_lights(cast_shadow=False)
+        self._scene.configure_environment_map(hdri=None)
+        self._scene.add_light_ambient(f"{WORLD}/light", intensity=_AMBIENT)
+        points_world = np.zeros((0, 3))
+        if reference_map is not None:
+            points_world = reference_map.points_world
+            drawn = slice(None, None, -(-len(points_world) // _LANDMARKS) or 1)
+            colours = reference_map.colours[drawn]
+            self._nodes[MAP] = [self._add_points("landmarks", points_world[drawn], colours, _LANDMARK_M)]
+        if reference_map is None or reference_map.gravity_aligned:
+            # Not viser's grid, a shaded plane: without a graphics card it doubles the time of a picture.
+            low, high = _floor(points_world)
+            for name, offset_m, colour in (("half_metres", 0.5, GRID_FINE), ("metres", 0.0, GRID)):
+                lines = grid_lines(low, high, offset_m).astype(np.float32)
+                name = f"{WORLD}/floor/{name}"
+                self._scene.add_line_segments(name, lines, rgb(colour), thickness=_LINE_PX, thickness_units="screen")
+        self._matched = self._add_points("matched", np.zeros((1, 3)), rgb(GOOD), _MATCHED_M)
+        self._matched.visible = False
+
+    def _add_body(self) -> None:
+        body, scene = self._body, self._scene
+        self._frames = [scene.add_frame(segment_name(segment), show_axes=False) for segment in body.segments]
+        self._joints = {}
+        for joint in body.joints:
+            name, colour = f"{segment_name(joint.parent)}/joint_{joint.name}", rgb(side_colour(joint.child))
+            self._joints[joint.name] = ball = scene.add_icosphere(
+                name, _JOINT_RADIUS_M, colour, subdivisions=_JOINT_SUBDIVISIONS, receive_shadow=False
+            )
+            self._name_part(ball, Part("joint", joint.name), 0.0)
+        self._bones = [
+            self._add_rod(f"{segment_name(segment)}/bone_{number}", segment, segment in body.equipment_segments)
+            for number, (segment, _, _) in enumerate(segment_bones(body))
+        ]
+        # Equipment that the body's file does not have is the recording's, and moves by itself.
+        self._equipment = [
+            self._add_rod(f"{WORLD}/equipment/line_{number}", line.segment, True)
+            for number, line in enumerate(self.motion.equipment)
+        ]
+
+    def _add_cameras(self) -> None:
+        self._cameras = {}
+        for camera, mount in self._body.mounts.items():
+            name = f"{segment_name(mount.segment)}/camera_{camera}"
+            self._cameras[camera] = self._add_frustum(name, _CAMERA_FOV, _CAMERA_ASPECT, _SCALE)
+            self._name_part(self._cameras[camera], Part("camera", camera), _NAME_M)
+        for name, station in self._stations.items():
+            lens = station.camera
+            field_of_view = 2.0 * float(np.arctan2(lens.height / 2.0, lens.fy))
+            frustum = self._add_frustum(
+                f"{WORLD}/stations/{name}", field_of_view, lens.width / lens.height, _STATIC_SCALE
+            )
+            place(frustum, station.world_T_camera)
+            self._cameras[name] = frustum
+        self._nodes[CAMERAS] = [*self._cameras.values()]
+
+    def _add_points(self, name: str, points: Array, colours: Any, size: float) -> Any:
+        style: Any = {"point_shape": "circle", "point_shading": "flat", "precision": "float32"}
+        return self._scene.add_point_cloud(f"{WORLD}/{name}", points, colours, point_size=size, **style)
+
+    def _add_rod(self, name: str, segment: str, is_equipment: bool) -> CylinderHandle:
+        return self._scene.add_cylinder(
+            name,
+            _EQUIPMENT_RADIUS_M if is_equipment else _BONE_RADIUS_M,
+            color=rgb(EQUIPMENT if is_equipment else side_colour(segment)),
+            radial_segments=_BONE_SIDES,
+            receive_shadow=False,
+        )
+
+    def _add_frustum(self, name: str, field_of_view: float, aspect: float, scale: float) -> Any:
+        style: Any = {"variant": "filled", "cast_shadow": False, "receive_shadow": False, "thickness": _FRUSTUM_LINE_M}
+        return self._scene.add_camera_frustum(name, field_of_view, aspect, scale=scale, color=rgb(UNKNOWN), **style)
+
+    def _name_part(self, handle: Any, part: Part, ahead_m: float) -> None:
+        """Make a part's node one that can be clicked, with a hidden label at a place along its z axis."""
+
+        async def clicked(_: object) -> None:
+            self._on_click(part)
+
+        handle.on_click(clicked)
+        text, name = part.name.replace("_", " "), f"{handle.name}/name"
+        style: Any = {"font_screen_scale": _LABEL_SCALE, "anchor": "center-left"}
+        position = (0.0, 0.0, ahead_m)
+        self._nodes[NAMES].append(self._scene.add_label(name, text, position=position, visible=False, **style))
 
     def show(self, index: int, *, follow: bool) -> None:
         """Show the body at a state, and if it is followed, at the middle of the scene."""
@@ -86,14 +205,18 @@ class Scene:
             if follow:
                 x, y, _ = self._world_T_segment[body.segment_index[body.root], :3, 3]
                 self._world.position = (-x, -y, 0.0)
-            self._equipment.show(motion.equipment_at(index))
-            for camera in motion.registered:
-                self._cameras.show_registered(camera, motion.registered_at(camera, index) is not None)
+            lines = motion.equipment_at(index)
+            for number, rod in enumerate(self._equipment):
+                rod.visible = bool(lines)
+                if lines:
+                    _stretch(rod, lines[number].start[0], lines[number].end[0])
+            self._colour()
 
     def pose(self, world_T_segment: Array) -> None:
         """Show the body at poses (S, 4, 4) [m]."""
         self._world_T_segment = world_T_segment
-        self._skeleton.pose(self._body, world_T_segment)
+        for frame, world_T_one in zip(self._frames, world_T_segment, strict=True):
+            place(frame, world_T_one)
 
     def reshape(self, body: BodyModel) -> None:
         """Show the lengths, joints, mounts and surface of a body with the same parts.
@@ -103,25 +226,61 @@ class Scene:
         """
         self._body = body
         with self._server.atomic():
-            self._skeleton.reshape(body)
-            self._cameras.reshape(body)
-            self._surface.reshape(body)
-        self.show_layer(SURFACE, self.layers[SURFACE])
+            for joint in body.joints:
+                place(self._joints[joint.name], joint.parent_T_joint)
+            for rod, (_, start, end) in zip(self._bones, segment_bones(body), strict=True):
+                _stretch(rod, start, end)
+            for camera, mount in body.mounts.items():
+                place(self._cameras[camera], mount.segment_T_camera)
+            self.show_layer(SURFACE, self.layers[SURFACE])
 
     def select(self, part: Part | None) -> None:
         """Show which part is selected; the surface is hidden meanwhile."""
-        self._skeleton.select(self._body, part)
-        self._cameras.select(part)
-        self._is_selected = part is not None
+        self._selected = part
+        self._colour()
         self.show_layer(SURFACE, self.layers[SURFACE])
 
     def show_layer(self, layer: str, visible: bool) -> None:
-        """Show or hide a layer."""
+        """Show or hide a layer; raises as ``reshape``."""
         self.layers[layer] = visible
         if layer == SURFACE:
-            self._surface.show(visible and not self._is_selected)
+            visible = visible and self._selected is None
+            # It is made while it is visible: a correction changes the body with every move.
+            if visible and self._drawn is not self._body:
+                self._draw_surface()
         for node in self._nodes[layer]:
             node.visible = visible
+
+    def _draw_surface(self) -> None:
+        surfaces = self._read_surfaces(self._body)
+        for mesh in self._nodes[SURFACE]:
+            mesh.remove()
+        self._drawn = self._body
+        self._nodes[SURFACE] = [
+            self._scene.add_mesh_simple(
+                f"{segment_name(segment)}/surface",
+                surface.vertices,
+                surface.faces,
+                color=rgb(side_colour(segment)),
+                opacity=_OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for segment, surface in surfaces.items()
+        ]
+
+    def _colour(self) -> None:
+        """Give cameras the colour of their state, joints that of their side, and the selected part its own."""
+        for joint in self._body.joints:
+            is_selected = self._selected == Part("joint", joint.name)
+            self._joints[joint.name].color = rgb(SELECTED if is_selected else side_colour(joint.child))
+        for camera in self._body.mounts:
+            colour = UNKNOWN
+            if self._selected == Part("camera", camera):
+                colour = SELECTED
+            elif camera in self.motion.registered:
+                colour = LOST if self.motion.registered_at(camera, self._index) is None else REGISTERED
+            self._cameras[camera].color = rgb(colour)
 
     def frame_body(self) -> None:
         """Set the viewpoint of browsers, those that open the view and those that have it open, to the body shown."""
@@ -146,11 +305,20 @@ class Scene:
             RecordingError: the image cannot be decoded.
         """
         picture = None if footage is None or camera is None else self._picture(camera, footage)
-        self._cameras.show_image(camera, None if picture is None else picture.pixels)
+        self.show_image(camera, None if picture is None else picture.pixels)
         self._matched.visible = picture is not None and len(picture.landmarks_world) > 0
         if picture is not None and self._matched.visible:
             self._matched.points = picture.landmarks_world.astype(np.float32)
         return picture
+
+    def show_image(self, camera: str | None, pixels: Image | None) -> None:
+        """Show an image (H, W, 3) in one camera's frustum, larger than the others; None: no camera, no image."""
+        for name, frustum in self._cameras.items():
+            image = pixels if name == camera else None
+            if image is not None or frustum.image is not None:
+                frustum.image = image
+            if name in self._body.mounts:
+                frustum.scale = _PICTURE_SCALE if name == camera else _SCALE
 
     def _picture(self, camera: str, footage: Footage) -> CameraPicture | None:
         at_ns = int(self.motion.stamps_ns[self._index])
@@ -162,95 +330,50 @@ class Scene:
         return draw_picture(image, model, self.world_T_camera(camera), limbs, matches)
 
 
-def _add_light(scene: SceneApi) -> None:
-    """Light without shadows and reflections, which take half of the time of a picture without a graphics card."""
-    scene.configure_default_lights(cast_shadow=False)
-    scene.configure_environment_map(hdri=None)
-    scene.add_light_ambient(f"{WORLD}/light", intensity=_AMBIENT)
+def _stretch(rod: CylinderHandle, start: Array, end: Array) -> None:
+    """Put a cylinder between two points (3,) of its parent [m]; hide it where it has no direction."""
+    length = float(np.linalg.norm(end - start))
+    rod.visible = length >= _SHORTEST_M
+    if not rod.visible:
+        return
+    z = (end - start) / length
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    rod.height = length
+    place(rod, rigid(np.stack([x, np.cross(z, x), z], axis=1), (start + end) / 2.0))
 
 
-def _add_points(
-    scene: SceneApi, name: str, points: Array, colours: NDArray[np.uint8] | tuple[int, int, int], size: float
-) -> PointCloudHandle:
-    return scene.add_point_cloud(
-        f"{WORLD}/{name}",
-        points,
-        colours,
-        point_size=size,
-        point_shape="circle",
-        point_shading="flat",
-        precision="float32",
-    )
+def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:
+    """Segment, start (3,) and end (3,) of each line of the body, in that segment's frame [m]."""
+    root_T_segment = body.n_pose(np.eye(4))
+    lines = []
+    for bone in body_bones(body, root_T_segment):
+        segment_T_root = inverse(root_T_segment[body.segment_index[bone.segment]])
+        start, end = transform_points(segment_T_root, np.concatenate([bone.start, bone.end]))
+        lines.append((bone.segment, start, end))
+    return lines
 
 
-def _add_floor(scene: SceneApi, points_world: Array) -> None:
-    """Add the floor, z = 0, beneath nine tenths of the points (N, 3) of the place and the origin [m]; N may be 0.
+def surface_reader(body: BodyModel, body_path: Path, folder: Path | None) -> SurfaceReader:
+    """Gives the surface of a body: capsules follow its correction; a scan is as it is, and read once.
 
-    Lines and not viser's grid, a shaded plane: without a graphics card it doubles the time of a picture.
+    Args:
+        body: as it was read.
+        body_path: its file.
+        folder: of meshes, as the user asks for.
     """
-    # A few landmarks, far away through a window, are not the place.
+    if folder is None and body.surface is None:
+        return capsule_surfaces
+    scan = cache(lambda: surfaces_of(body, body_path, folder))
+    return lambda corrected: scan()
+
+
+def _floor(points_world: Array) -> tuple[Array, Array]:
+    """Corners (2,), (2,) of a floor beneath nine tenths of the points (N, 3) and the origin, in whole metres [m].
+
+    A few landmarks, far away through a window, are not the place.
+    """
     low, high = np.quantile(np.vstack([points_world[:, :2], np.zeros((1, 2))]), (0.05, 0.95), axis=0)
     middle = np.round(0.5 * (low + high))
     half = np.ceil(np.clip(0.5 * (high - low) + _MARGIN_M, 0.5 * _LEAST_M, 0.5 * _MOST_M))
-    for name, offset_m, colour in (("half_metres", 0.5, GRID_FINE), ("metres", 0.0, GRID)):
-        lines = grid_lines(middle - half, middle + half, offset_m)
-        scene.add_line_segments(
-            f"{WORLD}/floor/{name}", lines.astype(np.float32), rgb(colour), thickness=_LINE_PX, thickness_units="screen"
-        )
-
-
-def grid_lines(low: Array, high: Array, offset_m: float = 0.0) -> Array:
-    """(L, 2, 3) lines of the floor a metre apart between corners (2,), (2,), the first so far from the lower [m]."""
-    x, y = (np.arange(start + offset_m, end + 1e-6) for start, end in zip(low, high, strict=True))
-    return np.array(
-        [
-            *([[at, low[1], 0.0], [at, high[1], 0.0]] for at in x),
-            *([[low[0], at, 0.0], [high[0], at, 0.0]] for at in y),
-        ]
-    )
-
-
-FIELD_OF_VIEW = float(np.radians(40.0))
-"""Of the browser's camera, from bottom to top [rad]."""
-
-_TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
-_ELEVATION = np.radians(12.0)
-_FILLED = 0.8  # share of the window's height that the body takes
-_SMALLEST_BODY_M = 0.5  # of a body of few segments
-
-
-@dataclass(frozen=True, eq=False)
-class OpeningView:
-    """A camera whose up is z: half from the front, half from the body's left, a little from above.
-
-    Attributes:
-        position: (3,) in the scene [m].
-        look_at: (3,) what is in the middle of the window [m].
-    """
-
-    position: Array
-    look_at: Array
-
-    @classmethod
-    def of_body(cls, scene_T_root: Array, points_scene: Array) -> "OpeningView":
-        """The viewpoint of a body.
-
-        Args:
-            scene_T_root: (4, 4) pose of its root, whose x is forward [m].
-            points_scene: (N, 3) what is to be in view [m].
-        """
-        low, high = points_scene.min(axis=0), points_scene.max(axis=0)
-        size = max(float((high - low).max()), _SMALLEST_BODY_M)
-        distance = size / _FILLED / (2.0 * np.tan(FIELD_OF_VIEW / 2.0))
-        azimuth = np.arctan2(scene_T_root[1, 0], scene_T_root[0, 0]) + _TURN
-        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        away = np.cos(_ELEVATION) * level + np.sin(_ELEVATION) * np.array([0.0, 0.0, 1.0])
-        centre = (low + high) / 2.0
-        return cls(centre + distance * away, centre)
-
-
-def points_to_see(body: BodyModel, world_T_segment: Array) -> Array:
-    """(N, 3) ends of bones, and cameras, of a body at poses (S, 4, 4) [m]."""
-    limbs = body_bones(body, world_T_segment)
-    cameras = [mounted_camera(body, world_T_segment, camera)[:3, 3] for camera in body.mounts]
-    return np.concatenate([*(end for limb in limbs for end in (limb.start, limb.end)), np.reshape(cameras, (-1, 3))])
+    return middle - half, middle + half

@@ -9,10 +9,8 @@ from bodycam_ros.viewer.correction import Correction, Part, can_turn, place_of
 from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.panels import CurvePanel, PicturePanel, TimePanel, add_switches
-from bodycam_ros.viewer.scene import Scene
-from bodycam_ros.viewer.scene_nodes import segment_name
+from bodycam_ros.viewer.scene import Scene, segment_name, surface_reader
 from bodycam_ros.viewer.server import LocalServer
-from bodycam_ros.viewer.skeleton_scene import surface_reader
 from bodycam_ros.viewer.sources import Sources
 
 _FRAME_S = 1.0 / 30.0

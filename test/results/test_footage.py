@@ -20,7 +20,7 @@ from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.viewer.motion import read_motion
-from bodycam_ros.viewer.scene_nodes import segment_rgb
+from bodycam_ros.viewer.scene import segment_rgb
 
 WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
 GREY = 90

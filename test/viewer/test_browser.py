@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import body_bones
-from bodycam_ros.picture_style import rgb
+from bodycam_ros.picture_style import rgb, side_colour
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.editor import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
-from bodycam_ros.viewer.scene import FIELD_OF_VIEW, OpeningView, points_to_see
-from bodycam_ros.viewer.scene_nodes import REGISTERED, SELECTED, segment_rgb
+from bodycam_ros.viewer.scene import REGISTERED, SELECTED
+from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, points_to_see
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
 from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
@@ -94,7 +94,7 @@ def share(picture: NDArray[np.uint8], places: NDArray[np.float64], colour: tuple
     return float(np.mean([s > _GREY and abs((h - hue + 0.5) % 1.0 - 0.5) < _HUE for h, s, _ in seen]))
 
 
-LEFT, RIGHT = segment_rgb("shin_left"), segment_rgb("shin_right")
+LEFT, RIGHT = rgb(side_colour("shin_left")), rgb(side_colour("shin_right"))
 
 
 def test_a_person_sees_the_body_where_it_is(view: BrowserView, motion: Motion, body: BodyModel) -> None:

@@ -17,7 +17,7 @@ from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.viewer.motion import Motion, read_motion
-from bodycam_ros.viewer.skeleton_scene import segment_bones
+from bodycam_ros.viewer.scene import segment_bones
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.viewer.placing_picture import PlacingPicture
-from bodycam_ros.viewer.scene_nodes import SELECTED
+from bodycam_ros.viewer.scene import SELECTED
 
 TILE = 480
 

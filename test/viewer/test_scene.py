@@ -17,12 +17,11 @@ from bodycam_ros.picture_style import EQUIPMENT, rgb
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.viewer.camera_scene import CameraScene
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.motion import Motion
-from bodycam_ros.viewer.scene import CAMERAS, FIELD_OF_VIEW, NAMES, OpeningView, Scene, points_to_see
-from bodycam_ros.viewer.scene_nodes import LOST, REGISTERED, SELECTED, UNKNOWN
+from bodycam_ros.viewer.scene import CAMERAS, LOST, NAMES, REGISTERED, SELECTED, UNKNOWN, Scene
 from bodycam_ros.viewer.server import LocalServer
+from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, points_to_see
 
 KNEE = Part("joint", "knee_left")
 FLOAT32 = 1e-6
@@ -139,18 +138,17 @@ def test_cameras_are_coloured_by_what_they_know_and_by_selection(
     assert colour_of(server, "/world/body/thigh_left/joint_knee_left") == rgb(SELECTED)
 
 
-def test_the_chosen_camera_shows_its_image_larger_than_the_others(server: LocalServer, body: BodyModel) -> None:
-    cameras = CameraScene(server.scene, body, lambda part: None, {})
+def test_the_chosen_camera_shows_its_image_larger_than_the_others(server: LocalServer, scene: Scene) -> None:
     image = np.full((4, 6, 3), 100, np.uint8)
     head, shin = (
         server.scene.get_handle_by_name(f"/world/body/{name}/camera_{name}") for name in ("head", "shin_left")
     )
     assert head is not None and shin is not None
     for camera, larger, other in (("head", head, shin), ("shin_left", shin, head)):
-        cameras.show_image(camera, image)
+        scene.show_image(camera, image)
         assert larger.image is not None and other.image is None  # type: ignore[attr-defined]
         assert larger.scale > other.scale  # type: ignore[attr-defined]
-    cameras.show_image(None, None)
+    scene.show_image(None, None)
     assert head.image is None and shin.image is None and head.scale == shin.scale  # type: ignore[attr-defined]
 
 
