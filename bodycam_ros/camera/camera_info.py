@@ -2,23 +2,19 @@
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from bodycam_ros.camera.angular import EquidistantCamera, FovCamera
-from bodycam_ros.camera.model import CameraModel
-from bodycam_ros.camera.perspective import PlumbBobCamera, RationalPolynomialCamera
+from bodycam_ros.camera.model import MODELS, CameraModel
 from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.errors import LensError
 from bodycam_ros.own_process import MOST_PIXELS
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
-_MODELS: dict[str, type[CameraModel]] = {
-    model.distortion_model: model for model in (PlumbBobCamera, RationalPolynomialCamera, EquidistantCamera, FovCamera)
-}
 # Lengths of d beside the model's own: what a shorter list leaves out is zero, what a longer one adds must be zero
 # (OpenCV's thin prism and tilted sensor).
 _OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
@@ -46,16 +42,16 @@ def camera_from_info(
     Raises:
         LensError: a field is missing, malformed or of an unsupported model.
     """
-    model = _MODELS.get(distortion_model)
-    if model is None:
-        known = ", ".join(sorted(_MODELS))
+    if distortion_model not in MODELS:
+        known = ", ".join(sorted(MODELS))
         raise _error(name, f"distortion model {shown(distortion_model)} is unknown; known are {known}")
     if not (width > 0 and height > 0):
         raise _error(name, f"the image size must be positive, not {width} x {height}")
     if width * height > MOST_PIXELS:
         raise _error(name, f"an image of {width} x {height} pixels is more than any camera has")
     fx, fy, cx, cy = _intrinsics(name, _numbers(name, "k", k))
-    return model(name, int(width), int(height), fx, fy, cx, cy, _distortion(name, model, _numbers(name, "d", d)))
+    distortion = _distortion(name, distortion_model, _numbers(name, "d", d))
+    return CameraModel(name, int(width), int(height), fx, fy, cx, cy, distortion, distortion_model)
 
 
 def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
@@ -88,15 +84,14 @@ def scaled_camera(camera: CameraModel, scale: float) -> CameraModel:
     """The camera of images that are reduced to a share of their size, in even numbers of pixels as video has them."""
     width, height = (max(2, 2 * round(0.5 * scale * side)) for side in (camera.width, camera.height))
     across, down = width / camera.width, height / camera.height
-    return type(camera)(
-        camera.name,
-        width,
-        height,
-        camera.fx * across,
-        camera.fy * down,
-        (camera.cx + 0.5) * across - 0.5,
-        (camera.cy + 0.5) * down - 0.5,
-        camera.distortion,
+    return replace(
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx * across,
+        fy=camera.fy * down,
+        cx=(camera.cx + 0.5) * across - 0.5,
+        cy=(camera.cy + 0.5) * down - 0.5,
     )
 
 
@@ -135,16 +130,17 @@ def _intrinsics(name: str, k: tuple[float, ...]) -> tuple[float, float, float, f
     return fx, fy, cx, cy
 
 
-def _distortion(name: str, model: type[CameraModel], d: tuple[float, ...]) -> tuple[float, ...]:
-    count = len(model.coefficients)
-    lengths = sorted({count, *_OTHER_LENGTHS.get(model.distortion_model, ())})
+def _distortion(name: str, model: str, d: tuple[float, ...]) -> tuple[float, ...]:
+    coefficients = MODELS[model][1]
+    count = len(coefficients)
+    lengths = sorted({count, *_OTHER_LENGTHS.get(model, ())})
     if len(d) not in lengths:
         expected = " or ".join(str(length) for length in lengths)
-        order = ", ".join(model.coefficients)
-        raise _error(name, f"{model.distortion_model} needs {expected} coefficients d ({order}), not {len(d)}")
+        order = ", ".join(coefficients)
+        raise _error(name, f"{model} needs {expected} coefficients d ({order}), not {len(d)}")
     if any(d[count:]):
         raise _error(name, f"thin prism and tilt coefficients are not supported: d[{count}:] must be zero")
-    if model is FovCamera and not 0.0 <= d[0] < math.pi:
+    if model == "fov" and not 0.0 <= d[0] < math.pi:
         raise _error(name, f"omega of the fov model must be from 0 to below pi [rad], not {d[0]:g}")
     return (*d[:count], *[0.0] * (count - len(d)))
 

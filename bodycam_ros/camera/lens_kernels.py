@@ -1,7 +1,19 @@
 """The lens models as kernels: a point to its pixel, with derivatives, and a pixel to its bearing.
 
-The equations are those of ``PerspectiveCamera``, ``EquidistantCamera`` and ``FovCamera``, where they are explained.
 Every kernel takes the lens as a vector, ``CameraModel.parameters``. What is not valid is NaN.
+
+Perspective lenses (``plumb_bob``, ``rational_polynomial``; COLMAP's OPENCV and FULL_OPENCV) distort the image plane at
+z = 1. Brown 1966, in OpenCV's form, with r^2 = x^2 + y^2 and tilt = 2 (p1 y + p2 x):
+    x_d = (gain(r^2) + tilt) x + p2 r^2,  y_d = (gain(r^2) + tilt) y + p1 r^2
+    gain = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
+where the denominator is Claus and Fitzgibbon's 2005, "A rational function lens distortion model for general cameras".
+
+The others distort the angle a to the axis, and have no pole at 90 degrees. ``equidistant`` (``cv2.fisheye``, COLMAP's
+OPENCV_FISHEYE) is Kannala and Brandt's 2006 with the four odd terms that OpenCV kept:
+    r_d = a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8)
+``fov`` (COLMAP's FOV) is Devernay and Faugeras' 2001, "Straight lines have to be straight":
+    r_d = atan(2 tan(a) tan(omega / 2)) / omega
+continued beyond 90 degrees by ``atan2``, where COLMAP ends; omega = 0 is the pinhole.
 """
 
 import math
@@ -25,7 +37,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 PERSPECTIVE, EQUIDISTANT, FOV = 0.0, 1.0, 2.0
-_MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, _MAX_ANGLE, _MAX_RADIUS, _REGULAR_ANGLE = range(10)
+_MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, MAX_ANGLE, MAX_RADIUS, REGULAR_ANGLE = range(10)
 COEFFICIENTS = 10
 """First entry of the distortion coefficients."""
 PROJECTION = 18
@@ -33,29 +45,33 @@ PROJECTION = 18
 # Then distorted radii, and what has them: undistorted radii of a perspective lens, angles of an equidistant one.
 _TABLE = PROJECTION
 
+_DIRECTIONS = 24  # in which the derivative of a perspective lens is tried
 _TINY = 1e-300
 _MAX_STEPS = 20
 _CONVERGED = 1e-14
 _ACCEPTED = 1e-11
 
 
-def lens_vector(
-    model: float,
-    pinhole: tuple[float, ...],
-    max_radius: float,
-    regular_angle: float,
-    coefficients: tuple[float, ...],
-    *start_table: Array,
-) -> Array:
-    """Put together what the kernels of a model need; see the models for what it is.
+@kernel("(f8[::1], f8[::1])")
+def measure_shape(lens: Array, angles: Array) -> tuple[Array, Mask]:
+    """Distorted radii (N,) [focal lengths] at angles (N,) to the axis [rad], without tangential distortion.
 
-    ``pinhole`` is that of the ``CameraModel``.
+    And whether the lens can be inverted there (N,): in every direction about the axis the image grows outwards.
     """
-    head = np.zeros(_TABLE)
-    head[: _CY + 1] = model, *pinhole[:-1]
-    head[_MAX_ANGLE : _REGULAR_ANGLE + 1] = pinhole[-1], max_radius, regular_angle
-    head[COEFFICIENTS : COEFFICIENTS + len(coefficients)] = coefficients
-    return np.concatenate([head, *start_table])
+    radii, regular = np.empty(len(angles)), np.empty(len(angles), np.bool_)
+    for i in range(len(angles)):
+        if lens[_MODEL] == PERSPECTIVE:
+            radius = math.tan(angles[i])
+            gain = _gain(lens, radius * radius)
+            radii[i], regular[i] = gain * radius, gain > 0.0
+            for k in range(_DIRECTIONS):
+                turn = 2.0 * math.pi * k / _DIRECTIONS
+                _, _, xx, xy, yy = _distort_plane(lens, radius * math.cos(turn), radius * math.sin(turn))
+                regular[i] &= xx * yy - xy * xy > 0.0
+        else:
+            radii[i], slope = _radius_and_slope(lens, angles[i])
+            regular[i] = slope > 0.0 and radii[i] >= 0.0
+    return radii, regular
 
 
 @kernel("(f8[::1], f8[:, ::1])")
@@ -156,9 +172,9 @@ def unproject_pixel(lens: Array, u: float, v: float) -> tuple[float, float, floa
     if lens[_MODEL] == PERSPECTIVE:
         return _undistort_perspective(lens, x_distorted, y_distorted)
     radius = math.sqrt(x_distorted**2 + y_distorted**2 + _TINY)
-    if not radius <= lens[_MAX_RADIUS] + EDGE:
+    if not radius <= lens[MAX_RADIUS] + EDGE:
         return math.nan, math.nan, math.nan, False
-    angle = min(_angle(lens, radius), lens[_MAX_ANGLE])
+    angle = min(_angle(lens, radius), lens[MAX_ANGLE])
     gain = math.sin(angle) / radius
     return gain * x_distorted, gain * y_distorted, math.cos(angle), True
 
@@ -171,13 +187,13 @@ def in_image(lens: Array, u: float, v: float) -> bool:
 
 @kernel()
 def _in_perspective_cone(lens: Array, r2: float, z: float) -> bool:
-    return z > NEAREST and z < FARTHEST and r2 <= lens[_MAX_RADIUS] ** 2 * (1.0 + EDGE)
+    return z > NEAREST and z < FARTHEST and r2 <= lens[MAX_RADIUS] ** 2 * (1.0 + EDGE)
 
 
 @kernel()
 def _in_angular_cone(lens: Array, angle: float, squared_distance: float) -> bool:
     has_direction = squared_distance > NEAREST**2 and squared_distance < FARTHEST**2
-    return has_direction and angle <= lens[_MAX_ANGLE] + EDGE
+    return has_direction and angle <= lens[MAX_ANGLE] + EDGE
 
 
 @kernel()
@@ -229,7 +245,7 @@ def _undistort_perspective(lens: Array, x_wanted: float, y_wanted: float) -> tup
         determinant = xx * yy - xy * xy
         x = x + (yy * x_missing - xy * y_missing) / determinant
         y = y + (xx * y_missing - xy * x_missing) / determinant
-        back_into_cone = min(1.0, lens[_MAX_RADIUS] / max(math.hypot(x, y), NEAREST))
+        back_into_cone = min(1.0, lens[MAX_RADIUS] / max(math.hypot(x, y), NEAREST))
         x, y = x * back_into_cone, y * back_into_cone
     if not missing < _ACCEPTED:
         return math.nan, math.nan, math.nan, False
@@ -262,7 +278,7 @@ def _angle(lens: Array, radius: float) -> float:
         missing = radius - reached
         if abs(missing) < _CONVERGED:
             break
-        angle = min(max(angle + missing / slope, 0.0), lens[_REGULAR_ANGLE])
+        angle = min(max(angle + missing / slope, 0.0), lens[REGULAR_ANGLE])
     return angle
 
 

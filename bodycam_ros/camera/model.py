@@ -1,30 +1,54 @@
-"""What every camera model offers, and the checks that all of them share.
+"""A calibrated camera: points in front of it to pixels and back, and the cone in which its lens model holds.
 
 The camera frame is ROS' optical frame: x right, y down, z along the optical axis. Pixels are OpenCV's: the centre of
-the top left pixel is (0, 0). A model distorts a point to coordinates in units of the focal length; this class turns
-those to pixels and keeps what lies outside the model's valid cone from passing as a measurement. ``lens_kernels``
-compute all this.
+the top left pixel is (0, 0). ``lens_kernels`` have the lens models and compute all this.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.lens_kernels import project_points, project_points_with_jacobian, unproject_pixels
+from bodycam_ros.camera.lens_kernels import (
+    COEFFICIENTS,
+    EQUIDISTANT,
+    FOV,
+    MAX_ANGLE,
+    MAX_RADIUS,
+    PERSPECTIVE,
+    PROJECTION,
+    REGULAR_ANGLE,
+    measure_shape,
+    project_points,
+    project_points_with_jacobian,
+    unproject_pixels,
+)
 from bodycam_ros.kernels import as_rows
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_PERSPECTIVE_COEFFICIENTS = "k1", "k2", "p1", "p2", "k3"
+MODELS: Final[Mapping[str, tuple[float, tuple[str, ...]]]] = {
+    "plumb_bob": (PERSPECTIVE, _PERSPECTIVE_COEFFICIENTS),
+    "rational_polynomial": (PERSPECTIVE, (*_PERSPECTIVE_COEFFICIENTS, "k4", "k5", "k6")),
+    "equidistant": (EQUIDISTANT, ("k1", "k2", "k3", "k4")),
+    "fov": (FOV, ("omega",)),
+}
+"""Distortion model -> its kind in ``lens_kernels``, and its coefficients; ROS has no name for ``fov``."""
+
+_WIDEST_PERSPECTIVE = np.pi / 2.0 - 1e-6  # [rad]
+_WIDEST = np.radians(179.0)  # straight behind the camera the direction in the image is not defined
 _SAMPLES = 1000
 _REFINEMENTS = 4  # each divides the bracket by _SAMPLES
+_SMALLEST_OMEGA = 1e-8  # [rad] below it the model is the pinhole to rounding
 
 
-class CameraModel(ABC):
+@dataclass(frozen=True, eq=False)
+class CameraModel:
     """A calibrated camera with a central lens.
 
     Attributes:
@@ -32,47 +56,62 @@ class CameraModel(ABC):
         width, height: image size [px].
         fx, fy, cx, cy: focal lengths and principal point [px].
         distortion: the coefficients, in the order of sensor_msgs/CameraInfo.
-        max_angle: half the opening of the valid cone about the optical axis [rad].
+        distortion_model: one of ``MODELS``.
     """
 
-    distortion_model: ClassVar[str]
-    coefficients: ClassVar[tuple[str, ...]]
-
-    def __init__(
-        self,
-        name: str,
-        width: int,
-        height: int,
-        fx: float,
-        fy: float,
-        cx: float,
-        cy: float,
-        distortion: tuple[float, ...],
-    ) -> None:
-        self.name = name
-        self.width = width
-        self.height = height
-        self.fx = fx
-        self.fy = fy
-        self.cx = cx
-        self.cy = cy
-        self.distortion = distortion
-        self.max_angle = self._cone_angle()
+    name: str
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...]
+    distortion_model: str
 
     @property
-    def pinhole(self) -> tuple[float, ...]:
-        """What all models have: width, height, fx, fy, cx, cy [px], and ``max_angle`` [rad]."""
-        return self.width, self.height, self.fx, self.fy, self.cx, self.cy, self.max_angle
+    def max_angle(self) -> float:
+        """Half the opening of the valid cone about the optical axis [rad]."""
+        return float(self.parameters[MAX_ANGLE])
+
+    @cached_property
+    def parameters(self) -> Array:
+        """The lens as ``lens_kernels`` take it; not to be changed.
+
+        The cone of a perspective lens ends short of 90 degrees, or where the distortion can no longer be inverted. That
+        of another one too, but at or beyond 90 degrees it reaches only as far as the image does: so nothing behind an
+        ordinary lens is valid, and a lens of more than 180 degrees keeps all it can see.
+        """
+        kind = MODELS[self.distortion_model][0]
+        lens = np.zeros(PROJECTION)
+        lens[:7] = kind, self.width, self.height, self.fx, self.fy, self.cx, self.cy
+        numbers = self.distortion
+        if kind == FOV:
+            omega = max(self.distortion[0], _SMALLEST_OMEGA)
+            numbers = omega, 2.0 * np.tan(0.5 * omega)
+        lens[COEFFICIENTS : COEFFICIENTS + len(numbers)] = numbers
+        widest = _WIDEST_PERSPECTIVE if kind == PERSPECTIVE else _WIDEST
+        regular = largest_regular_angle(lambda angles: measure_shape(lens, angles)[1], widest)
+        angles = np.linspace(0.0, regular, _SAMPLES)
+        radii = measure_shape(lens, angles)[0]
+        lens[MAX_ANGLE], lens[REGULAR_ANGLE] = regular, regular
+        if kind == PERSPECTIVE:
+            lens[MAX_RADIUS] = np.tan(regular)
+            return np.concatenate([lens, radii, np.tan(angles)])
+        table = np.concatenate([radii, angles])
+        # The corner of the image that is farthest from the axis, as far as the lens can be inverted.
+        across, down = max(self.cx + 0.5, self.width - 0.5 - self.cx), max(self.cy + 0.5, self.height - 0.5 - self.cy)
+        lens[MAX_RADIUS] = radii[-1]
+        corner = np.array([[self.cx + min(float(np.hypot(across, down)), self.fx * radii[-1]), self.cy]])
+        bearing = unproject_pixels(np.concatenate([lens, table]), corner)[0][0]
+        lens[MAX_ANGLE] = min(regular, max(0.5 * np.pi, float(np.arccos(bearing[2]))))
+        lens[MAX_RADIUS] = measure_shape(lens, lens[MAX_ANGLE : MAX_ANGLE + 1])[0][0]
+        return np.concatenate([lens, table])
 
     @property
     def k(self) -> tuple[float, ...]:
         """The 3x3 intrinsic matrix by rows [px], as sensor_msgs/CameraInfo has it."""
         return (self.fx, 0.0, self.cx, 0.0, self.fy, self.cy, 0.0, 0.0, 1.0)
-
-    @cached_property
-    def parameters(self) -> Array:
-        """The lens as ``lens_kernels`` take it; not to be changed."""
-        return self._parameters()
 
     def project(self, points_camera: NDArray[np.floating]) -> tuple[Array, Mask]:
         """Pixels (N, 2) of points (N, 3) [m] in the camera frame, and which of them are valid (N,).
@@ -100,14 +139,6 @@ class CameraModel(ABC):
         u, v = np.asarray(pixels).reshape(-1, 2).T
         inside: Mask = (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
         return inside
-
-    @abstractmethod
-    def _parameters(self) -> Array:
-        """Made by ``lens_kernels.lens_vector``."""
-
-    @abstractmethod
-    def _cone_angle(self) -> float:
-        """The value of ``max_angle``."""
 
 
 OPTICAL_SUFFIX = "_optical_frame"

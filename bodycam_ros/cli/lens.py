@@ -1,6 +1,7 @@
 """bodycam lens: the lens of a camera, measured by pictures of a board, as a camera_info YAML."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -97,7 +98,6 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
     from bodycam_ros.camera.camera_info import camera_info_yaml
 
     camera, validation = calibration.chosen.fit.camera, calibration.chosen.validation
-    camera.name = name
     fx, fy, cx, cy = validation.lens_sigma[:4]
     lines = [
         f"{_MARK} by {len(calibration.chosen.fit.views)} pictures of {Path(board).name}; those left out are off by",
@@ -106,7 +106,7 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
         f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",
         *(f"# warning: {warning}" for warning in calibration.warnings),
     ]
-    return "\n".join(lines) + f"\n{camera_info_yaml(camera)}"
+    return "\n".join(lines) + f"\n{camera_info_yaml(replace(camera, name=name))}"
 
 
 def _print_found(console: Terminal, calibration: "LensCalibration") -> None:

@@ -178,16 +178,7 @@ def _perspective_poses(points: Array, image: Array) -> list[Array]:
 
 def _mirrored(camera: CameraModel) -> CameraModel:
     """The camera of pictures that are mirrored left to right, but for tangential distortion."""
-    return type(camera)(
-        camera.name,
-        camera.width,
-        camera.height,
-        camera.fx,
-        camera.fy,
-        camera.width - 1 - camera.cx,
-        camera.cy,
-        camera.distortion,
-    )
+    return replace(camera, cx=camera.width - 1 - camera.cx)
 
 
 def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Found | None:

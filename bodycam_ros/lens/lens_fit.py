@@ -5,7 +5,7 @@ is solved has the size of the lens alone. Points that do not fit count less, by 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -94,7 +94,7 @@ class LensFit:
 def with_lens(camera: CameraModel, lens: Array) -> CameraModel:
     """A camera of the same kind with other numbers (fx, fy, cx, cy, distortion)."""
     fx, fy, cx, cy, *distortion = lens.tolist()
-    return type(camera)(camera.name, camera.width, camera.height, fx, fy, cx, cy, tuple(distortion))
+    return replace(camera, fx=fx, fy=fy, cx=cx, cy=cy, distortion=tuple(distortion))
 
 
 def lens_numbers(camera: CameraModel) -> Array:

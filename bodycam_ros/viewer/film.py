@@ -11,7 +11,6 @@ from scipy.ndimage import uniform_filter1d
 from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
-from bodycam_ros.camera.perspective import PlumbBobCamera
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import INK, rgb
@@ -78,7 +77,8 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
     """Seconds and picture of every state."""
     motion, body = sources.motion, sources.body
     focal = HEIGHT / 2.0 / np.tan(FIELD_OF_VIEW / 2.0)
-    lens = PlumbBobCamera("outside", WIDTH, HEIGHT, focal, focal, (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0, (0.0,) * 5)
+    middle = (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0
+    lens = CameraModel("outside", WIDTH, HEIGHT, focal, focal, *middle, (0.0,) * 5, "plumb_bob")
     path = motion.world_T_root[:, :2, 3]
     followed = uniform_filter1d(path, round(_FOLLOW_S * 1e9 / motion.frame_ns), axis=0, mode="nearest")
     first = motion.segments_at(body, 0)
