@@ -100,9 +100,10 @@ class CameraModel:
             return np.concatenate([lens, radii, np.tan(angles)])
         table = np.concatenate([radii, angles])
         # The corner of the image that is farthest from the axis, as far as the lens can be inverted.
-        across, down = max(self.cx + 0.5, self.width - 0.5 - self.cx), max(self.cy + 0.5, self.height - 0.5 - self.cy)
+        x = max(self.cx + 0.5, self.width - 0.5 - self.cx) / self.fx
+        y = max(self.cy + 0.5, self.height - 0.5 - self.cy) / self.fy
         lens[MAX_RADIUS] = radii[-1]
-        corner = np.array([[self.cx + min(float(np.hypot(across, down)), self.fx * radii[-1]), self.cy]])
+        corner = np.array([[self.cx + self.fx * min(float(np.hypot(x, y)), radii[-1]), self.cy]])
         bearing = unproject_pixels(np.concatenate([lens, table]), corner)[0][0]
         lens[MAX_ANGLE] = min(regular, max(0.5 * np.pi, float(np.arccos(bearing[2]))))
         lens[MAX_RADIUS] = measure_shape(lens, lens[MAX_ANGLE : MAX_ANGLE + 1])[0][0]
