@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import msgspec
+
 from bodycam_ros.recording.bag_file import is_bag
 
 _SERIAL = ("evaluate", "export")  # commands without --jobs
@@ -32,8 +34,11 @@ def find_source(path: Path) -> Source | None:
     return Source(name, path, is_bag(path)) if is_bag(path) or path.is_dir() else None
 
 
-@dataclass(frozen=True)
-class Place:
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A part of a study file as it is written there."""
+
+
+class Place(Entry, frozen=True):
     """Where people were recorded.
 
     Attributes:
@@ -41,37 +46,29 @@ class Place:
         reference: photographs to make a map of, where there is no ``map``.
     """
 
-    name: str
-    map: Path | None
-    reference: Path | None
-
-    @property
-    def folder(self) -> Path:
-        """For the map, within that of the results."""
-        return Path("places", self.name) if self.name else Path()
+    map: Path | None = None
+    reference: Path | None = None
 
 
-@dataclass(frozen=True)
-class Subject:
+class Subject(Entry, frozen=True):
     """A recorded person.
 
     Attributes:
         body: an existing body.
         rig: which camera is on which segment; needed to make a body.
-        rom: the range of motion to make a body of, where there is no ``body``.
+        range_of_motion: a recording to make the body of, where there is no ``body``.
         place: name of the place where that was recorded.
     """
 
-    name: str
-    body: Path | None
-    rig: Path | None
-    rom: Source | None = None
-    place: str = ""
+    body: Path | None = None
+    rig: Path | None = None
+    range_of_motion: Path | None = None
+    place: str | None = None
 
     @property
-    def folder(self) -> Path:
-        """For the body, within that of the results."""
-        return Path("subjects", self.name) if self.name else Path()
+    def rom(self) -> Source | None:
+        """The range of motion."""
+        return None if self.range_of_motion is None else find_source(self.range_of_motion)
 
 
 @dataclass(frozen=True)
@@ -120,11 +117,9 @@ class Study:
     @property
     def inputs(self) -> tuple[Path, ...]:
         """Files and folders that are only read."""
-        found: list[Path | str | None] = [self.path, self.lenses, self.settings]
-        for place in self.places.values():
-            found += [place.map, place.reference]
-        for subject in self.subjects.values():
-            found += [subject.body, subject.rig, subject.rom.path if subject.rom else None]
+        found: list[object] = [self.path, self.lenses, self.settings]
+        for entry in (*self.places.values(), *self.subjects.values()):
+            found += msgspec.structs.astuple(entry)
         for recording in self.recordings:
             found += [recording.source.path, recording.truth, recording.equipment]
         return tuple(dict.fromkeys(path for path in found if isinstance(path, Path)))
@@ -184,23 +179,20 @@ def study_steps(study: Study, folder: Path) -> list[Step]:
             return source.path
         return add(name, "ingest", source.path, output=bag, lenses=study.lenses, rig=rig)
 
-    maps: dict[str, Path | None] = {}
-    for place in study.places.values():
-        maps[place.name] = place.map
+    maps = {name: place.map for name, place in study.places.items()}
+    for name, place in study.places.items():
         if place.map is None and place.reference is not None:
-            output = folder / place.folder / "map"
-            maps[place.name] = add(_named(place.name, "map"), "map", place.reference, output=output)
-    bodies: dict[str, Path | None] = {}
-    for subject in study.subjects.values():
-        bodies[subject.name] = subject.body
+            output = folder / ("places" if name else "") / name / "map"
+            maps[name] = add(_named(name, "map"), "map", place.reference, output=output)
+    bodies = {name: subject.body for name, subject in study.subjects.items()}
+    for name, subject in study.subjects.items():
         if subject.body is None and subject.rom is not None:
-            results = folder / subject.folder
-            name = _named(subject.name, "ingest range of motion")
-            bag = ingested(name, subject.rom, results / "rom", subject.rig)
-            map_path, name, output = maps.get(subject.place), _named(subject.name, "body"), results / "body.yaml"
+            results = folder / ("subjects" if name else "") / name
+            bag = ingested(_named(name, "ingest range of motion"), subject.rom, results / "rom", subject.rig)
+            map_path = maps.get(subject.place or "")
             if map_path is not None and subject.rig is not None:
                 flags = {"map": map_path, "rig": subject.rig, "config": study.settings}
-                bodies[subject.name] = add(name, "body", bag, output=output, **flags)
+                bodies[name] = add(_named(name, "body"), "body", bag, output=results / "body.yaml", **flags)
     for recording in study.recordings:
         name, results = recording.name, folder / "takes" / recording.name
         bag = ingested(f"{name}: ingest", recording.source, results / "bag", study.subjects[recording.subject].rig)

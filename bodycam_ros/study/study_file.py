@@ -15,7 +15,7 @@ import msgspec
 from bodycam_ros.errors import BodyError, OutputError, RecordingError, StudyError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.study.step_runner import LOCK
-from bodycam_ros.study.study import Place, Recording, Source, Study, Subject, find_source
+from bodycam_ros.study.study import Entry, Place, Recording, Source, Study, Subject, find_source
 from bodycam_ros.yaml_file import read_yaml
 
 _Name = Annotated[str, msgspec.Meta(pattern=r"^[\w-][\w.-]{0,99}$")]
@@ -23,23 +23,7 @@ _Name = Annotated[str, msgspec.Meta(pattern=r"^[\w-][\w.-]{0,99}$")]
 _Text = Annotated[str, msgspec.Meta(min_length=1)]
 
 
-class _Entry(msgspec.Struct, forbid_unknown_fields=True):
-    pass
-
-
-class _PlaceEntry(_Entry):
-    map: _Text | None = None
-    reference: _Text | None = None
-
-
-class _SubjectEntry(_Entry):
-    body: _Text | None = None
-    rig: _Text | None = None
-    range_of_motion: _Text | None = None
-    place: str | None = None
-
-
-class _RecordingEntry(_Entry):
+class _RecordingEntry(Entry, frozen=True):
     path: _Text
     name: _Name | None = None
     subject: str | None = None
@@ -48,12 +32,12 @@ class _RecordingEntry(_Entry):
     equipment: _Text | None = None
 
 
-class _StudyEntry(_Entry):
-    places: Annotated[dict[_Name, _PlaceEntry], msgspec.Meta(min_length=1)]
-    subjects: Annotated[dict[_Name, _SubjectEntry], msgspec.Meta(min_length=1)]
+class _StudyEntry(Entry, frozen=True):
+    places: Annotated[dict[_Name, Place], msgspec.Meta(min_length=1)]
+    subjects: Annotated[dict[_Name, Subject], msgspec.Meta(min_length=1)]
     recordings: Annotated[list[_RecordingEntry], msgspec.Meta(min_length=1)]
-    settings: _Text | None = None
-    lenses: _Text | None = None
+    settings: Path | None = None
+    lenses: Path | None = None
     equipment: _Text | None = None
     exports: list[str] = []
 
@@ -77,60 +61,58 @@ class _StudyReader:
     def read(self) -> Study:
         document = read_yaml(self._path, "study file", StudyError)
         try:
-            entry = msgspec.convert(document, _StudyEntry)
+            entry = msgspec.convert(document, _StudyEntry, dec_hook=lambda _, text: self._below(text))
         except msgspec.ValidationError as error:
             raise StudyError(f"{self._path}: {str(error).replace('`', '')}") from error
-        places = {name: self._place(name, each) for name, each in entry.places.items()}
-        subjects = {name: self._subject(name, each, places) for name, each in entry.subjects.items()}
+        self._check_paths("", entry)
+        for name, place in entry.places.items():
+            if (place.map is None) == (place.reference is None):
+                self._refuse(
+                    f"places.{name}", "needs either map, an existing one, or reference, a folder of photographs"
+                )
+            self._check_paths(f"places.{name}.", place)
+        subjects = {name: self._subject(f"subjects.{name}", each, entry) for name, each in entry.subjects.items()}
         recordings: dict[str, Recording] = {}
         for number, each in enumerate(entry.recordings):
             key = f"recordings[{number}]"
-            for recording in self._recordings(key, each, subjects, places, entry.equipment):
+            for recording in self._recordings(key, each, entry):
                 if (other := recordings.setdefault(recording.name, recording)) is not recording:
                     self._refuse(
                         key,
                         f"{recording.source.path} and {other.source.path} would both have the name {recording.name}; "
                         "list them apart, with a name each",
                     )
-        settings, lenses = self._existing("settings", entry.settings), self._existing("lenses", entry.lenses)
+        exports = self._exports(entry.exports)
         return Study(
-            self._path, places, subjects, tuple(recordings.values()), settings, lenses, self._exports(entry.exports)
+            self._path, entry.places, subjects, tuple(recordings.values()), entry.settings, entry.lenses, exports
         )
 
-    def _place(self, name: str, entry: _PlaceEntry) -> Place:
-        key = f"places.{name}"
-        if (entry.map is None) == (entry.reference is None):
-            self._refuse(key, "needs either map, an existing one, or reference, a folder of photographs")
-        existing, reference = (self._existing(f"{key}.{k}", getattr(entry, k)) for k in ("map", "reference"))
-        return Place(name, existing, reference)
+    def _below(self, text: object) -> Path:
+        """A path from the folder of the study file on."""
+        try:
+            return self._path.parent / msgspec.convert(text, _Text)
+        except msgspec.ValidationError as error:
+            raise ValueError(str(error)) from error  # to which msgspec adds the place in the file
 
-    def _subject(self, name: str, entry: _SubjectEntry, places: Mapping[str, Place]) -> Subject:
-        key = f"subjects.{name}"
-        if (entry.body is None) == (entry.range_of_motion is None):
+    def _subject(self, key: str, subject: Subject, entry: _StudyEntry) -> Subject:
+        if (subject.body is None) == (subject.range_of_motion is None):
             self._refuse(key, "needs either body, an existing one, or range_of_motion, a recording to make one of")
-        body, rig = (self._existing(f"{key}.{k}", getattr(entry, k)) for k in ("body", "rig"))
-        rom = self._existing(f"{key}.range_of_motion", entry.range_of_motion)
-        if rom is None:
-            return Subject(name, body, rig)
-        if rig is None:
+        self._check_paths(f"{key}.", subject)
+        if subject.range_of_motion is None:
+            return subject
+        if subject.rig is None:
             self._refuse(key, "lacks rig, which says on which segment each camera is: without it no body can be made")
-        source = self._source(f"{key}.range_of_motion", rom)
-        return Subject(name, None, rig, source, self._chosen(key, "place", entry.place, places))
+        self._source(f"{key}.range_of_motion", subject.range_of_motion)
+        return msgspec.structs.replace(subject, place=self._chosen(key, "place", subject.place, entry.places))
 
-    def _recordings(
-        self,
-        key: str,
-        entry: _RecordingEntry,
-        subjects: Mapping[str, Subject],
-        places: Mapping[str, Place],
-        equipment: str | None,
-    ) -> Iterator[Recording]:
-        subject = self._chosen(key, "subject", entry.subject, subjects)
-        place = self._chosen(key, "place", entry.place, places)
-        own = self._equipment(f"{key}.equipment", entry.equipment or equipment)
-        for source in self._sources(f"{key}.path", entry.path, entry.name):
-            truth = entry.truth and entry.truth.replace("{name}", source.name).replace("{path}", str(source.path))
-            yield Recording(source, subject, place, self._existing(f"{key}.truth", truth), own)
+    def _recordings(self, key: str, each: _RecordingEntry, entry: _StudyEntry) -> Iterator[Recording]:
+        subject = self._chosen(key, "subject", each.subject, entry.subjects)
+        place = self._chosen(key, "place", each.place, entry.places)
+        equipment = self._equipment(f"{key}.equipment", each.equipment or entry.equipment)
+        for source in self._sources(f"{key}.path", each.path, each.name):
+            truth = each.truth and each.truth.replace("{name}", source.name).replace("{path}", str(source.path))
+            known = None if truth is None else self._existing(f"{key}.truth", self._below(truth))
+            yield Recording(source, subject, place, known, equipment)
 
     def _sources(self, key: str, text: str, name: str | None) -> Iterator[Source]:
         """The recordings that a path or pattern means, in the order of their names.
@@ -142,7 +124,7 @@ class _StudyReader:
         parts = Path(text).parts
         wild = [index for index, part in enumerate(parts) if _WILDCARD.search(part)]
         if not wild:
-            source = self._source(key, self._existing(key, text) or Path())
+            source = self._source(key, self._existing(key, self._below(text)))
             yield replace(source, name=name or folder_name(source.name))
             return
         if name is not None:
@@ -163,11 +145,12 @@ class _StudyReader:
             self._refuse(key, f"{path} is neither a ros2 bag nor a folder of videos")
         return source
 
-    def _existing(self, key: str, text: str | None) -> Path | None:
-        """A path from the folder of the study file on, which must exist."""
-        if text is None:
-            return None
-        path = self._path.parent / text
+    def _check_paths(self, key: str, entry: Entry) -> None:
+        for name, value in msgspec.structs.asdict(entry).items():
+            if isinstance(value, Path):
+                self._existing(key + name, value)
+
+    def _existing(self, key: str, path: Path) -> Path:
         try:
             exists = path.exists()
         except (OSError, ValueError):
@@ -192,12 +175,12 @@ class _StudyReader:
 
         if text is None or text in supplied_equipment():
             return text
-        if not (self._path.parent / text).exists():
+        if not self._below(text).exists():
             try:
                 equipment_path(text)
             except BodyError as error:
                 self._refuse(key, str(error))
-        return self._existing(key, text)
+        return self._existing(key, self._below(text))
 
     def _exports(self, names: list[str]) -> tuple[str, ...]:
         from bodycam_ros.formats.export import FORMATS
@@ -279,8 +262,8 @@ def read_recording_folder(path: Path) -> Study:
     rom = find_source(path / "rom")
     if rom is None and not sources and "reference" not in there:
         raise RecordingError(f"{path}: holds nothing that could be solved; expected\n{LAYOUT}")
-    place = Place("", there.get("map"), there.get("reference"))
-    subject = Subject("", there.get("body.yaml"), there.get("rig.yaml"), rom)
+    place = Place(there.get("map"), there.get("reference"))
+    subject = Subject(there.get("body.yaml"), there.get("rig.yaml"), rom.path if rom else None)
     recordings = (Recording(source, "", "", None, equipment if equipment.exists() else None) for source in sources)
     return Study(path, {"": place}, {"": subject}, tuple(recordings), there.get("settings.yaml"), there.get("lenses"))
 
