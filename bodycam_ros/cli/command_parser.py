@@ -72,26 +72,16 @@ class CommandParser(argparse.ArgumentParser):
 
     def _required(self) -> list[str]:
         """Flags and arguments that must be given, as they are written."""
-        positional = [_argument(action) for action in self._actions if not action.option_strings]
+        formatter = self._get_formatter()
+        words = {action: formatter._format_args(action, action.dest.upper()) for action in self._actions}
+        positional = [words[action] for action in self._actions if not action.option_strings]
         flags = [action for action in self._actions if action.option_strings and action.required]
-        return [*positional, *(f"{action.option_strings[0]} {_value(action)}" for action in flags), "[options]"]
+        return [*positional, *(f"{action.option_strings[0]} {words[action]}" for action in flags), "[options]"]
 
 
 def is_given(arguments: argparse.Namespace, name: str) -> bool:
     """Whether an argument has a value."""
     return getattr(arguments, name, None) not in (None, [], False)
-
-
-def _argument(action: argparse.Action) -> str:
-    name = _value(action)
-    return {"?": f"[{name}]", "*": f"[{name} ...]", "+": f"{name} ..."}.get(str(action.nargs), name)
-
-
-def _value(action: argparse.Action) -> str:
-    if isinstance(action.metavar, tuple):
-        return " ".join(action.metavar)
-    choices = None if action.choices is None else "{" + ",".join(map(str, action.choices)) + "}"
-    return action.metavar or choices or action.dest.upper()
 
 
 STEPS = """\

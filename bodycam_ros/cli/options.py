@@ -4,8 +4,8 @@ import argparse
 import os
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bodycam_ros.cli.command_parser import CommandParser
@@ -142,13 +142,9 @@ def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
     parser.set_defaults(settings={})
     if groups:
         assert isinstance(parser, CommandParser), "commands are added to a CommandParser"
-        parser.read_groups = lambda: {name for group in groups for name in _settings_type(group).groups()}
-
-
-def _settings_type(name: str) -> type[SettingsGroups]:
-    module, _, attribute = name.partition(":")
-    groups: type[SettingsGroups] = getattr(import_module(f"bodycam_ros.{module}"), attribute)
-    return groups
+        parser.read_groups = lambda: {
+            name for group in groups for name in resolve_name(f"bodycam_ros.{group}").groups()
+        }
 
 
 def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":

@@ -1,14 +1,12 @@
 """bodycam run: all steps for a folder of recordings; steps that are done are left alone."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 from bodycam_ros.cli.options import add_config, add_option
-from bodycam_ros.cli.study import run_steps
+from bodycam_ros.cli.study import SolvedStudy
 from bodycam_ros.study.study_file import LAYOUT, SOLVED, list_missing, read_recording_folder
 from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import WRONG_RESULT
 
 EPILOG = f"""
 A RECORDING_DIR holds
@@ -35,22 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.study.study import study_steps
-
     study = read_recording_folder(arguments.folder)
-    study = replace(study, settings=arguments.config or study.settings)
-    solved = arguments.folder / SOLVED
-    steps = study_steps(study, solved)
-    notes, failures = run_steps(steps, solved, arguments.jobs, arguments.dry_run, logs=None)
-    terminal = Terminal()
-    missing = list_missing(study)
+    solved = SolvedStudy(study, arguments.folder / SOLVED, arguments, logs=None)
+    terminal, missing = Terminal(), list_missing(study)
     for lack in missing:
         terminal.print(f"missing in {arguments.folder}: {lack}", style="red")
-    if failures or missing:
+    if missing or solved.failures:
         return 1
-    if arguments.dry_run:
-        return 0
-    for step in steps:
+    for step in solved.steps if not arguments.dry_run else ():
         if step.stage == "evaluate":
             terminal.print(f"{step.name.partition(':')[0]}: {step.output / 'summary.png'}")
-    return WRONG_RESULT if any(notes.exit_code(step) == WRONG_RESULT for step in steps) else 0
+    return 0 if arguments.dry_run else solved.exit_code

@@ -2,21 +2,18 @@
 
 import argparse
 import shlex
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.cli.output import shown_progress
+from bodycam_ros.study.done_steps import DoneSteps
+from bodycam_ros.study.step_runner import StepEnd, StepRunner, study_lock
+from bodycam_ros.study.study import Step, Study, study_steps
+from bodycam_ros.study.study_file import check_results_folder, read_study
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
-
-if TYPE_CHECKING:
-    from bodycam_ros.study.done_steps import DoneSteps
-    from bodycam_ros.study.step_runner import StepEnd
-    from bodycam_ros.study.study import Step
 
 EPILOG = """
 STUDY.yaml lists who was recorded where, as docs/study.md describes. The commands
@@ -46,20 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.study.study import study_steps
-    from bodycam_ros.study.study_file import check_results_folder, read_study
-    from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report
-
     path: Path = arguments.study
     study = read_study(path)
-    study = replace(study, settings=arguments.config or study.settings)
     beside = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_study")
     folder = check_results_folder(arguments.output or beside, study)
-    steps = study_steps(study, folder)
-    notes, failures = run_steps(steps, folder, arguments.jobs, arguments.dry_run, logs=folder / "logs")
+    solved = SolvedStudy(study, folder, arguments, logs=folder / "logs")
     if arguments.dry_run:
         return 0
-    results = read_results(study, steps, notes, failures)
+    from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report
+
+    results = read_results(study, solved.steps, solved.notes, solved.failures)
     write_study_report(path.stem, results, folder)
     terminal = Terminal()
     for result in results:
@@ -67,52 +60,57 @@ def run(arguments: argparse.Namespace) -> int:
             failure = result.failure
             terminal.print(f"{result.recording.name}: {failure.step.name}: {failure.failure}", style="red")
     terminal.print(f"{count_verdicts(results)}; written to {folder / PAGE}")
-    if any(result.failure is not None for result in results):
-        return 1
-    return WRONG_RESULT if any(result.verdict == "wrong" for result in results) else 0
+    return solved.exit_code
 
 
-def run_steps(
-    steps: "Sequence[Step]", folder: Path, jobs: int, dry_run: bool, logs: Path | None
-) -> "tuple[DoneSteps, dict[str, StepEnd]]":
-    """Run the steps that are not done, with a line for each.
+class SolvedStudy:
+    """Runs the steps of a study that are not done, with a line for each.
 
     Args:
+        study: what to solve; --config replaces its settings.
         folder: of the results.
+        arguments: of the command.
         logs: folder for what the steps print; without it they print to the terminal, one after another.
 
-    Returns:
-        Notes of the steps that are done, and name -> end of those that failed.
+    Attributes:
+        steps: all of them.
+        notes: of the steps that are done.
+        failures: name -> end of those that failed.
     """
-    from bodycam_ros.study.done_steps import DoneSteps
-    from bodycam_ros.study.step_runner import StepEnd, StepRunner, study_lock
 
-    notes, terminal = DoneSteps(folder / "steps"), Terminal()
-    planned = notes.steps_to_run(steps)
-    names = {step.name for step in planned}
-    for step in steps:
-        if step.name not in names:
-            terminal.print(f"{step.name}: is done", style="green")
-        elif dry_run:
-            terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
-    failures: dict[str, StepEnd] = {}
-    if dry_run or not planned:
-        return notes, failures
-    with (
-        study_lock(folder) as lock,
-        shown_progress(hidden=logs is None) as progress,
-        progress.step("steps", len(planned)) as advance,
-        closing(StepRunner(notes, jobs, logs, lock).run(planned)) as events,
-    ):
-        for event in events:
-            if not isinstance(event, StepEnd):
-                if logs is None:
-                    terminal.print(f"{event.name}: bodycam {shlex.join(event.words)}", style="bold")
-                continue
-            advance()
-            if event.failure is None:
-                terminal.print(f"{event.step.name}: done in {event.seconds:.0f} s", style="green")
-            else:
-                failures[event.step.name] = event
-                terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red")
-    return notes, failures
+    def __init__(self, study: Study, folder: Path, arguments: argparse.Namespace, logs: Path | None) -> None:
+        self.steps = study_steps(replace(study, settings=arguments.config or study.settings), folder)
+        self.notes = DoneSteps(folder / "steps")
+        self.failures: dict[str, StepEnd] = {}
+        planned, terminal = self.notes.steps_to_run(self.steps), Terminal()
+        for step in self.steps:
+            if step not in planned:
+                terminal.print(f"{step.name}: is done", style="green")
+            elif arguments.dry_run:
+                terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
+        if arguments.dry_run or not planned:
+            return
+        with (
+            study_lock(folder) as lock,
+            shown_progress(hidden=logs is None) as progress,
+            progress.step("steps", len(planned)) as advance,
+            closing(StepRunner(self.notes, arguments.jobs, logs, lock).run(planned)) as events,
+        ):
+            for event in events:
+                if isinstance(event, Step):
+                    if logs is None:
+                        terminal.print(f"{event.name}: bodycam {shlex.join(event.words)}", style="bold")
+                    continue
+                advance()
+                if event.failure is None:
+                    terminal.print(f"{event.step.name}: done in {event.seconds:.0f} s", style="green")
+                else:
+                    self.failures[event.step.name] = event
+                    terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red")
+
+    @property
+    def exit_code(self) -> int:
+        """0, 3 if a result should not be used, 1 if a step failed."""
+        if self.failures:
+            return 1
+        return WRONG_RESULT if any(self.notes.exit_code(step) == WRONG_RESULT for step in self.steps) else 0
