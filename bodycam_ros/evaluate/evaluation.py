@@ -1,11 +1,11 @@
 """A solved recording with all measures of it."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,7 +32,7 @@ from bodycam_ros.quality.sensor_checks import MIN_SAMPLES
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
-from bodycam_ros.verdict import Verdict
+from bodycam_ros.verdict import Verdict, finding_record
 
 _LATER_NS = 200_000_000
 """A state is added this much after its time: the pose of a camera then lies between two registrations."""
@@ -107,14 +107,17 @@ def evaluate(
     verdict, blind, jitter = solved_verdict(solved, models), camera_figures.blind(solved), camera_figures.jitter(solved)
     variances = np.diagonal(solved.motion.root_covariance, axis1=1, axis2=2)
     rotation_sigma, position_sigma = (np.sqrt(variances[:, rows].sum(axis=1)) for rows in (slice(0, 3), slice(3, 6)))
-    findings = [asdict(finding) | {"level": finding.level.word} for finding in verdict.findings]
     figures: dict[str, Any] = {
         "duration_s": solved.duration_s,
         "frame_s": 1e-9 * solved.frame_ns,
         "instants": len(solved.stamps_ns),
         "instants_without_camera": int(blind.sum()),
         "image_coverage": camera_figures.image_coverage(solved),
-        "verdict": {"level": verdict.level.word, "text": verdict.text, "findings": findings},
+        "verdict": {
+            "level": verdict.level.word,
+            "text": verdict.text,
+            "findings": [*map(finding_record, verdict.findings)],
+        },
         "gaps_s": camera_figures.gaps(solved),
         "root_position_sigma_mm": spread(position_sigma, 1e3),
         "root_rotation_sigma_deg": spread(rotation_sigma, np.degrees(1.0)),
@@ -135,7 +138,8 @@ def evaluate(
         "agreement": agreement and agreement.figures(),
         "gait": solved_gait(solved, comparison),
     }
-    figures = _without_nan(figures | {name: value for name, value in more.items() if value})
+    figures |= {name: value for name, value in more.items() if value}
+    figures = msgspec.json.decode(msgspec.json.encode(figures, enc_hook=float))  # JSON has no NaN
     return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, gyroscopes)
 
 
@@ -161,12 +165,3 @@ def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
     for row in range(added, len(stamps_ns)):
         log.add_state(stamps_ns[row], solved.world_T_segment[row])
     return judge(log.poses(), equipment_findings(solved.equipment))
-
-
-def _without_nan(value: Any) -> Any:
-    """JSON has no NaN."""
-    if isinstance(value, dict):
-        return {name: _without_nan(inner) for name, inner in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +27,6 @@ class Link:
 
     text: str
     target: str
-
-    @property
-    def href(self) -> str:
-        """The target as a page writes it."""
-        return quote(self.target)
 
 
 @dataclass(frozen=True)
@@ -63,11 +57,6 @@ class Picture:
 
     content: bytes
     caption: str
-
-    @property
-    def base64(self) -> str:
-        """The content as a page writes it."""
-        return base64.b64encode(self.content).decode("ascii")
 
 
 @dataclass(frozen=True)
@@ -169,5 +158,6 @@ def render_page(page: Page) -> str:
         keep_trailing_newline=True,
         undefined=StrictUndefined,
     )
+    environment.filters["base64"] = lambda content: base64.b64encode(content).decode("ascii")
     template = environment.get_template("page.html.jinja")
     return template.render(page=page, ink=INK, quiet=QUIET, faint=FAINT, warning=WARNING)

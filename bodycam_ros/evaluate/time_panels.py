@@ -70,18 +70,14 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
     seconds, values = curves
     mean, worst = values.mean(axis=1), values.max(axis=1)
     axes.fill_between(seconds, mean, worst, color=TRUTH, alpha=0.45, linewidth=0.0)
-    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker=_lone_marker(curves))
+    # One point shows as a dot: it makes no line.
+    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker="o" if len(seconds) == 1 else "")
     if np.isfinite(mean).any():
         overall = float(np.nanmean(mean))
         axes.annotate(
             f"mean {overall:#.2g}".rstrip("."), (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
             textcoords="offset points", va="center", fontsize=8.0, color=QUIET,
         )  # fmt: skip
-
-
-def _lone_marker(curve: tuple[Array, Array]) -> str:
-    """A dot if the curve is one point, which no line would show."""
-    return "o" if len(curve[0]) == 1 else ""
 
 
 def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
