@@ -13,7 +13,7 @@ from benchmarks.figures.bench import Bench, verdict
 from benchmarks.figures.figure import Figure
 from benchmarks.figures.score import Array, Result, rigid_fit
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.viewer.placing_sources import PlacingSources
+from bodycam_ros.viewer.placing import PlacingSources
 
 _RATE_HZ = 60
 _CUT_ABOVE_PX = 7

@@ -1,8 +1,7 @@
 """bodycam view: map, body and recording in a browser, to inspect them and to correct mounts and joints (A 4.2)."""
 
 import argparse
-from contextlib import suppress
-from functools import partial
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,9 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.usage_error("the following arguments are required: --body")
     else:
         # The web server takes half a second to load; the other commands and --help do without.
-        from bodycam_ros.viewer.session import view
+        from bodycam_ros.viewer.server import LocalServer
+        from bodycam_ros.viewer.session import Session
 
-        view(_read_sources(arguments), arguments.port)
+        sources = _read_sources(arguments)
+        LocalServer(arguments.port, f"bodycam view: {sources.body.name}").serve(lambda server: Session(server, sources))
     return 0
 
 
@@ -100,12 +101,13 @@ def _place(arguments: argparse.Namespace) -> None:
         arguments.usage_error("--place needs either --body BODY.yaml or --height METRES")
     check_files(arguments, (arguments.output, b": [", "start"))
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-    from bodycam_ros.viewer.placing import place_body
-    from bodycam_ros.viewer.placing_sources import PlacingSources
+    from bodycam_ros.viewer.placing import PlacingSession, PlacingSources
+    from bodycam_ros.viewer.server import LocalServer
 
-    files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
+    files, output = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start), arguments.output
     sources = PlacingSources(arguments.place, files, arguments.body or arguments.height, arguments.map)
-    place_body(sources, arguments.output, arguments.port)
+    server = LocalServer(arguments.port, f"bodycam view: {output.name}")
+    server.serve(lambda server: PlacingSession(server, sources, output))
 
 
 def _refuse(arguments: argparse.Namespace, reason: str, *flags: str) -> None:
@@ -124,7 +126,16 @@ def _view_live(arguments: argparse.Namespace) -> None:
             f"--live: needs ROS 2, which this Python does not find ({error}); source its setup file first, or take the "
             "wheels that 'make test' installs"
         ) from error
-    from bodycam_ros.viewer.live_session import view_live
+    from bodycam_ros.registration.reference_map import ReferenceMap
+    from bodycam_ros.viewer.live_session import LiveSession
+    from bodycam_ros.viewer.server import LocalServer
 
-    open_listener = partial(listener, namespace=arguments.namespace or "")
-    view_live(open_listener, arguments.map, arguments.port)
+    reference_map = None if arguments.map is None else ReferenceMap.load(arguments.map)
+    with ExitStack() as listening:
+
+        def open_page(server: LocalServer) -> LiveSession:
+            page = LiveSession(server, reference_map)
+            listening.callback(listener(page.put_body, page.put_state, arguments.namespace or "").stop)
+            return page
+
+        LocalServer(arguments.port, "bodycam view: live").serve(open_page)

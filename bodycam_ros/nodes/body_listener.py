@@ -7,6 +7,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+import numpy as np
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -16,12 +17,13 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, ViewError
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.live.joint_state_synchronizer import JointStateSynchronizer
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, message_class, reliable
 from bodycam_ros.nodes.process import ignore_discovery, spin
-from bodycam_ros.viewer.live_session import LiveState
+from bodycam_ros.viewer.motion import Motion, in_order
 
 _POSES = 60
 """Poses of a camera that are stored: the solver publishes a frame after its images."""
@@ -32,7 +34,7 @@ class BodyListener:
 
     Args:
         on_body: called with each body that is described, or the reason why a description cannot be read.
-        on_state: called with each complete state of the body described last.
+        on_state: called with the body described last and each complete state of it.
         namespace: of the graph.
 
     Raises:
@@ -40,7 +42,10 @@ class BodyListener:
     """
 
     def __init__(
-        self, on_body: Callable[[BodyModel | str], None], on_state: Callable[[LiveState], None], namespace: str = ""
+        self,
+        on_body: Callable[[BodyModel | str], None],
+        on_state: Callable[[BodyModel, Motion], None],
+        namespace: str = "",
     ) -> None:
         self._on_body, self._on_state = on_body, on_state
         self._states = JointStateSynchronizer(self._combine, on_fault=lambda text: None)
@@ -96,5 +101,7 @@ class BodyListener:
 
     def _combine(self, stamp: int, angles: Array, world_T_root: Array) -> None:
         assert self._body is not None
-        poses = {camera: dict(self._poses[camera]) for camera in self._body.mounts}
-        self._on_state(LiveState(self._body, stamp, angles, world_T_root, poses))
+        registered = {camera: in_order(dict(self._poses[camera])) for camera in self._body.mounts}
+        names = JointAngles(self._body).names
+        state = Motion(np.array([stamp]), world_T_root[None], names, angles[None], registered)
+        self._on_state(self._body, state)

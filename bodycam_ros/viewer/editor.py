@@ -1,13 +1,14 @@
 """Handles in the scene, and a panel of numbers, by which a person moves one part of a body or of a start at a time."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
-from viser import GuiFolderHandle, TransformControlsEvent, TransformControlsHandle, ViserServer
+from viser import GuiFolderHandle, TransformControlsEvent, TransformControlsHandle
 
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
-from bodycam_ros.viewer.inbox import Action, Inbox, set_value
 from bodycam_ros.viewer.scene import place
+from bodycam_ros.viewer.server import Action, LocalServer, set_value
 
 SIZE_M = 0.22
 """Length of the arrows."""
@@ -16,39 +17,48 @@ _STILL = 1e-9  # [m], and of a rotation matrix: handles that were not moved
 _DECIMALS, _STEP_M = 4, 0.0001  # of the numbers
 
 
+class Edited(Protocol):
+    """What has parts, as ``Correction`` and ``Placement`` have."""
+
+    def moved_to(self, part: Any, pose: Array, /, *, continues: bool = False) -> "Edited":
+        """The same with a part at a pose (4, 4) [m]; ``continues``: to be undone together with the last step."""
+
+    def undone(self) -> "Edited":
+        """The same without its last step."""
+
+
 class Editor:
     """Shows and takes the pose of one chosen part.
 
     Args:
         server: whose page has the handles and the panel.
-        inbox: that what a person does is put into.
         title, text: of the panel.
-        parts: names to choose from.
+        parts: name -> part to choose from; None: no part.
+        edited: that the parts are of.
         file_name: of what is written.
-        select: called with the part that is chosen.
-        move_to: called with the pose (4, 4) that the chosen part is to have [m], and whether that continues a drag;
-            calls ``show`` with the pose that the part then has.
-        undo, write: called by buttons.
+        select: called with the part that is chosen in the panel.
+        changed: called when ``edited`` is another; calls ``show`` with the pose that the chosen part then has.
+        write: called by a button.
 
     Attributes:
+        edited: with all steps that were taken.
         folder: that the panel is in.
     """
 
     def __init__(
         self,
-        server: ViserServer,
-        inbox: Inbox,
+        server: LocalServer,
         title: str,
         text: str,
-        parts: Sequence[str],
+        parts: Mapping[str, Any],
+        edited: Any,
         file_name: str,
         *,
-        select: Callable[[str], None],
-        move_to: Callable[[Array, bool], None],
-        undo: Action,
+        select: Callable[[Any], None],
+        changed: Action,
         write: Action,
     ) -> None:
-        self._scene, self._inbox, self._move_to = server.scene, inbox, move_to
+        self._server, self._parts, self.edited, self._changed = server, parts, edited, changed
         self._controls: TransformControlsHandle | None = None
         self._chosen = ""
         self._parent_T_part = np.eye(4)
@@ -59,12 +69,17 @@ class Editor:
             gui.add_markdown(text)
             self._part = gui.add_dropdown("move", tuple(parts))
             self._place = gui.add_vector3("place [m]", (0.0, 0.0, 0.0), step=_STEP_M)
-            inbox.on_click(gui.add_button("Undo"), undo)
+            gui.add_button("Undo").on_click(server.when_pressed(lambda: self.change(self.edited.undone())))
             self._write = gui.add_button(f"Write {file_name}")
             self._remark = gui.add_markdown("")
-        inbox.on_input(self._part, select)
-        inbox.on_input(self._place, lambda place: self._enter(np.array(place)))
-        inbox.on_click(self._write, write)
+        server.on_input(self._part, lambda name: select(parts[name]))
+        server.on_input(self._place, self._enter)
+        self._write.on_click(server.when_pressed(write))
+
+    def change(self, edited: Edited) -> None:
+        """Edit another."""
+        self.edited = edited
+        self._changed()
 
     def show(
         self,
@@ -109,7 +124,7 @@ class Editor:
             self._controls = None
         if parent is None:
             return
-        self._controls = self._scene.add_transform_controls(
+        self._controls = self._server.scene.add_transform_controls(
             f"{parent}/gizmo",
             SIZE_M,
             disable_axes=not can_move,
@@ -121,14 +136,19 @@ class Editor:
         # A coroutine, because the server runs others on several threads and out of order.
         async def changed(event: TransformControlsEvent) -> None:
             act = {"start": self._grab, "update": self._drag, "end": self._release}[event.phase]
-            self._inbox.put(act, "drag" if event.phase == "update" else None)
+            self._server.put(act, "drag" if event.phase == "update" else None)
 
         self._controls.on_update(changed)
 
-    def _enter(self, position: Array) -> None:
+    def _move(self, parent_T_part: Array, continues: bool) -> None:
+        part = self._parts[self._chosen]
+        if part is not None:
+            self.change(self.edited.moved_to(part, parent_T_part, continues=continues))
+
+    def _enter(self, position: tuple[float, float, float]) -> None:
         # A field that loses the focus sends its number again.
         if not np.array_equal(np.round(position, _DECIMALS), self._position):
-            self._move_to(rigid(self._parent_T_part[:3, :3], position), False)
+            self._move(rigid(self._parent_T_part[:3, :3], np.array(position)), False)
 
     def _grab(self) -> None:
         self._continues = False
@@ -146,6 +166,6 @@ class Editor:
             return
         self._is_dragged = True
         try:
-            self._move_to(pose, self._continues)
+            self._move(pose, self._continues)
         finally:
             self._is_dragged = False

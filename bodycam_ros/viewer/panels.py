@@ -7,13 +7,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from viser import GuiApi, GuiSliderHandle, uplot
+from viser import GuiSliderHandle, uplot
 
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.picture_style import INK, LEFT, RIGHT, side_colour
-from bodycam_ros.viewer.inbox import Action, Inbox, set_value
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, REGISTERED, SELECTED, UNKNOWN
+from bodycam_ros.viewer.server import Action, LocalServer, set_value
 
 _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
 _STEP_S, _DECIMALS = 0.001, 3
@@ -47,12 +47,13 @@ class TimePanel:
         is_playing: whether time passes.
     """
 
-    def __init__(self, gui: GuiApi, inbox: Inbox, motion: Motion, on_change: Action) -> None:
+    def __init__(self, server: LocalServer, motion: Motion, on_change: Action) -> None:
         self._motion, self._on_change = motion, on_change
         self._duration_s = float(motion.seconds[-1])
         self._speed, self._shown_s = 1.0, 0.0
         self.is_playing = False
         moves = self._duration_s > 0.0
+        gui = server.gui
         with gui.add_folder("Time"):
             # A slider needs a length; that of a single state cannot be moved.
             self._slider: GuiSliderHandle[float] = gui.add_slider(
@@ -62,12 +63,12 @@ class TimePanel:
             speed = gui.add_dropdown("speed", tuple(_SPEEDS), disabled=not moves)
             self._loop = gui.add_checkbox("loop", True, disabled=not moves)
             self._follow = gui.add_checkbox("follow the body", True)
-        inbox.on_input(self._slider, lambda _: on_change(), "time")
-        inbox.on_click(self._button, self._play_or_pause)
-        inbox.on_input(speed, lambda name: setattr(self, "_speed", _SPEEDS[name]))
-        inbox.on_input(self._follow, lambda _: on_change())
+        server.on_input(self._slider, lambda _: on_change(), "time")
+        self._button.on_click(server.when_pressed(self._play_or_pause))
+        server.on_input(speed, lambda name: setattr(self, "_speed", _SPEEDS[name]))
+        server.on_input(self._follow, lambda _: on_change())
         if moves:
-            self._add_keys(gui, inbox)
+            self._add_keys(server)
 
     @property
     def seconds(self) -> float:
@@ -110,7 +111,8 @@ class TimePanel:
         row = np.clip(self._motion.state_at(self.seconds) + states, 0, len(self._motion.stamps_ns) - 1)
         self._pause_at(float(self._motion.seconds[row]))
 
-    def _add_keys(self, gui: GuiApi, inbox: Inbox) -> None:
+    def _add_keys(self, server: LocalServer) -> None:
+        gui = server.gui
         gui.add_html(f'{_ARROWS_ARE_OURS}<div style="font-size:0.75em;padding:0.1em 0.9em 0.7em">{_HELP}</div>')
         keys: tuple[tuple[str, _Key, bool, Action], ...] = (
             ("play or pause", "space", False, self._play_or_pause),
@@ -122,20 +124,20 @@ class TimePanel:
             ("to the end", "end", False, lambda: self._pause_at(self._duration_s)),
         )
         for label, key, shift, act in keys:
-            inbox.on_key(gui.add_command(label, hotkey=key, modifier="shift" if shift else None), act)
+            command = gui.add_command(label, hotkey=key, modifier="shift" if shift else None)
+            command.on_trigger(server.when_pressed(act))
 
 
 class PicturePanel:
     """A list of cameras, and the image of the chosen one."""
 
-    def __init__(
-        self, gui: GuiApi, inbox: Inbox, cameras: Iterable[str], on_choice: Callable[[str | None], None]
-    ) -> None:
+    def __init__(self, server: LocalServer, cameras: Iterable[str], on_choice: Callable[[str | None], None]) -> None:
+        gui = server.gui
         with gui.add_folder("Image"):
             self._camera = gui.add_dropdown("camera", (_NO_CAMERA, *cameras))
             self._image = gui.add_image(_BLANK, format="jpeg", visible=False)
             self._remark = gui.add_markdown("")
-        inbox.on_input(self._camera, lambda name: on_choice(None if name == _NO_CAMERA else name), "camera")
+        server.on_input(self._camera, lambda name: on_choice(None if name == _NO_CAMERA else name), "camera")
 
     def choose(self, camera: str | None) -> None:
         """Show which camera is chosen."""
@@ -150,18 +152,17 @@ class PicturePanel:
 
 
 def add_switches(
-    gui: GuiApi,
-    inbox: Inbox,
+    server: LocalServer,
     layers: Mapping[str, bool],
     switch: Callable[[str, bool], None],
     *,
     has_registrations: bool,
 ) -> None:
     """Add a checkbox for each layer (its name, and whether it is shown), and a legend."""
-    with gui.add_folder("Show"):
+    with server.gui.add_folder("Show"):
         for layer, visible in layers.items():
-            inbox.on_input(gui.add_checkbox(layer, visible), partial(switch, layer))
-        gui.add_html(_legend(_PARTS, _CAMERAS if has_registrations else _UNKNOWN))
+            server.on_input(server.gui.add_checkbox(layer, visible), partial(switch, layer))
+        server.gui.add_html(_legend(_PARTS, _CAMERAS if has_registrations else _UNKNOWN))
 
 
 def _legend(*rows: tuple[tuple[str, str], ...]) -> str:
@@ -183,11 +184,12 @@ _FIRST_JOINT = "knee"
 class CurvePanel:
     """Shows the curves of one joint, of both sides if it has two, and a line through them at the time shown."""
 
-    def __init__(self, gui: GuiApi, inbox: Inbox, motion: Motion) -> None:
+    def __init__(self, server: LocalServer, motion: Motion) -> None:
         rows = np.linspace(0, len(motion.stamps_ns) - 1, min(_COLUMNS, len(motion.stamps_ns))).astype(int)
         self._seconds, self._angles = motion.seconds[rows], np.degrees(motion.angles[rows])
         self._names, self._groups = motion.angle_names, joint_groups(motion.angle_names)
         self._now_s = 0.0
+        gui = server.gui
         panel = gui.add_panel()
         with panel.add_tab("Over time"):
             self._joint = gui.add_dropdown("joint", tuple(self._groups) or ("none",))
@@ -197,7 +199,7 @@ class CurvePanel:
             self._plot = gui.add_uplot(data, series, scales={"x": uplot.Scale(time=False)}, aspect=1.0)
         panel.dock_left()
         panel.set_width(_PANEL_PX)
-        inbox.on_input(self._joint, lambda _: self._draw(), "joint")
+        server.on_input(self._joint, lambda _: self._draw(), "joint")
 
     def show(self, seconds: float) -> None:
         """Show a time."""

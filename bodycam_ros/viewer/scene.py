@@ -4,13 +4,13 @@ Every segment of the body is a frame, and its bones, joints, cameras and surface
 """
 
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from viser import CylinderHandle, SceneNodeHandle, ViserServer
+from viser import CylinderHandle, SceneNodeHandle
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import body_bones
@@ -25,6 +25,7 @@ from bodycam_ros.static_cameras.surface import Surface
 from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
+from bodycam_ros.viewer.server import LocalServer
 from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, grid_lines, points_to_see
 
 WORLD = "/world"
@@ -86,7 +87,7 @@ class Scene:
 
     def __init__(
         self,
-        server: ViserServer,
+        server: LocalServer,
         body: BodyModel,
         reference_map: ReferenceMap | None,
         motion: Motion,
@@ -186,11 +187,7 @@ class Scene:
 
     def _name_part(self, handle: Any, part: Part, ahead_m: float) -> None:
         """Make a part's node one that can be clicked, with a hidden label at a place along its z axis."""
-
-        async def clicked(_: object) -> None:
-            self._on_click(part)
-
-        handle.on_click(clicked)
+        handle.on_click(self._server.when_pressed(partial(self._on_click, part)))
         text, name = part.name.replace("_", " "), f"{handle.name}/name"
         style: Any = {"font_screen_scale": _LABEL_SCALE, "anchor": "center-left"}
         position = (0.0, 0.0, ahead_m)

@@ -1,12 +1,17 @@
-"""The web server of the view, for this machine only."""
+"""The web server of the view, for this machine only, and the one thread that changes what its page shows.
+
+viser calls back on several threads at once. What a person does is put into a queue of actions, and all changes of the
+page are made by the thread that takes these from it, so no lock is needed.
+"""
 
 import logging
 import re
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager, redirect_stdout
 from functools import partial
 from io import StringIO
-from typing import Literal, Protocol
+from typing import Any, Literal, TypeVar
 
 import viser
 from websockets.asyncio import server as websockets_server
@@ -23,15 +28,24 @@ _HIGHEST_PORT = 65535
 _NOTICE_S = 6.0
 
 
-class View(Protocol):
-    """What happens when a person uses a page. All of it is done in the thread that calls ``step``."""
+Action = Callable[[], object]
+Value = TypeVar("Value")
+
+
+class Page:
+    """What a person sees and does; all of it happens in the thread that calls ``step``."""
+
+    def __init__(self, server: "LocalServer") -> None:
+        self.server = server
 
     @property
     def unwritten(self) -> str:
         """File that something is to be written to, and what; empty if nothing."""
+        return ""
 
     def step(self) -> None:
         """Do what a person asks for next, or wait for it."""
+        self.server.act()
 
 
 class LocalServer(viser.ViserServer):
@@ -49,6 +63,8 @@ class LocalServer(viser.ViserServer):
             raise ViewError(f"port {port}: expected 0 (any free port) to {_HIGHEST_PORT}")
         # A page that is closed while it connects would be a traceback.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
+        self._queue: list[tuple[str | None, Action]] = []
+        self._changed = threading.Condition()
         with redirect_stdout(StringIO()), _only_our_pages():
             super().__init__(HOST, port, label, verbose=False)
         self.gui.configure_theme(show_logo=False, show_share_button=False)
@@ -65,23 +81,64 @@ class LocalServer(viser.ViserServer):
         """What to open in a browser."""
         return f"http://{HOST}:{self.get_port()}"
 
-    def serve(self, open_view: Callable[["LocalServer"], View]) -> None:
-        """Serve a view until the program is interrupted, and print what it leaves unwritten.
+    def put(self, action: Action, instead_of: str | None = None) -> None:
+        """Append an action to the queue.
+
+        Args:
+            action: to be done after those in the queue.
+            instead_of: a name; actions in the queue under this name are dropped: of a slider that is dragged only the
+                last position counts.
+        """
+        with self._changed:
+            self._queue = [entry for entry in self._queue if instead_of is None or entry[0] != instead_of]
+            self._queue.append((instead_of, action))
+            self._changed.notify()
+
+    def act(self, timeout_s: float | None = None) -> None:
+        """Do the oldest action in the queue, or wait for one (None: without end)."""
+        with self._changed:
+            self._changed.wait_for(lambda: bool(self._queue), timeout_s)
+            action = self._queue.pop(0)[1] if self._queue else None
+        if action is not None:
+            action()
+
+    def when_pressed(self, action: Action) -> Callable[[object], Coroutine[Any, Any, None]]:
+        """What viser is to call when a person presses a button or key, or clicks a node: it puts the action."""
+
+        # A coroutine, because the server runs others on several threads and out of order.
+        async def pressed(_: object) -> None:
+            self.put(action)
+
+        return pressed
+
+    def on_input(
+        self, handle: viser.GuiInputHandle[Value], act: Callable[[Value], object], instead_of: str | None = None
+    ) -> None:
+        """Put ``act(value)`` whenever a person, and not the program, changes an input."""
+
+        async def changed(event: Any) -> None:
+            if event.client_id is not None:
+                self.put(lambda: act(handle.value), instead_of)
+
+        handle.on_update(changed)
+
+    def serve(self, open_page: Callable[["LocalServer"], Page]) -> None:
+        """Serve a page until the program is interrupted, and print what it leaves unwritten.
 
         Raises:
-            BodycamError: the view cannot be opened.
+            BodycamError: the page cannot be opened.
         """
         try:
-            view = open_view(self)
+            page = open_page(self)
             Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it")
             try:
                 while True:
                     try:
-                        view.step()
+                        page.step()
                     except BodycamError as error:
                         self.notify("This did not work", str(error), "red")
             finally:
-                if unwritten := view.unwritten:
+                if unwritten := page.unwritten:
                     Terminal(stderr=True).print(f"bodycam: not written to {unwritten}")
         finally:
             self.stop()
@@ -100,6 +157,11 @@ class LocalServer(viser.ViserServer):
         """Stop serving."""
         with redirect_stdout(StringIO()):
             super().stop()
+
+
+def set_value(handle: viser.GuiInputHandle[Value], value: Value) -> None:
+    """Show a value. The input's own callbacks are called with an event of no client."""
+    handle.value = value  # type: ignore[misc]  # mypy overlooks the setter, which does not follow its getter
 
 
 @contextmanager

@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.results.camera_picture import CameraPicture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.viewer.correction import Correction, Part, can_turn, place_of
 from bodycam_ros.viewer.editor import Editor
-from bodycam_ros.viewer.inbox import Inbox
 from bodycam_ros.viewer.panels import CurvePanel, PicturePanel, TimePanel, add_switches
 from bodycam_ros.viewer.scene import Scene, segment_name, surface_reader
-from bodycam_ros.viewer.server import LocalServer
+from bodycam_ros.viewer.server import LocalServer, Page
 from bodycam_ros.viewer.sources import Sources
 
 _FRAME_S = 1.0 / 30.0
@@ -19,74 +18,55 @@ _FRAME_S = 1.0 / 30.0
 _NO_PART = "nothing"
 
 
-def view(sources: Sources, port: int) -> None:
-    """Show a body in a browser until the program is interrupted.
-
-    Args:
-        sources: what is shown; its body is from a file.
-        port: of this machine; 0 takes any free one.
-
-    Raises:
-        BodycamError: the surface or the port cannot be used.
-    """
-    LocalServer(port, f"bodycam view: {sources.body.name}").serve(lambda server: Session(server, sources))
-
-
-class Session:
-    """One view, as of ``View``."""
+class Session(Page):
+    """The page of one body."""
 
     def __init__(self, server: LocalServer, sources: Sources) -> None:
+        """Show what is read; its body is from a file.
+
+        Raises:
+            BodyError: the surface cannot be used.
+        """
+        super().__init__(server)
         assert sources.body_file is not None
-        self._body_file = sources.body_file
-        self._server, self._sources = server, sources
-        self._correction = Correction(sources.body)
+        self._body_file, self._sources, motion = sources.body_file, sources, sources.motion
         self._selected: Part | None = None
         self._camera: str | None = None
-        self._inbox = inbox = Inbox()
-        gui, motion, body_path = server.gui, sources.motion, self._body_file.path
+        surfaces = surface_reader(sources.body, self._body_file.path, sources.surface)
         self._scene = Scene(
-            server,
-            sources.body,
-            sources.reference_map,
-            motion,
-            lambda part: inbox.put(lambda: self._select(part)),
-            sources.stations,
-            surface_reader(sources.body, body_path, sources.surface),
+            server, sources.body, sources.reference_map, motion, self._select, sources.stations, surfaces
         )
-        self._time = TimePanel(gui, inbox, motion, self._show_state)
-        self._parts = {str(part): part for part in self._correction.parts()}
+        self._time = TimePanel(server, motion, self._show_state)
+        correction = Correction(sources.body)
         self._editor = Editor(
             server,
-            inbox,
             "Correct",
             "Choose a part, or click a camera or joint, and drag its arrows.",
-            (_NO_PART, *self._parts),
-            body_path.name,
-            select=lambda name: self._select(self._parts.get(name)),
-            move_to=self._move_to,
-            undo=lambda: self._change(self._correction.undone()),
+            {_NO_PART: None} | {str(part): part for part in correction.parts()},
+            correction,
+            self._body_file.path.name,
+            select=self._select,
+            changed=self._show_correction,
             write=self._write,
         )
         self._footage = None if sources.recording is None else Footage(sources.recording, sources.solved)
-        self._curves = CurvePanel(gui, inbox, motion) if len(motion.stamps_ns) > 1 else None
-        self._picture = PicturePanel(gui, inbox, sources.cameras, self._choose_camera)
-        add_switches(gui, inbox, self._scene.layers, self._scene.show_layer, has_registrations=bool(motion.registered))
+        self._curves = CurvePanel(server, motion) if len(motion.stamps_ns) > 1 else None
+        self._picture = PicturePanel(server, sources.cameras, self._choose_camera)
+        add_switches(server, self._scene.layers, self._scene.show_layer, has_registrations=bool(motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
         self._show_correction()
         self._scene.frame_body()
 
     def step(self) -> None:
         """Do what a person asks for next, or show the next picture of a recording that is being played."""
-        action = self._inbox.take(_FRAME_S if self._time.is_playing else None)
-        if action is not None:
-            action()
+        self.server.act(_FRAME_S if self._time.is_playing else None)
         if self._time.is_playing:
             self._time.advance()
 
     @property
     def unwritten(self) -> str:
         """The body's file, and parts that are corrected but not in it yet."""
-        parts = ", ".join(str(part) for part, _ in self._correction.moves())
+        parts = ", ".join(str(part) for part, _ in self._editor.edited.moves())
         return parts and f"{self._body_file.path}: {parts}"
 
     @property
@@ -132,15 +112,16 @@ class Session:
 
     def _show_correction(self) -> None:
         """Show the body as it is corrected now."""
-        self._scene.reshape(self._correction.body)
+        correction, part = self._editor.edited, self._selected
+        self._scene.reshape(correction.body)
         self._show_state()
-        part, body = self._selected, self._correction.body
         if part is None:
             self._editor.show(_NO_PART)
         else:
-            segment, segment_T_part = place_of(body, part)
-            self._editor.show(str(part), segment_name(segment), segment_T_part, can_turn=can_turn(body, part))
-        moves = [f"{part}: {move}" for part, move in self._correction.moves()]
+            segment, segment_T_part = place_of(correction.body, part)
+            can_turn_part = can_turn(correction.body, part)
+            self._editor.show(str(part), segment_name(segment), segment_T_part, can_turn=can_turn_part)
+        moves = [f"{part}: {move}" for part, move in correction.moves()]
         self._editor.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=bool(moves))
 
     def _select(self, part: Part | None) -> None:
@@ -150,16 +131,7 @@ class Session:
             self._choose_camera(part.name)
         self._show_correction()
 
-    def _move_to(self, segment_T_part: Array, continues: bool) -> None:
-        if self._selected is not None:
-            self._change(self._correction.moved_to(self._selected, segment_T_part, continues=continues))
-
-    def _change(self, correction: Correction) -> None:
-        self._correction = correction
-        self._show_correction()
-
     def _write(self) -> None:
-        self._change(Correction(self._body_file.write(self._correction)))
-        self._server.notify(
-            "Written", f"{self._body_file.path}; as it was first: {self._body_file.original_path.name}", "green"
-        )
+        file = self._body_file
+        self._editor.change(Correction(file.write(self._editor.edited)))
+        self.server.notify("Written", f"{file.path}; as it was first: {file.original_path.name}", "green")
