@@ -49,6 +49,16 @@ def read_text(path: Path | str, what: str, error_type: type[BodycamError], most_
     Raises:
         BodycamError: of ``error_type``; the message names the file.
     """
+    content = read_bytes(path, what, error_type, most_bytes)
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise error_type(f"{path}: cannot read this {what}: line {line} is not UTF-8") from error
+
+
+def read_bytes(path: Path | str, what: str, error_type: type[BodycamError], most_bytes: int) -> bytes:
+    """The content of a regular file; raises as ``read_text`` does."""
     try:
         # Without waiting until a pipe is written to.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -62,11 +72,7 @@ def read_text(path: Path | str, what: str, error_type: type[BodycamError], most_
         raise error_type(f"{path}: cannot read this {what}: {getattr(error, 'strerror', None) or error}") from error
     if len(content) > most_bytes:
         raise error_type(f"{path}: cannot read this {what}: it has more than {most_bytes // 1_000_000} MB")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise error_type(f"{path}: cannot read this {what}: line {line} is not UTF-8") from error
+    return content
 
 
 def yaml_document(text: str, what: str, error_type: type[BodycamError]) -> Any:

@@ -27,6 +27,7 @@ from bodycam_ros.errors import BodyError, LensError, StationError
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, nearest_rotation, rigid
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.yaml_file import read_bytes
 
 logger = logging.getLogger(__name__)
 
@@ -60,12 +61,7 @@ def read_calibration(path: Path) -> dict[str, Station]:
         StationError: the file cannot be read, has no camera, or a field is missing or malformed.
         LensError: a lens is malformed.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise StationError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(content) > _MOST_BYTES:
-        raise StationError(f"{path}: has more than {_MOST_BYTES // 1_000_000} MB; expected a calibration of cameras")
+    content = read_bytes(path, "calibration of cameras", StationError, _MOST_BYTES)
     if path.name.endswith(".toml"):
         stations, unit = _read_toml(path, content)
     elif path.name.endswith(".qca.txt"):

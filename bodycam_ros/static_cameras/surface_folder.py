@@ -2,8 +2,6 @@
 
 import io
 import logging
-import os
-import stat
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +11,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.surface import Surface
+from bodycam_ros.yaml_file import read_bytes
 
 logger = logging.getLogger(__name__)
 
@@ -50,10 +49,12 @@ def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
         logger.warning("%s: leaves out %s, which body %s does not have", folder, ", ".join(others), body.name)
     surfaces = {}
     for segment in segments:
+        path = files[segment]
+        content = read_bytes(path, "mesh", BodyError, _MOST_BYTES)
         try:
-            surfaces[segment] = _read_surface(files[segment])
+            surfaces[segment] = _read_surface(content, path.suffix[1:].lower())
         except BodyError as error:
-            raise BodyError(f"{files[segment]}: {error}") from error
+            raise BodyError(f"{path}: {error}") from error
     return surfaces
 
 
@@ -72,14 +73,13 @@ def _mesh_files(folder: Path) -> dict[str, Path]:
     return files
 
 
-def _read_surface(path: Path) -> Surface:
+def _read_surface(content: bytes, kind: str) -> Surface:
     """A mesh without seams, wound outward, whatever the file has."""
     import trimesh  # a second to load, needed for scans only
 
-    content = io.BytesIO(_content(path))
     try:
         # Without the folder it finds neither materials nor textures, and opens no other file.
-        mesh = trimesh.load(content, file_type=path.suffix[1:].lower(), force="mesh", process=False)
+        mesh = trimesh.load(io.BytesIO(content), file_type=kind, force="mesh", process=False)
     except Exception as error:  # trimesh checks the forms of files by nothing but what goes wrong
         raise BodyError(f"cannot be read as a mesh: {type(error).__name__}: {str(error)[:200]}") from error
     vertices = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), np.float64)
@@ -106,21 +106,6 @@ def _read_surface(path: Path) -> Surface:
         mesh.update_faces(mesh.area_faces > _LEAST_AREA_M2)
     mesh.remove_unreferenced_vertices()
     return Surface(np.array(mesh.vertices, np.float64), np.array(mesh.faces, np.int32))
-
-
-def _content(path: Path) -> bytes:
-    try:
-        # Without waiting for a writer of a pipe.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with open(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise BodyError("is a folder, pipe or device, not a file")
-            content = file.read(_MOST_BYTES + 1)
-    except OSError as error:
-        raise BodyError(f"cannot be read: {error.strerror}") from error
-    if len(content) > _MOST_BYTES:
-        raise BodyError(f"has more than {_MOST_BYTES // 1_000_000} MB; decimate it to at most {MOST_FACES} faces")
-    return content
 
 
 def _check_size(vertices: Array) -> None:
