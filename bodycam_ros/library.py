@@ -112,7 +112,7 @@ def _solved(
     source = replica = None
     if settings.growth.enabled:
         sent: deque[MapUpdate] = deque()
-        source = MapUpdateSource(reference_map, cameras, settings.growth.capacity, sent.append)
+        source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
         replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
     pipelines = {
         camera: CameraPipeline(

@@ -120,7 +120,7 @@ class LiveRegistration:
             self._request_keyframe(camera)
         matches = self._registrars[camera].register(frame)
         self._diagnostics.add(matches)
-        self.growth.update(frame, matches)
+        self.growth.add_image(frame, matches)
         self._frames += 1
         self._work_s += time.monotonic() - started_s
         return matches

@@ -60,7 +60,7 @@ class StoredMap:
             "folder": self._path or "none",
         }
         if self._path is not None:
-            values["changes not saved"] = self._growth.changes - self._saved_changes
+            values["changes not saved"] = self._growth.map.changes - self._saved_changes
         level, text = StatusLevel.OK, "growing" if self._growth.enabled else "growth is off"
         return Status("grown map", StatusLevel.WARN if self._failure else level, self._failure or text, values)
 
@@ -79,12 +79,12 @@ class StoredMap:
         """Replace the added landmarks by those of the folder; raises BodycamError."""
         added = load_added_landmarks(self._folder(), self._reference_map, self._map_path)
         loaded = self._growth.restore(added)
-        if left_out := len(added.slots) - loaded:
+        if left_out := len(added) - loaded:
             return (
-                f"{loaded} of {len(added.slots)} landmarks loaded from {self._path}; there is no room for the other "
+                f"{loaded} of {len(added)} landmarks loaded from {self._path}; there is no room for the other "
                 f"{left_out} (growth.capacity)"
             )
-        self._saved_changes = self._growth.changes
+        self._saved_changes = self._growth.map.changes
         return f"{loaded} landmarks loaded from {self._path}"
 
     def reset(self) -> str:
@@ -124,7 +124,7 @@ class StoredMap:
             self.save()
 
     def _has_changes(self) -> bool:
-        return self._path is not None and self._growth.changes != self._saved_changes
+        return self._path is not None and self._growth.map.changes != self._saved_changes
 
     def _folder(self) -> Path:
         if self._path is None:
@@ -133,7 +133,7 @@ class StoredMap:
 
     def _prepare_write(self) -> Callable[[], int]:
         """Function that writes the map in its current state, and returns the number of changes in it."""
-        path, changes, snapshot = self._folder(), self._growth.changes, self._growth.map.compact()
+        path, changes, snapshot = self._folder(), self._growth.map.changes, self._growth.map.compact()
 
         def write() -> int:
             snapshot.save(path, force=True)

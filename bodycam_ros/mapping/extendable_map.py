@@ -25,38 +25,27 @@ GREY = 128
 """Colour of landmarks from grey images."""
 
 
-@dataclass(frozen=True)
-class AddedLandmarks:
-    """Landmarks that were added, refined or removed.
+ADDED = np.dtype(
+    [
+        ("slot", "i8"),
+        ("landmark_id", "u4"),  # NO_LANDMARK: the slot is empty from now on
+        ("point_world", "f8", 3),  # [m]
+        ("descriptors", "u1", (VIEWS, DESCRIPTOR_LENGTH)),  # RootSIFT
+        ("views", "f4", (VIEWS, 3)),  # unit directions from the landmark to the cameras of the descriptors
+        ("sizes", "f4", VIEWS),  # as ``ReferenceMap.descriptor_size``; 0 where there is no descriptor
+    ]
+)
+"""A landmark that was added, refined or removed."""
 
-    Attributes:
-        slots: (M,) their slots.
-        landmark_ids: (M,) uint32; ``NO_LANDMARK``: the slot is empty from now on.
-        points_world: (M, 3) [m].
-        descriptors: (M, VIEWS, 128) uint8 RootSIFT.
-        views: (M, VIEWS, 3) float32 unit directions from the landmark to the cameras of the descriptors.
-        sizes: (M, VIEWS) float32 as ``ReferenceMap.descriptor_size``; 0 where there is no descriptor.
-    """
+AddedLandmarks = NDArray[np.void]
+"""(M,) of ``ADDED``."""
 
-    slots: NDArray[np.int64]
-    landmark_ids: NDArray[np.uint32]
-    points_world: NDArray[np.float64]
-    descriptors: NDArray[np.uint8]
-    views: NDArray[np.float32]
-    sizes: NDArray[np.float32]
 
-    @classmethod
-    def empty(cls, slots: NDArray[np.int64]) -> "AddedLandmarks":
-        """Slots (M,) without landmarks."""
-        count = len(slots)
-        return cls(
-            slots,
-            np.full(count, NO_LANDMARK, np.uint32),
-            np.zeros((count, 3)),
-            np.zeros((count, VIEWS, DESCRIPTOR_LENGTH), np.uint8),
-            np.zeros((count, VIEWS, 3), np.float32),
-            np.zeros((count, VIEWS), np.float32),
-        )
+def empty_slots(slots: NDArray[np.int64]) -> AddedLandmarks:
+    """Slots (M,) without landmarks."""
+    added = np.zeros(len(slots), ADDED)
+    added["slot"], added["landmark_id"] = slots, NO_LANDMARK
+    return added
 
 
 @dataclass(frozen=True)
@@ -117,13 +106,13 @@ class ExtendableMap(ReferenceMap):
 
     def update(self, added: AddedLandmarks) -> None:
         """Write landmarks into their slots."""
-        rows = self.slots_from + added.slots
-        described = self._first_slot_descriptor + VIEWS * added.slots[:, None] + np.arange(VIEWS)
-        sizes = np.where((added.landmark_ids == NO_LANDMARK)[:, None], np.float32(0), added.sizes)
-        self.landmark_ids[rows] = added.landmark_ids
-        self.points_world[rows] = added.points_world
-        self.descriptors[described] = np.where(sizes[:, :, None] > 0, added.descriptors, 0)
-        self.descriptor_view[described] = added.views
+        slots, sizes = added["slot"], added["sizes"]
+        rows = self.slots_from + slots
+        described = self._first_slot_descriptor + VIEWS * slots[:, None] + np.arange(VIEWS)
+        self.landmark_ids[rows] = added["landmark_id"]
+        self.points_world[rows] = added["point_world"]
+        self.descriptors[described] = added["descriptors"]
+        self.descriptor_view[described] = added["views"]
         self.descriptor_size[described] = sizes
         self.landmark_sizes[rows] = sizes.max(axis=1)
         self.update_count[0] += 1
@@ -166,15 +155,15 @@ def _fields_of(reference_map: ReferenceMap) -> dict[str, Any]:
 def make_extendable(reference_map: ReferenceMap, capacity: int) -> ExtendableMap:
     """A copy of a map with ``capacity`` empty slots."""
     landmarks = len(reference_map.landmark_ids)
-    empty = AddedLandmarks.empty(np.arange(capacity))
+    empty = empty_slots(np.arange(capacity))
     spare = {
-        "landmark_ids": empty.landmark_ids,
-        "points_world": empty.points_world,
+        "landmark_ids": empty["landmark_id"],
+        "points_world": empty["point_world"],
         "colours": np.full((capacity, 3), GREY, np.uint8),
         "descriptor_landmark": np.repeat(np.arange(landmarks, landmarks + capacity, dtype=np.uint32), VIEWS),
-        "descriptors": empty.descriptors.reshape(-1, DESCRIPTOR_LENGTH),
-        "descriptor_view": empty.views.reshape(-1, 3),
-        "descriptor_size": empty.sizes.ravel(),
+        "descriptors": empty["descriptors"].reshape(-1, DESCRIPTOR_LENGTH),
+        "descriptor_view": empty["views"].reshape(-1, 3),
+        "descriptor_size": empty["sizes"].ravel(),
     }
     before = _fields_of(reference_map)
     return ExtendableMap(
@@ -205,14 +194,13 @@ def load_added_landmarks(path: Path, reference_map: ReferenceMap, map_path: Path
             f"{path}: this map extends another one than {map_path}; give the map that it extends, or another folder "
             "for added landmarks, or remove this one"
         )
-    added = AddedLandmarks.empty(np.arange(len(saved.landmark_ids) - settled))
-    added.landmark_ids[:] = saved.landmark_ids[settled:]
-    added.points_world[:] = saved.points_world[settled:]
+    added = empty_slots(np.arange(len(saved.landmark_ids) - settled))
+    added["landmark_id"], added["point_world"] = saved.landmark_ids[settled:], saved.points_world[settled:]
     landmark = saved.descriptor_landmark.astype(np.int64)
     which = np.arange(len(landmark)) - np.searchsorted(landmark, landmark)
     kept = np.flatnonzero((landmark >= settled) & (which < VIEWS))
     places = landmark[kept] - settled, which[kept]
-    added.descriptors[places] = saved.descriptors[kept]
-    added.views[places] = saved.descriptor_view[kept]
-    added.sizes[places] = saved.descriptor_size[kept]
+    added["descriptors"][places] = saved.descriptors[kept]
+    added["views"][places] = saved.descriptor_view[kept]
+    added["sizes"][places] = saved.descriptor_size[kept]
     return added

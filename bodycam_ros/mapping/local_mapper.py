@@ -15,7 +15,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.body_keyframe import MAX_SIGMA_M, BodyKeyframe
 from bodycam_ros.mapping.epipolar_matching import match_posed
-from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap
+from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap, empty_slots
 from bodycam_ros.mapping.small_photographs import normals_towards
 from bodycam_ros.mapping.triangulation import Triangulation, spread_directions, triangulate
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -154,18 +154,15 @@ class LocalMapper:
 
     Args:
         extendable_map: receives the landmarks in its slots; reference landmarks never move.
-        cameras: models of the body cameras by name.
         partners: keyframes that each new one is matched with.
 
     Attributes:
         map: the map.
     """
 
-    def __init__(
-        self, extendable_map: ExtendableMap, cameras: Mapping[str, CameraModel], partners: int = _PARTNERS
-    ) -> None:
+    def __init__(self, extendable_map: ExtendableMap, partners: int = _PARTNERS) -> None:
         self.map = extendable_map
-        self._cameras, self._max_partners = cameras, partners
+        self._max_partners = partners
         self._kept: deque[_Keyframe] = deque(maxlen=_KEYFRAMES)
         self._landmarks: OrderedDict[int, MapPoint] = OrderedDict()  # by slot, the longest unobserved first
         self._next_id = [extendable_map.first_id + slot for slot in range(extendable_map.capacity)]
@@ -186,21 +183,26 @@ class LocalMapper:
         """The added landmarks, in the order of their slots."""
         return [point for _, point in sorted(self._landmarks.items())]
 
-    def clear(self) -> None:
-        """Remove all added landmarks."""
+    def clear(self) -> int:
+        """Remove all added landmarks; returns how many there were."""
+        removed = self.landmarks
         for point in list(self._landmarks.values()):
             self._remove(point)
         self._kept.clear()
+        self.take_changes()
+        return removed
 
     def restore(self, added: AddedLandmarks) -> int:
-        """Add landmarks of an earlier run in new slots; returns how many there was room for.
+        """Replace the added landmarks by those of an earlier run; returns how many there was room for.
 
         They are the first to be replaced until they are observed again.
         """
-        count = min(len(added.slots), len(self._free))
-        for row in range(count):
-            saved = added.descriptors[row], added.views[row], added.sizes[row]
-            self._insert(MapPoint(position=added.points_world[row], saved=saved))
+        self.clear()
+        count = min(len(added), len(self._free))
+        for one in added[:count]:
+            saved = one["descriptors"], one["views"], one["sizes"]
+            self._insert(MapPoint(position=one["point_world"], saved=saved))
+        self.take_changes()
         return count
 
     def add_keyframe(self, keyframe: BodyKeyframe) -> None:
@@ -241,20 +243,22 @@ class LocalMapper:
         """Apply the changes since the last call to the map, and return them for its copies."""
         if not self._changed:
             return None
-        changes = AddedLandmarks.empty(np.array(list(self._changed)))
+        changes = empty_slots(np.array(list(self._changed)))
         self._changed.clear()
-        for row, slot in enumerate(changes.slots.tolist()):
-            if (point := self._landmarks.get(slot)) is not None:
-                changes.landmark_ids[row], changes.points_world[row] = point.landmark_id, point.position
-                changes.descriptors[row], changes.views[row], changes.sizes[row] = point.descriptors(VIEWS)
+        for change in changes:
+            if (point := self._landmarks.get(change["slot"])) is not None:
+                looks = point.descriptors(VIEWS)
+                change["landmark_id"], change["point_world"] = point.landmark_id, point.position
+                change["descriptors"], change["views"], change["sizes"] = looks
         self.map.update(changes)
         return changes
 
-    def extended_map(self, images: Sequence[KeptImage]) -> ReferenceMap:
+    def extended_map(self, images: Sequence[KeptImage], cameras: Mapping[str, CameraModel]) -> ReferenceMap:
         """The map as it is now, with the images that show added landmarks, by which direct registration finds them.
 
         Args:
             images: of body cameras; those that show no added landmark are left out.
+            cameras: models of the body cameras by name.
         """
         reference_map, points = self.map.compact(), self.added_points()
         observed = {(s.camera, s.stamp_ns) for point in points for s in point.sightings}
@@ -278,7 +282,7 @@ class LocalMapper:
             taken_by = np.array([len(photographs.cameras) + names.index(image.camera) for image in images], np.uint16)
             photographs = MapPhotographs(
                 jpegs=(*photographs.jpegs, *[image.jpeg for image in images]),
-                cameras=(*photographs.cameras, *[self._cameras[name] for name in names]),
+                cameras=(*photographs.cameras, *[cameras[name] for name in names]),
                 camera_of_view=np.concatenate([photographs.camera_of_view, taken_by]),
                 world_T_camera=world_T_camera,
                 observation_landmark=np.concatenate([photographs.observation_landmark, landmarks.astype(np.uint32)]),

@@ -96,14 +96,14 @@ def extend_map(
             if _is_complete([each.share for each in rounds]):
                 break
             # 2D-2D matches between all registered images, triangulated (A 4.1).
-            mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), models, partners=_PARTNERS)
+            mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS)
             chosen, images = record.choose_keyframes(), []
             for keyframe, jpeg in _keyframes(recording_path, reference_map, models, chosen, jobs):
                 mapper.add_keyframe(keyframe)
                 images.append(KeptImage(keyframe.camera, keyframe.stamp_ns, keyframe.world_T_camera, jpeg))
                 on_progress(f"triangulation {len(rounds)}", len(images) / len(chosen))
             mapper.take_changes()
-            extended = mapper.extended_map(images)
+            extended = mapper.extended_map(images, models)
             map_path = scratch / f"round_{len(rounds)}"
             extended.save(map_path)
     return Extension(extended, tuple(rounds), time.monotonic() - started_s)

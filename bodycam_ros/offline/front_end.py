@@ -2,13 +2,12 @@
 
 import queue
 import signal
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.context import ForkServerProcess
 from multiprocessing.queues import Queue
 
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.offline.camera_worker import (
@@ -30,12 +29,12 @@ _QUEUE_LENGTH = 256
 _POLL_S = 1.0
 
 
-def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel], jobs: int) -> Iterator[Result]:
+def register_recording(task: RegistrationTask, cameras: Collection[str], jobs: int) -> Iterator[Result]:
     """Register all images of a recording in ``jobs`` processes.
 
     Args:
         task: what is to be done.
-        cameras: models of the cameras by name.
+        cameras: names.
         jobs: processes.
 
     Raises:
@@ -44,21 +43,17 @@ def register_recording(task: RegistrationTask, cameras: Mapping[str, CameraModel
     """
     warm_up()
     with start_workers(task, cameras, jobs) as workers:
-        yield from merged_results(workers, task.settings.growth, cameras, ReferenceMap.load(task.map_path))
+        yield from merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path))
 
 
 def merged_results(
-    workers: Sequence["Worker"],
-    growth: GrowthSettings,
-    cameras: Mapping[str, CameraModel],
-    reference_map: ReferenceMap,
+    workers: Sequence["Worker"], growth: GrowthSettings, reference_map: ReferenceMap
 ) -> Iterator[Result]:
     """Results of all workers in order of their stamps, whatever the number of processes and the pace of each.
 
     Args:
         workers: as they were started.
         growth: of the map; where it is enabled, workers are sent what all cameras add to it.
-        cameras: models of the cameras by name.
         reference_map: in which they are registered.
 
     Raises:
@@ -70,7 +65,7 @@ def merged_results(
         for worker in listening.values():
             worker.inbox.put(update)
 
-    updates = MapUpdateSource(reference_map, cameras, growth.capacity, send) if growth.enabled else None
+    updates = MapUpdateSource(reference_map, growth.capacity, send) if growth.enabled else None
     pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
     while pending:
         earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))

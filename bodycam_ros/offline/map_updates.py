@@ -4,11 +4,10 @@ The parent extends the map by the keyframes of all cameras and sends the changes
 one epoch of the recording counts from the epoch after the next, so workers rarely wait for each other.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import AddedLandmarks, ExtendableMap, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
@@ -32,7 +31,6 @@ class MapUpdateSource:
 
     Args:
         reference_map: the map that is extended; it is not changed itself.
-        cameras: models of all cameras.
         capacity: most added landmarks.
         send: sends an update to every worker.
 
@@ -43,11 +41,10 @@ class MapUpdateSource:
     def __init__(
         self,
         reference_map: ReferenceMap,
-        cameras: Mapping[str, CameraModel],
         capacity: int,
         send: Callable[[MapUpdate], None],
     ) -> None:
-        self.mapper = LocalMapper(make_extendable(reference_map, capacity), cameras)
+        self.mapper = LocalMapper(make_extendable(reference_map, capacity))
         self._send = send
         self._epoch = -1
         self._pending: list[tuple[LandmarkMatches, BodyKeyframe | None]] = []

@@ -147,7 +147,7 @@ def replay(
         start_ns = None
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
-            registered = merged_results(workers, settings.growth, cameras, reference_map)
+            registered = merged_results(workers, settings.growth, reference_map)
         for item in _with_images(registered, recording_path, stations):
             if not isinstance(item, RegisteredImage | CameraImage):
                 unusable.add(item)

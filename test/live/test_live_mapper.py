@@ -33,7 +33,7 @@ class Live:
 
     def see(self, frame: TrackFrame) -> LandmarkMatches:
         matches = self.registrar.register(frame)
-        self.growth.update(frame, matches)
+        self.growth.add_image(frame, matches)
         return matches
 
     def work(self) -> None:

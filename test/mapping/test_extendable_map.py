@@ -18,7 +18,7 @@ CAMERA = worn_camera()
 
 
 def grown(reference_map: ReferenceMap, seen: Sequence[BodyKeyframe]) -> LocalMapper:
-    growth = LocalMapper(make_extendable(reference_map, 100), {CAMERA.name: CAMERA})
+    growth = LocalMapper(make_extendable(reference_map, 100))
     for keyframe in seen:
         growth.add_keyframe(keyframe)
     growth.take_changes()
@@ -48,7 +48,7 @@ def test_grows_is_saved_and_is_there_again(tmp_path: Path) -> None:
     assert saved.photographs is not None
     assert saved.photographs.first_observation[-1] == saved.photographs.first_observation[LANDMARKS], "seen by none"
 
-    again = LocalMapper(make_extendable(reference_map, 100), {CAMERA.name: CAMERA})
+    again = LocalMapper(make_extendable(reference_map, 100))
     back = load_added_landmarks(tmp_path / "grown", reference_map, tmp_path / "map")
     assert again.restore(back) == growth.landmarks == again.landmarks
     again.take_changes()

@@ -41,7 +41,7 @@ def grown() -> tuple[ReferenceMap, LocalMapper, list[KeptImage]]:
     random = np.random.default_rng(0)
     keyframes = list(walk(walls(200, random), unlike(200, random), 10, random))
     before = with_photograph(elsewhere(random))
-    growth = LocalMapper(make_extendable(before, 1000), cameras())
+    growth = LocalMapper(make_extendable(before, 1000))
     images = []
     for number, one in enumerate(keyframes):
         growth.add_keyframe(one)
@@ -52,7 +52,7 @@ def grown() -> tuple[ReferenceMap, LocalMapper, list[KeptImage]]:
 
 
 def extended(growth: LocalMapper, images: list[KeptImage]) -> ReferenceMap:
-    return growth.extended_map(images)
+    return growth.extended_map(images, cameras())
 
 
 def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:

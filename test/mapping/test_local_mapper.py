@@ -6,7 +6,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from grown_room import CAMERAS, FRAME_NS, cameras, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
+from grown_room import CAMERAS, FRAME_NS, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
 from numpy.typing import NDArray
 
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
@@ -18,7 +18,7 @@ POINTS = 500
 
 
 def growth_by(keyframes: Iterable[BodyKeyframe], capacity: int = 1000) -> LocalMapper:
-    growth = LocalMapper(make_extendable(elsewhere(np.random.default_rng(9)), capacity), cameras())
+    growth = LocalMapper(make_extendable(elsewhere(np.random.default_rng(9)), capacity))
     grow(growth, keyframes)
     return growth
 

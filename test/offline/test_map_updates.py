@@ -9,7 +9,7 @@ from queue import SimpleQueue
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
-from grown_room import CAMERAS, cameras, elsewhere, matches_of, named, unlike, walk, walls
+from grown_room import CAMERAS, elsewhere, matches_of, named, unlike, walk, walls
 
 from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
@@ -45,7 +45,7 @@ def together(
     Each worker names what its cameras see by its copy of the map.
     """
     inboxes = [SimpleQueue[MapUpdate]() for _ in shares]
-    parent = MapUpdateSource(MAP, cameras(), CAPACITY, lambda growth: [inbox.put(growth) for inbox in inboxes])
+    parent = MapUpdateSource(MAP, CAPACITY, lambda growth: [inbox.put(growth) for inbox in inboxes])
     workers = [MapReplica(MAP, CAPACITY, inbox.get_nowait) for inbox in inboxes]
     order = [
         (share.index(one.camera), row, one)
@@ -84,7 +84,7 @@ def test_parent_and_workers_agree_however_the_cameras_are_shared() -> None:
 def test_what_is_seen_counts_two_epochs_later_and_not_before() -> None:
     """A worker that hears early keeps it for when it counts."""
     told: SimpleQueue[MapUpdate] = SimpleQueue()
-    parent = MapUpdateSource(MAP, cameras(), CAPACITY, told.put)
+    parent = MapUpdateSource(MAP, CAPACITY, told.put)
     early = MapReplica(MAP, CAPACITY, told.get_nowait)
     keyframes = room_walk(4)
     last_epoch = keyframes[-1].stamp_ns // EPOCH_NS
@@ -103,7 +103,7 @@ def test_what_is_seen_counts_two_epochs_later_and_not_before() -> None:
 
 def test_nobody_waits_for_what_was_told_and_time_that_steps_back_asks_for_nothing() -> None:
     told: SimpleQueue[MapUpdate] = SimpleQueue()
-    parent = MapUpdateSource(MAP, cameras(), CAPACITY, told.put)
+    parent = MapUpdateSource(MAP, CAPACITY, told.put)
     worker = MapReplica(MAP, CAPACITY, told.get_nowait)
     start_ns = 1_700_000_000_000_000_000
     assert worker.is_behind(start_ns)
@@ -119,7 +119,7 @@ def test_nobody_waits_for_what_was_told_and_time_that_steps_back_asks_for_nothin
 
 
 def test_what_says_nothing_of_grown_landmarks_is_not_kept() -> None:
-    parent = MapUpdateSource(MAP, cameras(), CAPACITY, lambda growth: None)
+    parent = MapUpdateSource(MAP, CAPACITY, lambda growth: None)
     one = room_walk(1)[0]
     matches = matches_of(one, MAP)
     assert isinstance(matches, LandmarkMatches) and matches.grown == 0
