@@ -6,10 +6,16 @@ With --stations static cameras measure a person without body cameras: lengths an
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.text import Text
 
+from bodycam_ros.body.average_person import body_of_height
+from bodycam_ros.body.body_file import read_body, write_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.checked_fields import name_of
+from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
+from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.options import (
     PIPELINE,
     add_config,
@@ -23,12 +29,10 @@ from bodycam_ros.cli.options import (
 )
 from bodycam_ros.cli.output import print_section, print_table, shown_progress
 from bodycam_ros.errors import BodyError
+from bodycam_ros.static_cameras.body_measurement import MeasuredBody
+from bodycam_ros.static_cameras.body_shape import MeasureSettings
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.terminal import Terminal
-
-if TYPE_CHECKING:
-    from bodycam_ros.body.body_model import BodyModel
-    from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-    from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 
 _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
@@ -71,8 +75,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.body.checked_fields import name_of
-
     output: Path = arguments.output
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
@@ -99,10 +101,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     from bodycam_ros.offline.worker_process import warm_up
 
     warm_up()
-    import numpy as np
 
-    from bodycam_ros.body.body_file import write_body
-    from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.evaluate.body_report import body_report, write_html_report
     from bodycam_ros.offline.measure_body import calibrate
 
@@ -127,7 +126,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
     terminal.print(f"\nbody written to {arguments.output}, report to {page}")
 
 
-def print_report(diagnosis: "CalibrationDiagnosis", terminal: Terminal) -> None:
+def print_report(diagnosis: CalibrationDiagnosis, terminal: Terminal) -> None:
     """Print the tables of a diagnosis, then its warnings; rows with a warning are red."""
     from bodycam_ros.evaluate.body_report import report_sections, summary_line
 
@@ -141,10 +140,7 @@ def print_report(diagnosis: "CalibrationDiagnosis", terminal: Terminal) -> None:
 
 
 def _measure(arguments: argparse.Namespace, name: str) -> None:
-    from bodycam_ros.body.body_file import write_body
     from bodycam_ros.offline.measure_body import measure_body
-    from bodycam_ros.static_cameras.body_shape import MeasureSettings
-    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     pipeline, settings = pipeline_settings(arguments), read_settings(arguments, MeasureSettings)
     initial = _initial_body(arguments, name)
@@ -184,15 +180,12 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
     terminal.print(f"\nbody written to {arguments.output}")
 
 
-def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
+def _initial_body(arguments: argparse.Namespace, name: str) -> BodyModel:
     """The body with approximate lengths.
 
     Raises:
         BodyError: none is given, or the height is out of range.
     """
-    from bodycam_ros.body.average_person import body_of_height
-    from bodycam_ros.body.body_file import read_body
-
     if arguments.initial_body is not None:
         return read_body(arguments.initial_body)
     if arguments.height is None:
@@ -200,7 +193,7 @@ def _initial_body(arguments: argparse.Namespace, name: str) -> "BodyModel":
     return body_of_height(arguments.height, name)
 
 
-def _measured_report(measured: "MeasuredBody") -> dict[str, object]:
+def _measured_report(measured: MeasuredBody) -> dict[str, object]:
     """Figures for the body file."""
     from bodycam_ros.evaluate.body_report import plain
 

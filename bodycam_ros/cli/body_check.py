@@ -7,20 +7,20 @@ constraints, and attachments that this body cannot satisfy together.
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import held_equipment
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.mobility import Contradiction, Mobility, mobility
 from bodycam_ros.cli.options import add_equipment
 from bodycam_ros.terminal import Terminal
-
-if TYPE_CHECKING:
-    from bodycam_ros.body.body_model import BodyModel
-    from bodycam_ros.body.equipment import Equipment
-    from bodycam_ros.body.mobility import Contradiction, Mobility
+from bodycam_ros.verdict import WRONG_RESULT
 
 EPILOG = "Exit code: 0 if all constraints can be satisfied, 3 if not, 1 if a file cannot be used."
 _MAX_SIGMAS = 2.0  # of a length; beyond it the needed change is printed
@@ -34,11 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.body.body_file import read_body
-    from bodycam_ros.body.coupled_body import held_equipment
-    from bodycam_ros.body.mobility import mobility
-    from bodycam_ros.verdict import WRONG_RESULT
-
     body = read_body(arguments.body)
     equipment = None if arguments.equipment is None else held_equipment(arguments.equipment, body)
     found = mobility(body, equipment)
@@ -64,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     return WRONG_RESULT
 
 
-def _counts(found: "Mobility", body: "BodyModel", equipment: "Equipment | None") -> Iterator[str]:
+def _counts(found: Mobility, body: BodyModel, equipment: Equipment | None) -> Iterator[str]:
     count = found.count
     constrained = sum(6 - freedoms for freedoms in count.joints.values())
     yield f"{body.name} {f'with {equipment.name}' if equipment else 'alone'}: {len(count.joints)} joints"
@@ -80,7 +75,7 @@ def _counts(found: "Mobility", body: "BodyModel", equipment: "Equipment | None")
     yield f"by rank: {found.freedoms} degrees of freedom{without}{whole}"
 
 
-def _motions(found: "Mobility") -> Table:
+def _motions(found: Mobility) -> Table:
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("degrees of freedom")
     table.add_column("", justify="right")
@@ -96,7 +91,7 @@ def _motions(found: "Mobility") -> Table:
     return table
 
 
-def _remarks(found: "Mobility") -> Iterator[str]:
+def _remarks(found: Mobility) -> Iterator[str]:
     for joint in found.stuck:
         yield f"cannot move: {joint}"
     for name, rows in found.redundant.items():
@@ -113,7 +108,7 @@ def _remarks(found: "Mobility") -> Iterator[str]:
         )
 
 
-def _conflict(contradiction: "Contradiction") -> str:
+def _conflict(contradiction: Contradiction) -> str:
     text = f"{contradiction.name} stays {1e3 * contradiction.apart_m:.0f} mm apart"
     if contradiction.turned_rad > np.radians(1.0):
         text += f" and turned by {np.degrees(contradiction.turned_rad):.0f} deg"

@@ -2,19 +2,16 @@
 
 import argparse
 import json
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.options import add_option
 from bodycam_ros.cli.output import STYLES, shown_progress
+from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
 from bodycam_ros.terminal import Terminal
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from bodycam_ros.verdict import Finding
+from bodycam_ros.verdict import WRONG_RESULT, Finding, Level, finding_record, worst_level
 
 EPILOG = (
     "Exit code: 0 if nothing is wrong, 3 if something is: mend it and record again; 1 if a file cannot be used. "
@@ -43,9 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
-    from bodycam_ros.verdict import WRONG_RESULT, Level, finding_record, worst_level
-
     given = DoctorInput(
         arguments.recording,
         arguments.map,
@@ -73,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     return WRONG_RESULT if level is Level.WRONG else 0
 
 
-def _print(findings: "Sequence[Finding]") -> None:
+def _print(findings: Sequence[Finding]) -> None:
     """A line or more per check: what is wrong, or that nothing is."""
     table = Table.grid(padding=(0, 2))
     table.add_column(no_wrap=True)

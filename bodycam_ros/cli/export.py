@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bodycam_ros.cli.options import add_output, given_flags
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import SettingsError
@@ -16,6 +18,7 @@ from bodycam_ros.formats.export import FORMATS, export
 from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
 from bodycam_ros.formats.sampled_motion import MAX_RATE, UP_AXES, MotionOptions
 from bodycam_ros.output_place import check_output
+from bodycam_ros.robot.robot_recording import write_robot
 from bodycam_ros.shown import printable
 
 ROBOT = "robot"
@@ -87,10 +90,6 @@ def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
         SettingsError: the robot or the mapping is missing, or an option of other formats is given.
         BodycamError: as of ``write_robot``.
     """
-    import numpy as np
-
-    from bodycam_ros.robot.robot_recording import write_robot
-
     if lacking := [f"--{name}" for name in ("urdf", "mapping") if getattr(arguments, name) is None]:
         raise SettingsError(
             f"--to {ROBOT} needs {' and '.join(lacking)}: the robot, and the segments that its links follow"

@@ -3,16 +3,17 @@
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.cli.options import add_output, check_files
 from bodycam_ros.cli.output import print_table, shown_progress
 from bodycam_ros.errors import OutputError
+from bodycam_ros.lens.board_detector import LensBoard
+from bodycam_ros.lens.lens_calibration import LensCalibration, calibrate_lens
+from bodycam_ros.lens.lens_images import lens_images
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
-
-if TYPE_CHECKING:
-    from bodycam_ros.lens.lens_calibration import LensCalibration
+from bodycam_ros.whole_file import write_whole
 
 _MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
 """In order of preference: a later one has to explain pictures better by more than chance."""
@@ -58,11 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.lens.board_detector import LensBoard
     from bodycam_ros.lens.calibration_plot import calibration_plot
-    from bodycam_ros.lens.lens_calibration import calibrate_lens
-    from bodycam_ros.lens.lens_images import lens_images
-    from bodycam_ros.whole_file import write_whole
 
     output: Path = arguments.output
     if output.suffix.lower() not in (".yaml", ".yml"):
@@ -94,9 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _text(calibration: "LensCalibration", name: str, board: str) -> str:
-    from bodycam_ros.camera.camera_info import camera_info_yaml
-
+def _text(calibration: LensCalibration, name: str, board: str) -> str:
     camera, validation = calibration.chosen.fit.camera, calibration.chosen.validation
     fx, fy, cx, cy = validation.lens_sigma[:4]
     lines = [
@@ -109,7 +104,7 @@ def _text(calibration: "LensCalibration", name: str, board: str) -> str:
     return "\n".join(lines) + f"\n{camera_info_yaml(replace(camera, name=name))}"
 
 
-def _print_found(console: Terminal, calibration: "LensCalibration") -> None:
+def _print_found(console: Terminal, calibration: LensCalibration) -> None:
     area, views = calibration.area, calibration.chosen.fit.views
     if calibration.remark:
         console.print(calibration.remark, style="yellow")

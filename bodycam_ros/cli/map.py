@@ -8,25 +8,27 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.options import add_config, add_option, add_output, given_flags, input_paths, read_settings
 from bodycam_ros.cli.output import ProgressBars, shown_progress
 from bodycam_ros.errors import MapError
+from bodycam_ros.inertial.map_alignment import InertialAlignment
+from bodycam_ros.lens.lens_check import warn_of_mismatch
+from bodycam_ros.mapping.build import BuiltMap, Registration, build_map
+from bodycam_ros.mapping.frame_choice import keep_sharp_frames
+from bodycam_ros.mapping.known_distance import KnownDistance
+from bodycam_ros.mapping.map_settings import MapSettings
+from bodycam_ros.mapping.moving_camera import MovingCamera, open_body_cameras, video_camera
+from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
+from bodycam_ros.offline.align_map import align_map
 from bodycam_ros.output_place import check_output
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag
+from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
-
-if TYPE_CHECKING:
-    from bodycam_ros.inertial.map_alignment import InertialAlignment
-    from bodycam_ros.mapping.build import BuiltMap, Registration
-    from bodycam_ros.mapping.known_distance import KnownDistance
-    from bodycam_ros.mapping.map_settings import MapSettings
-    from bodycam_ros.mapping.moving_camera import MovingCamera
-    from bodycam_ros.mapping.photographs import Photographs
-    from bodycam_ros.registration.reference_map import ReferenceMap
 
 _FEW_LANDMARKS = 50
 """Of a photograph: usual ones have a thousand; where two places look alike some dozen fit the wrong one."""
@@ -77,11 +79,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    # COLMAP and matplotlib take a second to load; the other commands and --help do without.
-    from bodycam_ros.mapping.build import build_map
-    from bodycam_ros.mapping.map_settings import MapSettings
-    from bodycam_ros.registration.reference_map import check_replaceable
-
     output: Path = arguments.output
     settings = read_settings(arguments, MapSettings)
     check_output(output, input_paths(arguments))
@@ -114,8 +111,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def add_coverage(
-    reference_map: "ReferenceMap", name: str, progress: ProgressBars
-) -> "tuple[ReferenceMap, Callable[[Path], None], list[str]]":
+    reference_map: ReferenceMap, name: str, progress: ProgressBars
+) -> tuple[ReferenceMap, Callable[[Path], None], list[str]]:
     """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
     from bodycam_ros.evaluate.coverage_picture import draw_coverage
     from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, upright_map, with_coverage
@@ -130,7 +127,7 @@ def add_coverage(
     return with_coverage(reference_map, coverage), draw, lines
 
 
-def _registration_lines(registrations: "Sequence[Registration]") -> Iterator[str]:
+def _registration_lines(registrations: Sequence[Registration]) -> Iterator[str]:
     yield f"{sum(each.registered for each in registrations)} of {len(registrations)} photographs registered"
     if left_out := [each.name for each in registrations if not each.registered]:
         yield f"NOT registered: {', '.join(left_out)}"
@@ -140,7 +137,7 @@ def _registration_lines(registrations: "Sequence[Registration]") -> Iterator[str
         yield f"registered by few landmarks, perhaps wrongly: {named}; photograph more between them and the others"
 
 
-def _board_lines(built: "BuiltMap") -> Iterator[str]:
+def _board_lines(built: BuiltMap) -> Iterator[str]:
     if (residual := built.residual) is not None:
         views = residual.views_of_tag.values()
         yield (
@@ -149,7 +146,7 @@ def _board_lines(built: "BuiltMap") -> Iterator[str]:
         )
 
 
-def _scale_line(built: "BuiltMap") -> str:
+def _scale_line(built: BuiltMap) -> str:
     known = built.known_scale
     if not built.reference_map.metric:
         return "NOT metric: without a board, a known distance or inertial sensors the scale is arbitrary"
@@ -166,7 +163,7 @@ def _scale_line(built: "BuiltMap") -> str:
     )
 
 
-def _vertical_line(built: "BuiltMap") -> str:
+def _vertical_line(built: BuiltMap) -> str:
     if built.inertial is not None:
         return f"z is up, by accelerometers, +- {math.degrees(built.inertial.tilt_sigma):.2f} deg"
     if built.floor is not None:
@@ -178,7 +175,7 @@ def _vertical_line(built: "BuiltMap") -> str:
     )
 
 
-def _check_source(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
+def _check_source(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
     """Refuse flags that do not go together, before the work; what --known-distance measures.
 
     Raises:
@@ -202,15 +199,12 @@ def _check_source(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
     return ()
 
 
-def _known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...]":
+def _known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
     """Those of --known-distance.
 
     Raises:
         MapError: one of them is no number, or between cameras on different segments.
     """
-    from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.mapping.known_distance import KnownDistance
-
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
     distances = []
     for first, second, text in arguments.known_distance:
@@ -233,16 +227,13 @@ def _known_distances(arguments: argparse.Namespace) -> "tuple[KnownDistance, ...
 
 
 def _inertial_alignment(
-    arguments: argparse.Namespace, photographs: "Photographs"
-) -> "Callable[[ReferenceMap], InertialAlignment] | None":
+    arguments: argparse.Namespace, photographs: Photographs
+) -> Callable[[ReferenceMap], InertialAlignment] | None:
     """What finds scale and vertical of a map of body cameras by their inertial sensors; None without any.
 
     Raises:
         RecordingError: a bag of --imu has none of these cameras' sensors.
     """
-    from bodycam_ros.offline.align_map import align_map
-    from bodycam_ros.recording.bag_reader import read_imus
-
     if arguments.from_bag is None:
         return None
     cameras = sorted({camera.name for camera in photographs.camera_of_name.values()})
@@ -252,19 +243,13 @@ def _inertial_alignment(
 
 @contextmanager
 def _opened_photographs(
-    arguments: argparse.Namespace, known: "Sequence[KnownDistance]", settings: "MapSettings", progress: Progress
-) -> "Iterator[Photographs]":
+    arguments: argparse.Namespace, known: Sequence[KnownDistance], settings: MapSettings, progress: Progress
+) -> Iterator[Photographs]:
     """The photographs; frames of a recording are removed when the block ends, in pairs where a distance is known.
 
     Raises:
         BodycamError: the source cannot be read, or has no usable images.
     """
-    from bodycam_ros.calibration.rig import Rig
-    from bodycam_ros.lens.lens_check import warn_of_mismatch
-    from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-    from bodycam_ros.mapping.moving_camera import open_body_cameras, video_camera
-    from bodycam_ros.mapping.photographs import BOARD_FILE, find_photographs
-
     source: Path = arguments.from_bag or arguments.source
     if arguments.from_bag is None and not source.is_file():
         yield find_photographs(source, arguments.camera)

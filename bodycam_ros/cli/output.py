@@ -2,19 +2,17 @@
 
 from collections.abc import Iterator, Mapping, Set
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.evaluate.sections import Columns, Section, column_table
 from bodycam_ros.progress import Advance
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
-
-if TYPE_CHECKING:
-    from bodycam_ros.evaluate.sections import Columns, Section
 
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 
@@ -25,14 +23,12 @@ STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"
 def print_table(
     title: str,
     heading: str,
-    columns: "Columns",
+    columns: Columns,
     rows: Mapping[str, object],
     note: str = "",
     flagged: Set[str] = frozenset(),
 ) -> None:
     """Print a table of figures, as of ``column_table``."""
-    from bodycam_ros.evaluate.sections import column_table
-
     print_section(Terminal(), column_table(title, heading, columns, rows, note, flagged))
 
 
@@ -49,7 +45,7 @@ def exit_code(verdict: Verdict) -> int:
     return WRONG_RESULT if verdict.level is Level.WRONG else 0
 
 
-def print_section(terminal: Terminal, section: "Section") -> None:
+def print_section(terminal: Terminal, section: Section) -> None:
     """Print heading, notes and table of a section; rows with a warning are red."""
     terminal.print(
         Text.assemble("\n", (section.heading, "bold"), "  ", (" ".join(section.notes), "dim")), soft_wrap=False

@@ -5,15 +5,17 @@ A calibration file in place of the recording is converted: anipose, FreeMoCap, P
 """
 
 import argparse
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_config, add_option, add_output, check_files, read_settings
 from bodycam_ros.cli.output import print_table, shown_progress
 from bodycam_ros.errors import StationError
+from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.reference_map import load_map
+from bodycam_ros.static_cameras.calibration_files import TOML_MARK
+from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationsSettings
+from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
 from bodycam_ros.terminal import Terminal
-
-if TYPE_CHECKING:
-    from bodycam_ros.static_cameras.station_registration import RegisteredStation
 
 _COLUMNS = (
     ("images", "images", "d"), ("of", "asked", "d"), ("landmarks", "landmarks", "d"), ("error [px]", "error_px", ".2f"),
@@ -38,13 +40,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
-    from bodycam_ros.recording.bag_reader import open_recording
-    from bodycam_ros.registration.reference_map import load_map
-    from bodycam_ros.static_cameras.calibration_files import TOML_MARK
-    from bodycam_ros.static_cameras.station_registration import StationsSettings
-    from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
-
     settings = read_settings(arguments, StationsSettings)
     mark = MARK if arguments.to == "yaml" else TOML_MARK
     check_files(arguments, (arguments.output, mark.encode(), "file of static cameras that this command wrote"))

@@ -4,15 +4,13 @@ import argparse
 from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, check_files, given_flags
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import ViewError
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.terminal import Terminal
-
-if TYPE_CHECKING:
-    from bodycam_ros.viewer.sources import Sources
+from bodycam_ros.viewer.sources import Sources
 
 PORT = 8080
 
@@ -70,9 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _read_sources(arguments: argparse.Namespace) -> "Sources":
-    from bodycam_ros.viewer.sources import Sources
-
+def _read_sources(arguments: argparse.Namespace) -> Sources:
     return Sources.read(
         arguments.solved,
         arguments.map,
@@ -100,7 +96,6 @@ def _place(arguments: argparse.Namespace) -> None:
     if (arguments.body is None) == (arguments.height is None):
         arguments.usage_error("--place needs either --body BODY.yaml or --height METRES")
     check_files(arguments, (arguments.output, b": [", "start"))
-    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
     from bodycam_ros.viewer.placing import PlacingSession, PlacingSources
     from bodycam_ros.viewer.server import LocalServer
 
