@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
 from bodycam_ros.body.urdf import xml_numbers
@@ -22,6 +21,7 @@ from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMo
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.surface import Surface
 
 MODEL_MARK, MODEL_SUFFIX = "<OpenSimDocument", ".osim"
 MOTION_MARK = "inDegrees=yes"
@@ -37,8 +37,9 @@ _BALL = Mass(_BALL_KG, np.zeros(3), 0.4 * _BALL_KG * JOINT_RADIUS_M**2 * np.eye(
 _VERSION = "40000"
 _WIDE_RAD, _WIDE_M = 100.0, 1000.0  # ranges of what has no limit; OpenSim wants some
 _X, _Y, _Z = np.eye(3)
-_Axis = tuple[str, Array]
-"""Coordinate that moves along or about an axis, or "" if none does, and the axis."""
+_FIXED = (0.0, 0.0)
+_Axis = tuple[str, Array, tuple[float, float]]
+"""Coordinate that moves along or about an axis, or "" if none does, the axis, and the coordinate's limits."""
 
 
 def write_mot(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
@@ -77,35 +78,39 @@ def model_text(motion: SampledMotion, markers: list[Marker]) -> str:
     """
     body, segments = motion.body, motion.body_segments
     _check_names([*segments, *(joint.name for joint in body.tree_joints if joint.child in segments)])
-    document = ET.Element("OpenSimDocument", Version=_VERSION)
-    model = ET.SubElement(document, "Model", name=body.name)
-    _add(model, "gravity", "0 -9.80665 0")
-    _add(model, "length_units", "meters")
-    _add(model, "force_units", "N")
-    bodies, joints = _objects(model, "BodySet"), _objects(model, "JointSet")
     surfaces = capsule_surfaces(body)
-    for segment in segments:
-        mesh = surfaces.get(segment)
-        _add_body(bodies, body, segment, _BALL if mesh is None else _mesh_mass(mesh.vertices, mesh.faces))
-    _add_root(joints, body.root)
-    for joint in body.tree_joints:
-        if joint.child in segments:
-            _add_joint(joints, joint)
-    marker_set = _objects(model, "MarkerSet")
-    for marker in markers:
-        element = ET.SubElement(marker_set, "Marker", name=marker.name)
-        _add(element, "socket_parent_frame", f"/bodyset/{marker.segment}")
-        _add(element, "location", _position(marker.at))
-        _add(element, "fixed", "true")
+    joints = [_connect_joint(joint) for joint in body.tree_joints if joint.child in segments]
+    spots = [
+        _element("Marker", m.name, socket_parent_frame=f"/bodyset/{m.segment}", location=_position(m.at), fixed="true")
+        for m in markers
+    ]
+    model = _element("Model", body.name, gravity="0 -9.80665 0", length_units="meters", force_units="N")
+    model.append(_element("BodySet", "bodyset", objects=[_body(body, each, surfaces.get(each)) for each in segments]))
+    model.append(_element("JointSet", "jointset", objects=[_connect_root(body.root), *joints]))
+    model.append(_element("MarkerSet", "markerset", objects=spots))
+    document = ET.Element("OpenSimDocument", Version=_VERSION)
+    document.append(model)
     ET.indent(document)
     return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, encoding="unicode") + "\n"
 
 
-def _mesh_mass(vertices: Array, faces: NDArray[np.int32]) -> Mass:
-    """Mass of closed surfaces with vertices (V, 3) and faces (F, 3), filled with water."""
+def _element(tag: str, name: str = "", **content: str | Sequence[ET.Element]) -> ET.Element:
+    """An element, of which each keyword is the tag of a child, with text or elements in it."""
+    element = ET.Element(tag, {"name": name} if name else {})
+    for key, value in content.items():
+        child = ET.SubElement(element, key)
+        if isinstance(value, str):
+            child.text = value
+        else:
+            child.extend(value)
+    return element
+
+
+def _surface_mass(surface: Surface) -> Mass:
+    """Mass of a closed surface that is filled with water."""
     from trimesh import Trimesh
 
-    mesh = Trimesh(vertices, faces, process=False)
+    mesh = Trimesh(surface.vertices, surface.faces, process=False)
     mesh.density = _DENSITY
     return Mass(float(mesh.mass), np.asarray(mesh.center_mass), np.asarray(mesh.moment_inertia))
 
@@ -116,110 +121,93 @@ def _check_names(names: Sequence[str]) -> None:
         raise BodyError(f"names in OpenSim have no spaces or slashes, but {', '.join(wrong)} has; rename it")
 
 
-def _add_body(bodies: ET.Element, body: BodyModel, segment: str, mass: Mass) -> None:
-    element = ET.SubElement(bodies, "Body", name=segment)
-    bones = ET.SubElement(element, "components")
+def _body(body: BodyModel, segment: str, surface: Surface | None) -> ET.Element:
+    bones = []
     for number, end in enumerate(bone_ends(body, segment)):
-        frame = ET.SubElement(bones, "PhysicalOffsetFrame", name=f"{segment}_bone_{number}")
         length = float(np.linalg.norm(end))
-        cylinder = ET.SubElement(ET.SubElement(frame, "attached_geometry"), "Cylinder", name="bone")
-        _add(cylinder, "socket_frame", "..")
-        _add(cylinder, "radius", str(BONE_RADIUS_M))
-        _add(cylinder, "half_height", xml_numbers(np.array([length / 2.0])))
-        _add(frame, "socket_parent", f"/bodyset/{segment}")
-        _add(frame, "translation", _position(end / 2.0))
+        half = xml_numbers(np.array([length / 2.0]))
+        cylinder = _element("Cylinder", "bone", socket_frame="..", radius=str(BONE_RADIUS_M), half_height=half)
         along_y = scipy.spatial.transform.Rotation.align_vectors((OPENSIM_R_OURS @ end / length)[None], _Y[None])[0]
-        _add(frame, "orientation", _body_fixed(np.asarray(along_y.as_matrix())))
-    sphere = ET.SubElement(ET.SubElement(element, "attached_geometry"), "Sphere", name="joint")
-    _add(sphere, "socket_frame", "..")
-    _add(sphere, "radius", str(JOINT_RADIUS_M))
-    _add(element, "mass", xml_numbers(np.array([mass.kilograms])))
-    _add(element, "mass_center", _position(mass.centre))
+        frame = _frame(f"{segment}_bone_{number}", segment, end / 2.0, np.asarray(along_y.as_matrix()))
+        frame.insert(0, _element("attached_geometry"))
+        frame[0].append(cylinder)
+        bones.append(frame)
+    mass = _BALL if surface is None else _surface_mass(surface)
     inertia = change_axes(OPENSIM_R_OURS, mass.inertia)
-    _add(element, "inertia", xml_numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
-
-
-def _add_root(joints: ET.Element, root: str) -> None:
-    """A joint that moves freely on the ground."""
-    element = ET.SubElement(joints, "CustomJoint", name=f"ground_{root}")
-    rotations = [(f"{root}_{name}", axis) for name, axis in zip(_ROOT_ROTATIONS, (_Y, _X, _Z), strict=True)]
-    positions = [(f"{root}_{name}", axis) for name, axis in zip(_ROOT_POSITIONS, (_X, _Y, _Z), strict=True)]
-    _add_frames(element, ("ground", "/ground", np.eye(4)), (root, f"/bodyset/{root}", np.eye(4)))
-    coordinates = ET.SubElement(element, "coordinates")
-    for name, _ in rotations:
-        _add_coordinate(coordinates, name, (-_WIDE_RAD, _WIDE_RAD))
-    for name, _ in positions:
-        _add_coordinate(coordinates, name, (-_WIDE_M, _WIDE_M))
-    _add_transform(element, rotations, positions)
-
-
-def _add_joint(joints: ET.Element, joint: Joint) -> None:
-    element = ET.SubElement(joints, "WeldJoint" if joint.type == "weld" else "CustomJoint", name=joint.name)
-    _add_frames(
-        element,
-        (joint.parent, f"/bodyset/{joint.parent}", joint.parent_T_joint),
-        (joint.child, f"/bodyset/{joint.child}", joint.child_T_joint),
+    return _element(
+        "Body",
+        segment,
+        components=bones,
+        attached_geometry=[_element("Sphere", "joint", socket_frame="..", radius=str(JOINT_RADIUS_M))],
+        mass=xml_numbers(np.array([mass.kilograms])),
+        mass_center=_position(mass.centre),
+        inertia=xml_numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
     )
+
+
+def _connect_root(root: str) -> ET.Element:
+    """A joint that moves freely on the ground."""
+    turns = [(f"{root}_{name}", axis, _WIDE_RAD) for name, axis in zip(_ROOT_ROTATIONS, (_Y, _X, _Z), strict=True)]
+    moves = [(f"{root}_{name}", axis, _WIDE_M) for name, axis in zip(_ROOT_POSITIONS, (_X, _Y, _Z), strict=True)]
+    axes = [(name, axis, (-wide, wide)) for name, axis, wide in (*turns, *moves)]
+    return _connect("CustomJoint", f"ground_{root}", ("", np.eye(4)), (root, np.eye(4)), axes)
+
+
+def _connect_joint(joint: Joint) -> ET.Element:
+    ends = (joint.parent, joint.parent_T_joint), (joint.child, joint.child_T_joint)
     if joint.type == "weld":
-        return
-    coordinates = ET.SubElement(element, "coordinates")
-    unknown = ((-_WIDE_RAD, _WIDE_RAD),) * len(joint.angle_names)
-    for name, limits in zip(joint.angle_names, joint.limits or unknown, strict=True):
-        _add_coordinate(coordinates, name, limits)
+        return _connect("WeldJoint", joint.name, *ends, [])
     axes = joint.axes_of_rotation if joint.type == "hinge" else np.eye(3)[["xyz".index(a) for a in joint.angle_axes]]
-    named = (*joint.angle_names, "", "")[:3]
-    about = [(name, OPENSIM_R_OURS @ axis) for name, axis in zip(named, axes, strict=True)]
-    _add_transform(element, about, [("", _X), ("", _Y), ("", _Z)])
+    names = (*joint.angle_names, "", "")[:3]
+    limits = joint.limits or ((-_WIDE_RAD, _WIDE_RAD),) * 3
+    turns = [
+        (name, OPENSIM_R_OURS @ axis, limit)
+        for name, axis, limit in zip(names, axes, (*limits, _FIXED, _FIXED)[:3], strict=True)
+    ]
+    return _connect("CustomJoint", joint.name, *ends, [*turns, *(("", axis, _FIXED) for axis in (_X, _Y, _Z))])
 
 
-_End = tuple[str, str, Array]
-"""Name of a frame's body, its path, and the frame on it in our axes (4, 4) [m]."""
+_End = tuple[str, Array]
+"""A segment, or "" for the ground, and the joint's frame on it in our axes (4, 4) [m]."""
 
 
-def _add_frames(element: ET.Element, parent: _End, child: _End) -> None:
-    _add(element, "socket_parent_frame", f"{parent[0]}_offset")
-    _add(element, "socket_child_frame", f"{child[0]}_offset")
-    frames = ET.SubElement(element, "frames")
-    for name, path, pose in (parent, child):
-        frame = ET.SubElement(frames, "PhysicalOffsetFrame", name=f"{name}_offset")
-        _add(frame, "socket_parent", path)
-        _add(frame, "translation", _position(pose[:3, 3]))
-        _add(frame, "orientation", _body_fixed(change_axes(OPENSIM_R_OURS, pose[:3, :3])))
+def _connect(kind: str, name: str, parent: _End, child: _End, axes: Sequence[_Axis]) -> ET.Element:
+    """A joint with six axes, of which the first three are rotations, or none."""
+    sockets = [f"{segment or 'ground'}_offset" for segment, _ in (parent, child)]
+    frames = [
+        _frame(socket, segment, pose[:3, 3], change_axes(OPENSIM_R_OURS, pose[:3, :3]))
+        for socket, (segment, pose) in zip(sockets, (parent, child), strict=True)
+    ]
+    element = _element(kind, name, socket_parent_frame=sockets[0], socket_child_frame=sockets[1], frames=frames)
+    if not axes:
+        return element
+    # Limits are shown, not kept: a range of motion is what a person did on one day.
+    coordinates = [
+        _element("Coordinate", name, default_value="0", range=xml_numbers(np.array(limits)), clamped="false")
+        for name, _, limits in axes
+        if name
+    ]
+    along = []
+    for number, (coordinate, axis, _) in enumerate(axes):
+        place = f"{'translation' if number > 2 else 'rotation'}{number % 3 + 1}"
+        along.append(_element("TransformAxis", place, coordinates=coordinate, axis=xml_numbers(axis)))
+        linear = _element("LinearFunction", "function", coefficients="1 0")
+        along[-1].append(linear if coordinate else _element("Constant", "function", value="0"))
+    element.extend(_element("_", coordinates=coordinates, SpatialTransform=along))
+    return element
 
 
-def _add_coordinate(coordinates: ET.Element, name: str, limits: tuple[float, float]) -> None:
-    """Limits are shown, not kept: a range of motion is what a person did on one day."""
-    element = ET.SubElement(coordinates, "Coordinate", name=name)
-    _add(element, "default_value", "0")
-    _add(element, "range", xml_numbers(np.array(limits)))
-    _add(element, "clamped", "false")
+def _frame(name: str, segment: str, at: Array, R: Array) -> ET.Element:
+    """A frame on a segment, or on the ground, at a place (3,) in our axes [m], turned in OpenSim's (3, 3).
 
-
-def _add_transform(element: ET.Element, rotations: list[_Axis], positions: list[_Axis]) -> None:
-    transform = ET.SubElement(element, "SpatialTransform")
-    for kind, moving in (("rotation", rotations), ("translation", positions)):
-        for number, (coordinate, axis) in enumerate(moving, start=1):
-            along = ET.SubElement(transform, "TransformAxis", name=f"{kind}{number}")
-            _add(along, "coordinates", coordinate)
-            _add(along, "axis", xml_numbers(axis))
-            if coordinate:
-                _add(ET.SubElement(along, "LinearFunction", name="function"), "coefficients", "1 0")
-            else:
-                _add(ET.SubElement(along, "Constant", name="function"), "value", "0")
-
-
-def _objects(model: ET.Element, kind: str) -> ET.Element:
-    return ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
-
-
-def _add(element: ET.Element, tag: str, text: str) -> None:
-    ET.SubElement(element, tag).text = text
+    OpenSim has angles about x, then y, then z of the frame [rad].
+    """
+    angles = np.asarray(scipy.spatial.transform.Rotation.from_matrix(R).as_euler("XYZ"), np.float64)
+    parent = f"/bodyset/{segment}" if segment else "/ground"
+    return _element(
+        "PhysicalOffsetFrame", name, socket_parent=parent, translation=_position(at), orientation=xml_numbers(angles)
+    )
 
 
 def _position(ours: Array) -> str:
     return xml_numbers(OPENSIM_R_OURS @ ours)
-
-
-def _body_fixed(R: Array) -> str:
-    """A frame's orientation as OpenSim has it: angles about x, then y, then z of the frame [rad]."""
-    return xml_numbers(np.asarray(scipy.spatial.transform.Rotation.from_matrix(R).as_euler("XYZ"), dtype=np.float64))
