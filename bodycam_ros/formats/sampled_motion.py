@@ -9,13 +9,12 @@ half steps apart, there is a gap: its frames are marked as unknown, and interpol
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
@@ -79,40 +78,23 @@ class MotionOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class SampledMotion:
-    """A body over T frames.
+class SampledMotion(SolvedBody):
+    """A solved body over the T frames of a file, its angles continuous.
 
     Attributes:
-        name: of the recording.
-        body: what moves, with the equipment beside it.
-        stamps_ns: (T,) increasing [ns].
         known: (T,) whether the frame was solved, or lies between solved frames without a gap.
-        placed: (T,) whether the pose of equipment is known.
+        equipment_known: (T,) whether the pose of equipment is known, too.
         rate: frames a second, on average if they are as they were solved.
-        world_T_root: (T, 4, 4) [m].
-        joint_poses: (T, J, 4, 4) in the order of ``BodyModel.tree_joints``, as ``forward_kinematics`` takes them.
-        angles: (T, A) joint angles, continuous [rad]; positions of free joints [m].
     """
 
-    name: str
-    body: BodyModel
-    stamps_ns: NDArray[np.int64]
     known: NDArray[np.bool_]
-    placed: NDArray[np.bool_]
+    equipment_known: NDArray[np.bool_]
     rate: float
-    world_T_root: Array
-    joint_poses: Array
-    angles: Array
 
-    @cached_property
-    def world_T_segment(self) -> Array:
-        """(T, S, 4, 4) poses of all segments [m]."""
-        return self.body.forward_kinematics(self.world_T_root, self.joint_poses)
-
-    @cached_property
-    def angle_names(self) -> tuple[str, ...]:
-        """(A) in the order of ``angles``."""
-        return JointAngles(self.body).names
+    @property
+    def name(self) -> str:
+        """Of the recording, in one word: headers go by lines and columns."""
+        return "_".join(plain_name(self.path).split())
 
     @property
     def seconds(self) -> Array:
@@ -125,11 +107,6 @@ class SampledMotion:
         ordered = [self.body.root, *(joint.child for joint in self.body.tree_joints)]
         return tuple(segment for segment in ordered if segment not in self.body.equipment_segments)
 
-    @cached_property
-    def parents(self) -> dict[str, str]:
-        """Segment -> its parent; the root has none."""
-        return {joint.child: joint.parent for joint in self.body.tree_joints}
-
     def segment_poses(self, segment: str) -> Array:
         """(T, 4, 4) poses world_T_segment of one segment [m]."""
         poses: Array = self.world_T_segment[:, self.body.segment_index[segment]]
@@ -137,7 +114,7 @@ class SampledMotion:
 
     def known_frames(self, segment: str) -> NDArray[np.bool_]:
         """(T,) whether a segment's pose is known."""
-        return self.known & self.placed if segment in self.body.equipment_segments else self.known
+        return self.equipment_known if segment in self.body.equipment_segments else self.known
 
 
 def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> SampledMotion:
@@ -159,25 +136,23 @@ def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> Sampled
     _warn_of_gaps(solved, GAP_FRAMES * step_ns)
     as_solved = rate is None and not even
     at_ns = stamps if as_solved else _even_stamps(solved, 1e9 / rate if rate else step_ns)
-    joint_angles, angles, root = JointAngles(solved.body), motion.joint_angles, motion.world_T_root
-    poses = joint_angles.poses(angles)
     if not as_solved:
-        root = interpolated(stamps, root, at_ns)
-        joints = [interpolated(stamps, poses[:, row], at_ns) for row in range(poses.shape[1])]
-        poses = np.stack(joints, axis=1) if joints else np.zeros((len(at_ns), 0, 4, 4))
-        angles = joint_angles.angles(poses, angles[_nearest(stamps, at_ns)])
+        angles = JointAngles(solved.body)
+        poses = angles.poses(motion.joint_angles)
+        between = [interpolated(stamps, poses[:, row], at_ns) for row in range(poses.shape[1])]
+        joints = np.stack(between, axis=1) if between else np.zeros((len(at_ns), 0, 4, 4))
+        motion = replace(
+            motion,
+            stamps_ns=at_ns,
+            joint_angles=angles.angles(joints, motion.joint_angles[_nearest(stamps, at_ns)]),
+            world_T_root=interpolated(stamps, motion.world_T_root, at_ns),
+            root_covariance=motion.root_covariance[_nearest(stamps, at_ns)],
+        )
     before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
-    return SampledMotion(
-        name="_".join(plain_name(solved.path).split()),  # one word: headers go by lines and columns
-        body=solved.body,
-        stamps_ns=at_ns,
-        known=between_neighbours(stamps, at_ns, GAP_FRAMES * step_ns) | np.isin(at_ns, stamps),
-        placed=np.asarray(solved.placed[before] & solved.placed[after]),
-        rate=rate or 1e9 / step_ns,
-        world_T_root=root,
-        joint_poses=poses,
-        angles=angles,
-    )
+    known = between_neighbours(stamps, at_ns, GAP_FRAMES * step_ns) | np.isin(at_ns, stamps)
+    equipment_known = known & solved.placed[before] & solved.placed[after]
+    rate = rate or 1e9 / step_ns
+    return SampledMotion(solved.path, solved.body, motion, solved.equipment, known, equipment_known, rate)
 
 
 def change_axes(program_R_world: Array, rotations: Array) -> Array:

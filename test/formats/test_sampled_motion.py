@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from unshown_progress import Unshown
 
 from bodycam_ros.formats.sampled_motion import SampledMotion, sample_motion
+from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 
 RATE = 97.0
@@ -27,17 +28,24 @@ def gappy(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> SolvedBody:
     )
 
 
+def turns(motion: SampledMotion) -> np.ndarray:
+    """(T, J, 3, 3) rotations of the joints."""
+    return JointAngles(motion.body).rotations(motion.motion.joint_angles)
+
+
 def test_joints_turn_as_scipy_interpolates_rotations(solved: SolvedBody) -> None:
     motion, own = sample_motion(solved, RATE, even=True), sample_motion(solved, None, even=False)
     assert motion.rate == RATE and len(motion.stamps_ns) > 150
     times = own.seconds
-    for row in range(own.joint_poses.shape[1]):
-        between = Slerp(times, Rotation.from_matrix(own.joint_poses[:, row, :3, :3]))(motion.seconds).as_matrix()
-        np.testing.assert_allclose(motion.joint_poses[:, row, :3, :3], between, atol=1e-7)
-    between = Slerp(times, Rotation.from_matrix(own.world_T_root[:, :3, :3]))(motion.seconds).as_matrix()
-    np.testing.assert_allclose(motion.world_T_root[:, :3, :3], between, atol=1e-7)
-    straight = np.column_stack([np.interp(motion.seconds, times, place) for place in own.world_T_root[:, :3, 3].T])
-    np.testing.assert_allclose(motion.world_T_root[:, :3, 3], straight, atol=1e-7)
+    for row in range(turns(own).shape[1]):
+        between = Slerp(times, Rotation.from_matrix(turns(own)[:, row]))(motion.seconds).as_matrix()
+        np.testing.assert_allclose(turns(motion)[:, row], between, atol=1e-7)
+    between = Slerp(times, Rotation.from_matrix(own.motion.world_T_root[:, :3, :3]))(motion.seconds).as_matrix()
+    np.testing.assert_allclose(motion.motion.world_T_root[:, :3, :3], between, atol=1e-7)
+    straight = np.column_stack(
+        [np.interp(motion.seconds, times, place) for place in own.motion.world_T_root[:, :3, 3].T]
+    )
+    np.testing.assert_allclose(motion.motion.world_T_root[:, :3, 3], straight, atol=1e-7)
 
 
 def bone_lengths(motion: SampledMotion) -> np.ndarray:
@@ -61,7 +69,7 @@ def test_instants_that_were_solved_are_as_they_were(solved: SolvedBody) -> None:
         motion = sample_motion(solved, rate, even=True)
         assert len(motion.stamps_ns[::every]) == len(solved.motion.stamps_ns)
         np.testing.assert_array_equal(motion.stamps_ns[::every], solved.motion.stamps_ns)
-        np.testing.assert_allclose(motion.angles[::every], solved.motion.joint_angles, atol=1e-9)
+        np.testing.assert_allclose(motion.motion.joint_angles[::every], solved.motion.joint_angles, atol=1e-9)
 
 
 def test_angles_stay_near_those_that_were_solved(solved: SolvedBody) -> None:
@@ -70,7 +78,9 @@ def test_angles_stay_near_those_that_were_solved(solved: SolvedBody) -> None:
     angles[:, 1] += 4.0 * np.pi
     turned = replace(solved, motion=replace(solved.motion, joint_angles=angles))
     motion, unturned = sample_motion(turned, RATE, even=True), sample_motion(solved, RATE, even=True)
-    np.testing.assert_allclose(motion.angles[:, 1], unturned.angles[:, 1] + 4.0 * np.pi, atol=1e-6)
+    np.testing.assert_allclose(
+        motion.motion.joint_angles[:, 1], unturned.motion.joint_angles[:, 1] + 4.0 * np.pi, atol=1e-6
+    )
     np.testing.assert_allclose(motion.world_T_segment, unturned.world_T_segment, atol=1e-9)
 
 
