@@ -37,17 +37,6 @@ class PixelEncoding:
     block: tuple[int, int] = (1, 1)
     rows: float = 1.0
 
-    def grey(self, values: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-        """Grey pixels (H, W) of values (rows, W) or (rows, W, values); of YUV the luma as it is."""
-        pixels = values if self.to_grey is None else cv2.cvtColor(values, self.to_grey)
-        return np.ascontiguousarray(_eight_bits(pixels))
-
-    def colour(self, values: NDArray[np.uint8] | NDArray[np.uint16]) -> NDArray[np.uint8]:
-        """Pixels (H, W, 3), blue, green, red, of values (rows, W) or (rows, W, values); the caller's own."""
-        if self.to_colour is None:
-            return np.array(_eight_bits(values), order="C")
-        return _eight_bits(cv2.cvtColor(values, self.to_colour))
-
 
 def _eight_bits(values: NDArray[Any]) -> NDArray[np.uint8]:
     return np.asarray(values if values.dtype == np.uint8 else values >> 8, dtype=np.uint8)
@@ -80,6 +69,31 @@ ENCODINGS: Final = _encodings()
 
 
 @dataclass(frozen=True, eq=False)
+class RawPicture:
+    """Values that are left as they came until pixels are asked for: mostly grey ones, and no others are made.
+
+    Attributes:
+        encoding: of ``ENCODINGS``.
+        values: (rows, W) or (rows, W, values) uint8 or uint16, maybe with a gap between the rows.
+    """
+
+    encoding: str
+    values: NDArray[np.uint8] | NDArray[np.uint16]
+
+    def grey(self) -> NDArray[np.uint8]:
+        """Grey pixels (H, W); of YUV the luma as it is."""
+        to_grey = ENCODINGS[self.encoding].to_grey
+        return np.ascontiguousarray(_eight_bits(self.values if to_grey is None else cv2.cvtColor(self.values, to_grey)))
+
+    def colour(self) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3): blue, green, red; the caller's own."""
+        to_colour = ENCODINGS[self.encoding].to_colour
+        if to_colour is None:
+            return np.array(_eight_bits(self.values), order="C")
+        return _eight_bits(cv2.cvtColor(self.values, to_colour))
+
+
+@dataclass(frozen=True, eq=False)
 class FilePicture:
     """A file whose values are to be read by the name of an encoding: the mosaic of a sensor, colours turned round.
 
@@ -95,31 +109,20 @@ class FilePicture:
     file: bytes
     encoding: str
 
-    @property
-    def nbytes(self) -> int:
-        """Memory that it takes."""
-        return len(self.file)
-
     def grey(self) -> NDArray[np.uint8]:
-        """Grey pixels (H, W).
+        """Grey pixels (H, W); raises RecordingError as ``decoded``."""
+        return self.decoded().grey()
+
+    def colour(self) -> NDArray[np.uint8]:
+        """Pixels (H, W, 3): blue, green, red; raises RecordingError as ``decoded``."""
+        return self.decoded().colour()
+
+    def decoded(self) -> RawPicture:
+        """Its values, and the encoding with the bits that the file has.
 
         Raises:
             RecordingError: it cannot be decoded, or does not hold what its message claims.
         """
-        name, values = self._decoded()
-        return ENCODINGS[name].grey(values)
-
-    def colour(self) -> NDArray[np.uint8]:
-        """Pixels (H, W, 3): blue, green, red.
-
-        Raises:
-            RecordingError: as of ``grey``.
-        """
-        name, values = self._decoded()
-        return ENCODINGS[name].colour(values)
-
-    def _decoded(self) -> tuple[str, NDArray[Any]]:
-        """The encoding, with the bits that the file has, and its values."""
         values = file_values(self.camera, self.stamp_ns, self.file, cv2.IMREAD_UNCHANGED)
         bits = 8 * values.itemsize
         name = f"{self.encoding.rstrip('0123456789')}{bits}"
@@ -129,7 +132,7 @@ class FilePicture:
                 f"camera {self.camera}: the image of stamp {self.stamp_ns} ns claims to be {shown(self.encoding)}, "
                 f"but its file has {depth} values of {bits} bits a pixel"
             )
-        return name, values
+        return RawPicture(name, values)
 
 
 def file_values(camera: str, stamp_ns: int, file: bytes, mode: int) -> NDArray[Any]:
@@ -176,32 +179,6 @@ def _decoded(file: bytes, mode: int) -> NDArray[Any] | None:
     except cv2.error:  # a header that claims an absurd size
         return None
     return None if values is None else np.asarray(values)
-
-
-@dataclass(frozen=True, eq=False)
-class RawPicture:
-    """Values that are left as they came until pixels are asked for: mostly grey ones, and no others are made.
-
-    Attributes:
-        encoding: of ``ENCODINGS``.
-        values: (rows, W) or (rows, W, values) uint8 or uint16, maybe with a gap between the rows.
-    """
-
-    encoding: str
-    values: NDArray[np.uint8] | NDArray[np.uint16]
-
-    @property
-    def nbytes(self) -> int:
-        """Memory that the values take."""
-        return self.values.nbytes
-
-    def grey(self) -> NDArray[np.uint8]:
-        """Grey pixels (H, W)."""
-        return ENCODINGS[self.encoding].grey(self.values)
-
-    def colour(self) -> NDArray[np.uint8]:
-        """Pixels (H, W, 3): blue, green, red; the caller's own."""
-        return ENCODINGS[self.encoding].colour(self.values)
 
 
 _START_CODE = b"\x00\x00\x01"
@@ -272,10 +249,8 @@ def decode_grey(image: CameraImage) -> NDArray[np.uint8]:
         RecordingError: the bytes are no image that OpenCV can decode, the message was malformed, or it is a video's
             packet, which only a ``VideoDecoder`` that saw those before it can decode.
     """
-    content = _decodable(image)
-    if isinstance(content, np.ndarray):
-        return content
-    return _file_pixels(image, content, cv2.IMREAD_GRAYSCALE) if isinstance(content, bytes) else content.grey()
+    content = _decodable(image, cv2.IMREAD_GRAYSCALE)
+    return content if isinstance(content, np.ndarray) else content.grey()
 
 
 def decode_colour(image: CameraImage) -> NDArray[np.uint8]:
@@ -284,20 +259,18 @@ def decode_colour(image: CameraImage) -> NDArray[np.uint8]:
     Raises:
         RecordingError: as of ``decode_grey``.
     """
-    content = _decodable(image)
-    if isinstance(content, np.ndarray):
-        return np.asarray(cv2.cvtColor(content, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-    return _file_pixels(image, content, cv2.IMREAD_COLOR) if isinstance(content, bytes) else content.colour()
+    content = _decodable(image, cv2.IMREAD_COLOR)
+    if not isinstance(content, np.ndarray):
+        return content.colour()
+    return content if content.ndim == 3 else np.asarray(cv2.cvtColor(content, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
 
 
-def _decodable(image: CameraImage) -> bytes | NDArray[np.uint8] | Picture:
-    """An image's content, if it can be decoded by itself."""
+def _decodable(image: CameraImage, mode: int) -> NDArray[np.uint8] | Picture:
+    """An image's content if it can be decoded by itself; of a file its pixels, in OpenCV's mode."""
     if isinstance(image.content, RecordingError):
         raise image.content
     if isinstance(image.content, VideoPacket):
         raise RecordingError(f"camera {image.camera}: a video's packet is no picture without those before it")
+    if isinstance(image.content, bytes):
+        return np.asarray(file_values(image.camera, image.stamp_ns, image.content, mode), dtype=np.uint8)
     return image.content
-
-
-def _file_pixels(image: CameraImage, file: bytes, mode: int) -> NDArray[np.uint8]:
-    return np.asarray(file_values(image.camera, image.stamp_ns, file, mode), dtype=np.uint8)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import av
 import cv2
@@ -287,9 +287,6 @@ def _fault(path: Path, error: Exception) -> str:
     return f"is not a video that can be read ({reason}); expected an MP4 with H.264 or HEVC, as cameras write it"
 
 
-if TYPE_CHECKING:
-    from av import VideoFrame
-
 _LUMA_FIRST = {f"yuv{full}{layout}p" for full in ("", "j") for layout in ("420", "422", "444")} | {"nv12", "gray"}
 """Pixel formats with 8 bits whose first plane is the light, row by row."""
 
@@ -306,7 +303,7 @@ class DecodedFrame:
         rotation_deg: counter-clockwise by which the pixels are turned: 0, 90, 180 or 270.
     """
 
-    def __init__(self, frame: "VideoFrame", rotation_deg: int = 0) -> None:
+    def __init__(self, frame: av.VideoFrame, rotation_deg: int = 0) -> None:
         self._frame, self._turns = frame, rotation_deg // 90
 
     def grey(self) -> NDArray[np.uint8]:
@@ -323,20 +320,15 @@ class DecodedFrame:
         Raises:
             RecordingError: a pixel format that cannot be converted.
         """
-        pixels = np.ascontiguousarray(np.rot90(bgr_pixels(self._frame), self._turns))
-        if pixels.ndim == 2:
-            return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-        return pixels
+        return np.ascontiguousarray(np.rot90(bgr_pixels(self._frame), self._turns))
 
 
-def grey_pixels(frame: "VideoFrame") -> NDArray[np.uint8]:
+def grey_pixels(frame: av.VideoFrame) -> NDArray[np.uint8]:
     """Grey pixels (H, W) of a frame, black 0 and white 255: its luma, without a detour over colours.
 
     Raises:
         RecordingError: a pixel format that cannot be converted.
     """
-    from av.error import FFmpegError
-
     name = frame.format.name
     try:
         if name not in _LUMA_FIRST:
@@ -353,16 +345,12 @@ def grey_pixels(frame: "VideoFrame") -> NDArray[np.uint8]:
     return np.ascontiguousarray(rows) if is_full else np.asarray(cv2.LUT(rows, _WITHOUT_ROOM), dtype=np.uint8)
 
 
-def bgr_pixels(frame: "VideoFrame") -> NDArray[np.uint8]:
-    """Pixels (H, W, 3) of a frame in OpenCV's order; grey pixels (H, W) of one that has no colours.
+def bgr_pixels(frame: av.VideoFrame) -> NDArray[np.uint8]:
+    """Pixels (H, W, 3) of a frame in OpenCV's order.
 
     Raises:
         RecordingError: a pixel format that cannot be converted.
     """
-    from av.error import FFmpegError
-
-    if frame.format.name.startswith("gray"):
-        return grey_pixels(frame)
     try:
         return np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
     except (FFmpegError, ValueError) as error:
