@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.equipment import Equipment, UnknownLengths
+from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.measurements import ClosedJoint
 from bodycam_ros.geometry import Array
 from bodycam_ros.settings import setting
 
-CONFIRM_FRAMES = 3  # in a row release an attachment, or engage it; a wrong registration is shorter
-ENGAGE_SHARE = 0.6  # of the release distance, within which a released attachment is engaged again: hysteresis
-_PLAY_SIGMAS, _LENGTH_SIGMAS = 2.0, 3.0  # of the points' own play and of unknown lengths, added to a distance
 _KERNEL = 4.0  # sigmas from which on an attachment counts less: one that was let go must not bend a limb
+CONFIRM_FRAMES = 3  # in a row release an attachment, or engage it; a wrong registration is shorter
 
 
 @dataclass(frozen=True)
@@ -65,8 +63,7 @@ class Attachments:
     """
 
     def __init__(self, body: BodyModel, equipment: Equipment, settings: CouplingSettings) -> None:
-        self._settings, self._given = settings, equipment.attachments
-        self._lengths = UnknownLengths(equipment)
+        self._release_m, self._given = settings.release_distance, equipment.attachments
         self.names = tuple(each.name for each in self._given)
         closing = {joint.name: joint for joint in body.loop_joints}
         self._joints = [closing[name] for name in self.names]
@@ -75,7 +72,7 @@ class Attachments:
             for segments in ([j.child for j in self._joints], [j.parent for j in self._joints])
         )
         self._detected = np.array([each.detected for each in self._given], bool)
-        self._play = np.array([np.sqrt(np.mean(each.sigmas**2)) for each in self._given])
+        self._least_sigma = np.array([each.sigmas.min() for each in self._given])
         self._scheduled, self._observed, self._released = (np.zeros(len(self._given), bool) for _ in range(3))
         self._against = np.zeros(len(self._given), int)
 
@@ -103,38 +100,27 @@ class Attachments:
 
     def are_contradicted(self, gaps: Array) -> bool:
         """Whether most of the attachments that should be active are farther apart than the release distance."""
-        far = self._scheduled & ~self._released & (gaps > self._limits(self._settings.release_distance))
+        far = self._scheduled & ~self._released & (gaps > self._release_m)
         return 2 * int((far & self.measured).sum()) > int(self.measured.sum())
 
     def place(self, gaps: Array) -> None:
         """The equipment was placed: release what is too far from it."""
-        far = self._detected & (gaps > self._limits(self._settings.release_distance))
+        far = self._detected & (gaps > self._release_m)
         self._released = np.where(self.measured, far, self._released)
 
     def update(self, gaps: Array) -> None:
         """Release what was too far apart for some frames in a row, and engage what is near again."""
-        release = self._settings.release_distance
-        far = gaps > self._limits(np.where(self._released, ENGAGE_SHARE * release, release))
-        differs = self._detected & (far != self._released)
+        differs = self._detected & ((gaps > self._release_m) != self._released)
         self._against = np.where(self.measured, np.where(differs, self._against + 1, 0), self._against)
         changed = self.measured & (self._against >= CONFIRM_FRAMES)
         self._released, self._against = self._released ^ changed, np.where(changed, 0, self._against)
 
-    def set_length_sigmas(self, sigmas: Array) -> None:
-        """Set how well the lengths (L) are known [m]: by so much more may points be apart."""
-        unknown = np.array([self._lengths.along_axes(name, sigmas) for name in self.names]).reshape(-1, 3)
-        self._slack = _PLAY_SIGMAS * self._play + _LENGTH_SIGMAS * np.linalg.norm(unknown, axis=1)
-
-    def _limits(self, distance: Array | float) -> Array:
-        limits: Array = distance + self._slack
-        return limits
-
     def closed_joints(self, active: ActiveAttachments) -> list[ClosedJoint]:
         """The joints of active attachments (B eq. 15)."""
-        closed = []
-        for joint, given in zip(self._joints, self._given, strict=True):
-            if active.active[given.name]:
-                # Unobserved, it was never released, and may start far apart.
-                far = 0.0 if given.name in active.observed else self._settings.release_distance / given.sigmas.min()
-                closed.append(ClosedJoint(joint, max(_KERNEL, float(far))))
-        return closed
+        # Unobserved, it was never released, and may start far apart.
+        far = np.where(self._observed, 0.0, self._release_m / self._least_sigma)
+        return [
+            ClosedJoint(joint, max(_KERNEL, kernel))
+            for joint, kernel in zip(self._joints, far.tolist(), strict=True)
+            if active.active[joint.name]
+        ]

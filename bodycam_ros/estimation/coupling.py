@@ -82,7 +82,6 @@ class Coupling:
         self.motion.reset()
         self.placed = self._was_placed = False
         self._first_shifts, self._first_sigmas = self._shifts, self._sigmas
-        self.attachments.set_length_sigmas(self._sigmas)
         self._search_due_ns, self._search_wait_ns = -(1 << 62), _SEARCH_NS
         self._searched_with: tuple[bool, ...] = ()
 
@@ -185,7 +184,6 @@ class Coupling:
     def remember(self, estimate: Estimate) -> None:
         """Set what the final estimate of a state has of the lengths."""
         self._shifts, self._sigmas = self._length_estimates(estimate.at, estimate.covariance)
-        self.attachments.set_length_sigmas(self._sigmas)
 
     def _length_estimates(self, at: Coordinates, covariance: Array) -> tuple[Array, Array]:
         """Shifts (L) from the file's lengths, and their sigmas [m]."""

@@ -24,7 +24,6 @@ _CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
 _COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 _ENDS_S = 0.25  # before and after a gap, that give the motion at its ends: most of a stroke of a pedal
-_LASTS_S = 2.0  # an acceleration that was measured goes on for so long: a rider who starts has his speed by then
 
 
 class EquipmentMotion:
@@ -127,8 +126,6 @@ def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_
             # A single measured angle has no speed; the other end gives it.
             measured = [end for end in ends if end is not None] or [(0.0, 0.0)]
             (v0, a0), (v1, a1) = measured[0], measured[-1]
-            lasts = min(1.0, (_LASTS_S / T) ** 2)
-            a0, a1 = lasts * a0, lasts * a1
             expected += T * (v0 + v1) / 2.0 + T**2 * (a0 - a1) / 12.0  # where the jerk is least
         filled[last:] += 2.0 * np.pi * np.round((expected - filled[last]) / (2.0 * np.pi))
         if last - first > 1:

@@ -7,11 +7,11 @@ import numpy as np
 from bodycam_ros.body.mechanism import Configuration, Mechanism, solve
 from bodycam_ros.geometry import Array, exp_so3, inverse, nearest_rotation, rigid, transform_points
 
-_STARTS = 12  # initial angles of a hinge that turns for ever
+_STARTS = 8  # initial angles of a hinge that turns for ever
 _KERNEL = 10.0  # sigmas at which an attachment counts half: a prediction may be as far off
 _UNPLACED = np.repeat([0.35, 0.3], 3)  # [rad], [m] a root whose sigmas are larger is not placed yet
 _LEAST_LEVER_M = 0.01  # points nearer to an axis do not determine a rotation about it
-_COARSE, _FINE = 8, 30  # steps from each start, and from the best one
+_STEPS = 20  # from each start
 _STIFFENING = 1e-6  # added to information, so that it has an inverse
 
 
@@ -50,13 +50,10 @@ class EquipmentSearch:
         if not (measured or is_root_measured):
             return None
 
-        def solved(configuration: Configuration, steps: int) -> tuple[Configuration, float]:
-            return solve(mechanism, configuration, without, columns=columns, kernel=_KERNEL, steps=steps)
-
         angles = [0.0] if self._searched is None else np.linspace(-np.pi, np.pi, _STARTS, endpoint=False).tolist()
         starts = [self._start(start, measured, angle, is_root_measured) for angle in angles]
-        best = min((solved(each, _COARSE) for each in starts), key=lambda pair: pair[1])[0]
-        best = solved(best, _FINE)[0]
+        solved = (solve(mechanism, each, without, columns=columns, kernel=_KERNEL, steps=_STEPS) for each in starts)
+        best = min(solved, key=lambda pair: pair[1])[0]
         return best if is_root_measured or self._is_determined(best, without) else None
 
     def _is_determined(self, found: Configuration, without: Collection[str]) -> bool:

@@ -17,7 +17,6 @@ from bodycam_ros.settings import setting
 from bodycam_ros.timing.clock_state import ClockState
 
 _DRIFT_S = 2.0  # bias errors last: over this time they add up to their whole, not to a random walk
-_LEAST_RAD, _LEAST_M_S = 2e-5, 5e-4  # sigmas of a rotation, and of a change of velocity
 _LEAST_IMAGES = 20  # registered images without a sample at their time, after which a clock is off
 _LATE_NS, _LATE_SHARE = 12_000_000, 0.1  # of samples behind an image, and of such images, which are named
 _OTHER_DELAY_S = 0.008  # between its delay and that of the calibration, from which on a sensor is named
@@ -185,7 +184,7 @@ class InertialSensors:
         of_angle = (imu.gyro_scale_sigma + imu.rotation_sigma) * float(np.linalg.norm(log_so3(R)))
         of_delay = imu.time_offset_sigma * float(np.linalg.norm(moved.change[:3]))
         density = imu.gyro_noise**2 + filtered.sigma**2 * _DRIFT_S
-        sigma = float(np.sqrt(density * moved.seconds + of_angle**2 + of_delay**2 + _LEAST_RAD**2))
+        sigma = float(np.sqrt(density * moved.seconds + of_angle**2 + of_delay**2))
         return SegmentTurn(self._rows[name], segment_R_camera @ R @ segment_R_camera.T, sigma)
 
     def _step(self, name: str, moved: Preintegrated, with_position: bool) -> InertialStep:
@@ -201,6 +200,6 @@ class InertialSensors:
             spin_before=R @ (moved.first_rate - spin_bias),
             spin_after=R @ (moved.second_rate - spin_bias),
             density=imu.accelerometer_noise**2 + filtered.sigma**2 * _DRIFT_S,
-            sigma=_LEAST_M_S + float(np.hypot(lever * spun, imu.time_offset_sigma * pushed)),
+            sigma=float(np.hypot(lever * spun, imu.time_offset_sigma * pushed)),
             with_position=with_position,
         )
