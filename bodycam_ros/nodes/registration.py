@@ -1,16 +1,23 @@
 """Node ``registration``: the feature tracks of all cameras in, poses and landmarks in the map out (A 4.1)."""
 
+import time
 from collections import defaultdict
 from functools import partial
 from pathlib import Path
 
 from std_srvs.srv import SetBool
 
+import bodycam_ros.registration.relocalisation  # noqa: F401  it loads pycolmap, which only the main thread may
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.live.live_registration import LiveRegistration
+from bodycam_ros.camera.readout import Readout, best_known
+from bodycam_ros.camera_pipeline import registrar
+from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
+from bodycam_ros.live.dropped_messages import LostMessages
+from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
+from bodycam_ros.live.stored_map import StoredMap
 from bodycam_ros.live.unanswered_frames import ReaderWait
-from bodycam_ros.messages.diagnostics import Status
+from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, camera_timing
 from bodycam_ros.messages.tracks import (
@@ -25,7 +32,9 @@ from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
+from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2
@@ -36,11 +45,12 @@ _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
 class RegistrationStage(Stage[RegistrationParameters]):
-    """Registers all cameras in one map.
+    """Registers all cameras in one map, which they extend: a registrar for each, which restarts with its tracker.
 
     Track frames wait for their camera's camera_info, and the first ones for the readers of the landmarks: two nodes may
     take seconds to find each other, and landmarks without a reader are lost for good. Registration restarts after the
-    node was inactive; the grown map stays.
+    node was inactive; the grown map stays. For frames from the middle of a tracker's stream a keyframe is requested,
+    because only keyframes have the descriptors by which tracks are matched to landmarks.
     """
 
     name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
@@ -48,25 +58,24 @@ class RegistrationStage(Stage[RegistrationParameters]):
     def __init__(self, node: StageNode[RegistrationParameters]) -> None:
         super().__init__(node)
         of = self.parameters
-        self._map_path = Path(self.required("map"))
-        self.map = load_map(self._map_path)
-        if not self.map.gravity_aligned:
-            self.log.warning(f"{self._map_path}: {ASSUMED_VERTICAL}")
+        map_path = Path(self.required("map"))
+        self._map = load_map(map_path)
+        if not self._map.gravity_aligned:
+            self.log.warning(f"{map_path}: {ASSUMED_VERTICAL}")
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # Each registration grows a map of its own; several may have the same parameters.
         stored = Path(of.grown_map, node.get_fully_qualified_name().strip("/")) if of.grown_map else None
-        self.live = LiveRegistration(
-            self.map,
-            self._map_path,
-            stored,
-            cameras,
-            lambda: self.settings,
-            self.dropped,
-            self.log.error,
-            self._request_keyframe,
-            # The map grows by frames from before the node became inactive, too.
-            partial(self.call_later, even_inactive=True),
-        )
+        # The map grows by frames from before the node became inactive, too.
+        defer = partial(self.call_later, even_inactive=True)
+        self._growth = LiveMapper(self._map, self.settings.growth, self._request_keyframe, defer)
+        self._grown_map = StoredMap(self._growth, self._map, map_path, stored, self.log.error)
+        self._registrars: dict[str, Registrar] = {}
+        self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
+        self._described: set[str] = set()
+        self._latest_ns: dict[str, int] = {}
+        self._lost = LostMessages()
+        self._diagnostics = RegistrationDiagnostics(cameras)
+        self._frames, self._work_s = 0, 0.0
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
         self._readers = ReaderWait()
         deep, one = reliable(STAGE_DEPTH), reliable(1)
@@ -82,8 +91,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)
-        self.every(_SAVE_POLL_S, lambda: self.live.stored.poll(self.parameters.save_interval), even_inactive=True)
-        grown_map = self.live.stored
+        grown_map = self._grown_map
+        self.every(_SAVE_POLL_S, lambda: grown_map.poll(self.parameters.save_interval), even_inactive=True)
         self.trigger("~/reset", self._reset)
         self.trigger("~/save_map", lambda: (True, grown_map.save()))
         self.trigger("~/load_map", lambda: (True, grown_map.load()))
@@ -94,41 +103,64 @@ class RegistrationStage(Stage[RegistrationParameters]):
         """Publish the map."""
         if self._points is not None:
             now_ns = self.node.get_clock().now().nanoseconds
-            self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
+            self._points.publish(map_points_message(self.make, now_ns, self._map.points_world, self._map.colours))
 
     def pause(self) -> None:
         """Forget the tracks, for the frames until the node is active again are missing."""
         self._waiting.clear()
-        self.live.restart()
+        self._restart()
 
     def finish(self) -> None:
         """Save the grown map."""
-        self.live.stored.close()
+        self._grown_map.close()
 
     def settings_changed(self) -> None:
         """Use the current thresholds for the next frames."""
-        self.live.update_settings()
+        for each in self._registrars.values():
+            each.settings = self.settings.registrar
+
+    def _restart(self) -> None:
+        """Forget the tracks of all cameras."""
+        self._lost = LostMessages()
+        for camera in self._registrars:
+            self._restart_camera(camera)
+
+    def _restart_camera(self, camera: str) -> None:
+        """Forget the tracks of a camera."""
+        readout, model = best_known(*self._readouts[camera].values()), self._cameras.models[camera]
+        self._registrars[camera] = registrar(model, self._growth.map, self.settings, readout)
+        self._growth.start_camera(camera, model)
+        self._described.discard(camera)
 
     def _reset(self) -> tuple[bool, str]:
-        count = self.live.restart()
-        return True, f"{count} cameras restart; added landmarks stay in the map (~/reset_map drops them)"
+        self._restart()
+        return (
+            True,
+            f"{len(self._registrars)} cameras restart; added landmarks stay in the map (~/reset_map drops them)",
+        )
 
     def _request_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
 
     def _set_model(self, camera: str) -> None:
-        model = self._cameras.models.get(camera)
-        self.live.set_model(camera, model)
-        if model is not None:
+        if camera in self._cameras.models:
+            self._restart_camera(camera)
             self._register_waiting(camera)
         else:
+            self._registrars.pop(camera, None)
             self._waiting.pop(camera, None)
 
     def _set_timing(self, camera: str, message: Message) -> None:
         try:
-            self.live.set_timing(camera, camera_timing(message))
+            timing = camera_timing(message)
         except ValueError as error:
             self.dropped.add("timing messages dropped", f"{camera}/timing: {error}")
+            return
+        if timing.readout is not None:
+            # Of those of several sources the best known counts.
+            self._readouts[camera][timing.source] = timing.readout
+            if camera in self._registrars:
+                self._registrars[camera].set_readout(timing.readout)
 
     def _add_tracks(self, camera: str, message: Message) -> None:
         try:
@@ -152,7 +184,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _register_waiting(self, camera: str) -> None:
         """Register the frames of a camera that wait, unless they must wait longer."""
-        if camera not in self.live.cameras or camera not in self._waiting:
+        if camera not in self._registrars or camera not in self._waiting:
             return
         of, readers = self.parameters, self._landmarks[camera].get_subscription_count
         if self._readers.is_over(camera, readers, of.landmark_readers, of.landmark_wait):
@@ -160,7 +192,10 @@ class RegistrationStage(Stage[RegistrationParameters]):
                 self._register(frame)
 
     def _register(self, frame: TrackFrame) -> None:
-        matches = self.live.register(frame)
+        started_s = time.monotonic()
+        matches = self._matches(frame)
+        self._frames += 1
+        self._work_s += time.monotonic() - started_s
         landmarks = landmarks_message(self.make, matches)
         self._landmarks[frame.camera].publish(landmarks)
         self.moments.note(Moment.REGISTERED, frame.camera, frame.stamp_ns)
@@ -168,9 +203,53 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if pose is not None:
             self._poses[frame.camera].publish(pose)
 
+    def _matches(self, frame: TrackFrame) -> LandmarkMatches:
+        """Register a frame, and let the map grow by it."""
+        camera = frame.camera
+        # Another tracker, or time went back: its track ids are new ones.
+        if frame.previous_stamp_ns == 0 or frame.stamp_ns <= self._latest_ns.get(camera, 0):
+            self._restart_camera(camera)
+        self._latest_ns[camera] = frame.stamp_ns
+        if self._lost.add(camera, frame.stamp_ns, frame.previous_stamp_ns):
+            self._described.discard(camera)
+            reason = f"camera {camera}: the track message before {frame.stamp_ns} ns is lost"
+            self.dropped.add("track messages lost", reason)
+        if frame.keyframe:
+            self._described.add(camera)
+        elif camera not in self._described:
+            self._request_keyframe(camera)
+        matches = self._registrars[camera].register(frame)
+        self._diagnostics.add(matches)
+        self._growth.add_image(frame, matches)
+        return matches
+
     def report(self) -> list[Status]:
-        """Status of the cameras since the last report."""
-        return self.live.report(self._cameras, tuple(self._waiting))
+        """Status of all cameras, of the map and of each camera since the last report."""
+        frames, work_s, self._frames, self._work_s = self._frames, self._work_s, 0, 0.0
+        lost, cameras, missing = self.dropped.count_new(), self._cameras, self._cameras.missing
+        values: dict[str, object] = {
+            "frames per second": frames,
+            "time per frame [ms]": round(1e3 * work_s / frames, 1) if frames else "none",
+            "cameras": len(self._registrars),
+            "cameras rejected": ", ".join(sorted(cameras.rejected)) or "none",
+            "cameras without camera_info": ", ".join(missing) or "none",
+            "camera_info changed": cameras.changes,
+            "landmarks in the map": len(self._map.landmark_ids),
+            **self.dropped.values,
+        }
+        if unknown := [camera for camera in missing if camera in self._waiting]:
+            level, text = StatusLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
+        elif cameras.rejected:
+            level, text = StatusLevel.ERROR, f"no usable camera_info of {few(sorted(cameras.rejected))}"
+        elif self._waiting:
+            level, text = StatusLevel.WARN, f"waiting for more readers of the landmarks of {few(sorted(self._waiting))}"
+        elif lost:
+            level, text = StatusLevel.WARN, f"registering, with losses: {self.dropped.latest}"
+        elif frames:
+            level, text = StatusLevel.OK, "registering"
+        else:
+            level, text = StatusLevel.STALE, "no tracks arrive"
+        return [Status("all cameras", level, text, values), self._grown_map.report(), *self._diagnostics.report()]
 
 
 make = partial(StageNode, RegistrationStage)

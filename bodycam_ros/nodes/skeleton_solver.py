@@ -6,15 +6,23 @@ With a rig it first calibrates the body from a range of motion (A 4.2).
 import time
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bodycam_ros.body.average_person import with_hands
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
+from bodycam_ros.errors import BodyError
+from bodycam_ros.live.camera_diagnostics import verdict_status
 from bodycam_ros.live.dropped_messages import LostMessages
-from bodycam_ros.live.live_body import LiveBody, read_static_cameras
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
-from bodycam_ros.live.solver_diagnostics import SolverDiagnostics
+from bodycam_ros.live.solver_diagnostics import SolverDiagnostics, equipment_status
+from bodycam_ros.live.solver_stations import read_static_cameras, static_measurement
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
@@ -24,6 +32,8 @@ from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscri
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.nodes.stations import Stations
+from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 if TYPE_CHECKING:
@@ -48,14 +58,20 @@ class SolverStage(Stage[SolverParameters]):
         self.required("body")
         self.settings.smoother.check_live()
         equipment = read_equipment(given.equipment) if given.equipment else None
-        stations = read_static_cameras(given)
-        self._live = LiveBody(given, lambda: self.settings, stations)
+        self._static = stations = read_static_cameras(given)
+        self._person: BodyModel | None = None
+        self._body: BodyModel | None = None  # with the part of the equipment that fits it
+        self._equipment: Equipment | None = None
+        self._coupling: EquipmentReport | None = None
+        self._pipeline: SkeletonPipeline | None = None  # until cameras are known
+        self._verdict: LiveVerdict | None = None
+        self._is_flushed = True
         self._calibration: LiveCalibration | None = None
         if given.rig:
             from bodycam_ros.live import live_calibration  # it loads matplotlib
 
             self._calibration = live_calibration.LiveCalibration(given, equipment)
-        carried = self._live.read() if self._calibration is None else self._calibration.cameras
+        carried = self._read_body() if self._calibration is None else self._calibration.cameras
         self._topics = BodyTopics(self, with_equipment=equipment is not None)
         self._stations = Stations(self, stations, self._add_static) if stations else None
         self._timings = CameraTimings(self, carried)
@@ -84,8 +100,8 @@ class SolverStage(Stage[SolverParameters]):
 
     def activate(self) -> None:
         """Publish the body's description."""
-        if self._live.body is not None and not self._is_described:
-            self._describe(self._live.body)
+        if self._body is not None and not self._is_described:
+            self._describe(self._body)
 
     def pause(self) -> None:
         """Publish the frames that wait for later ones, and cancel a calibration."""
@@ -103,7 +119,7 @@ class SolverStage(Stage[SolverParameters]):
         """Forget the motion, the clocks and the cameras."""
         flushed = self._flush()
         self._forget_waiting()
-        if self._live.pipeline is not None:
+        if self._pipeline is not None:
             self._solve()
         return True, f"{flushed} frames published; the body restarts"
 
@@ -113,7 +129,31 @@ class SolverStage(Stage[SolverParameters]):
 
     def _describe(self, body: BodyModel) -> None:
         self._is_described = True
-        self._topics.describe(body, self._live.equipment)
+        self._topics.describe(body, self._equipment)
+
+    def _read_body(self) -> tuple[str, ...]:
+        """Read the body file; return the names of the cameras to use.
+
+        Raises:
+            BodyError: it cannot be used, or lacks a camera that is asked for.
+        """
+        path, asked = Path(self.parameters.body), self.parameters.cameras
+        cameras = tuple(self._use_person(read_body(path)).mounts)
+        if not self.parameters.worn:
+            return ()
+        if not cameras or not {*asked} <= {*cameras}:
+            unknown = ", ".join(camera for camera in asked if camera not in cameras)
+            raise BodyError(f"{path}: the body has no camera {unknown}; it has {', '.join(cameras) or 'none'}")
+        return tuple(dict.fromkeys(asked)) or cameras
+
+    def _use_person(self, person: BodyModel) -> BodyModel:
+        """Set the person; return the body to solve, which has the equipment too if there is any."""
+        person = with_hands(person) if self._static else person
+        given = self.parameters.equipment
+        # Fitted once, so that what does not fit is reported once.
+        self._equipment = held_equipment(given, person) if given else None
+        self._person, self._body = person, coupled_body(person, self._equipment)
+        return self._body
 
     def _set_model(self, camera: str) -> None:
         self._first_info_s = self._first_info_s or time.monotonic()
@@ -123,8 +163,9 @@ class SolverStage(Stage[SolverParameters]):
             return
         self._collect()
         if camera in self._cameras.models:
-            if self._live.pipeline is not None:
-                self._live.add_camera(camera, self._cameras.models)
+            if self._pipeline is not None:
+                self._pipeline.join(camera, self._cameras.models[camera])
+                self._restart_verdict()
             else:
                 self._solve()
 
@@ -144,8 +185,32 @@ class SolverStage(Stage[SolverParameters]):
             self._calibration.start(self._cameras.models, self.settings)
 
     def _solve(self) -> None:
-        if self._live.start(self._cameras.models) and self._live.body is not None:
-            self._timings.set_body(self._live.body)
+        """Start to solve with the cameras known by now, without a past, if there is a body."""
+        person, body, models = self._person, self._body, self._cameras.models
+        if person is None or body is None or not (models or self._static):
+            return
+        self._pipeline = SkeletonPipeline(
+            person,
+            models,
+            self.settings,
+            live=True,
+            on_corrected=self._judge_registration,
+            equipment=self._equipment,
+            static_cameras=static_measurement(self.parameters, self._static, body, self.settings.motion),
+            stations=self._static,
+            placed=bool(self.parameters.start),
+        )
+        self._restart_verdict()
+        self._timings.set_body(body)
+
+    def _restart_verdict(self) -> None:
+        if self._body is not None:
+            self._verdict = LiveVerdict(self._body, self._cameras.models, self.settings.pose_fit)
+
+    def _judge_registration(self, matches: LandmarkMatches) -> None:
+        """Add a registration with its corrected stamp, for the verdict compares cameras at one time."""
+        if self._verdict is not None:
+            self._verdict.add_registration(matches)
 
     def _poll_calibration(self) -> None:
         if self._calibration is not None:
@@ -155,7 +220,7 @@ class SolverStage(Stage[SolverParameters]):
         """Solve a new body, if there is one, from the next registrations on."""
         if person is not None:
             self._flush()
-            body = self._live.set_person(person)
+            body = self._use_person(person)
             self._solve()
             self._describe(body)
 
@@ -172,12 +237,12 @@ class SolverStage(Stage[SolverParameters]):
         self._receive(matches)
 
     def _add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
-        if outputs := self._live.add_sample(camera, stamp_ns, reading):
+        if self._pipeline is not None and (outputs := self._pipeline.add_sample(camera, stamp_ns, reading)):
             self._publish(outputs)
 
     def _add_image(self, stamp_ns: int) -> None:
-        if self._live.pipeline is not None:
-            self._live.pipeline.add_image(stamp_ns)
+        if self._pipeline is not None:
+            self._pipeline.add_image(stamp_ns)
 
     def _add_static(self, measured: SegmentMeasurements) -> None:
         # The wait for the models of body cameras starts here, too.
@@ -194,46 +259,57 @@ class SolverStage(Stage[SolverParameters]):
             self.dropped.add("registrations dropped", "registrations, but no camera_info of the cameras")
 
     def _add(self, measured: LandmarkMatches | SegmentMeasurements) -> None:
-        if isinstance(measured, LandmarkMatches):
-            if self._calibration is not None:
-                self._calibration.add(measured)
-        started = self.moments.now()
-        self._publish(self._live.add(measured), started)
+        if isinstance(measured, LandmarkMatches) and self._calibration is not None:
+            self._calibration.add(measured)
+        self._is_flushed = False
+        if self._pipeline is not None:
+            started = self.moments.now()
+            self._publish(self._pipeline.add(measured), started)
 
     def _poll(self) -> None:
         waited_s = time.monotonic() - self._first_info_s if self._first_info_s else 0.0
         if not self._started and self._calibration is None and waited_s > self.parameters.info_wait:
             self._start()
+        if self._pipeline is None:
+            return
         if self._diagnostics.quiet_s > self.parameters.idle_flush:
             self._flush()
         else:
-            self._publish(self._live.poll())
-        if self._live.pipeline is not None:
-            self._timings.publish_clocks(self._live.pipeline.synchronizer.clocks.histories)
+            self._pipeline.assembler.max_wait_ns = round(1e9 * self.settings.assembler.max_wait)
+            self._publish(self._pipeline.poll())
+        self._timings.publish_clocks(self._pipeline.synchronizer.clocks.histories)
 
     def _flush(self) -> int:
         """Publish the frames that wait for later ones; return their number."""
-        outputs = self._live.flush()
+        if self._is_flushed or self._pipeline is None:
+            return 0
+        self._is_flushed = True
+        outputs = self._pipeline.flush()
         self._publish(outputs)
         return len(outputs)
 
     def _publish(self, outputs: Sequence[BodyOutput], started: Instant | None = None) -> None:
-        live = self._live
-        if live.pipeline is None or live.body is None:
+        pipeline, body = self._pipeline, self._body
+        if pipeline is None or body is None:
             return
         # First: static cameras wait for it before their next image.
         if self._stations is not None:
-            self._stations.publish(live.pipeline.latest_states, live.body)
+            self._stations.publish(pipeline.latest_states, body)
         for output in outputs:
-            self._topics.publish(output, live.body)
+            if self._verdict is not None:
+                self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
+            # Interpolated states have no report.
+            self._coupling = output.state.equipment or self._coupling
+            self._topics.publish(output, body)
             if started is not None:
                 self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, started)
             self._diagnostics.add_state(output.state)
 
     def report(self) -> list[Status]:
         """Status of the body and its cameras since the last report."""
-        live = self._live
-        statuses = [*self._diagnostics.report(live.pipeline, has_body=live.body is not None), *live.report()]
+        statuses = self._diagnostics.report(self._pipeline, has_body=self._body is not None)
+        statuses += [] if self._coupling is None else [equipment_status(self._coupling)]
+        statuses += [] if self._verdict is None else [verdict_status(self._verdict.verdict())]
         return statuses if self._calibration is None else [*statuses, self._calibration.report()]
 
 
