@@ -51,6 +51,10 @@ class RegistrationStage(Stage[RegistrationParameters]):
     take seconds to find each other, and landmarks without a reader are lost for good. Registration restarts after the
     node was inactive; the grown map stays. For frames from the middle of a tracker's stream a keyframe is requested,
     because only keyframes have the descriptors by which tracks are matched to landmarks.
+
+    Attributes:
+        map: as it was read.
+        registrars: by camera.
     """
 
     name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
@@ -59,17 +63,17 @@ class RegistrationStage(Stage[RegistrationParameters]):
         super().__init__(node)
         of = self.parameters
         map_path = Path(self.required("map"))
-        self._map = load_map(map_path)
-        if not self._map.gravity_aligned:
+        self.map = load_map(map_path)
+        if not self.map.gravity_aligned:
             self.log.warning(f"{map_path}: {ASSUMED_VERTICAL}")
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # Each registration grows a map of its own; several may have the same parameters.
         stored = Path(of.grown_map, node.get_fully_qualified_name().strip("/")) if of.grown_map else None
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
-        self._growth = LiveMapper(self._map, self.settings.growth, self._request_keyframe, defer)
-        self._grown_map = StoredMap(self._growth, self._map, map_path, stored, self.log.error)
-        self._registrars: dict[str, Registrar] = {}
+        self._growth = LiveMapper(self.map, self.settings.growth, self._request_keyframe, defer)
+        self._grown_map = StoredMap(self._growth, self.map, map_path, stored, self.log.error)
+        self.registrars: dict[str, Registrar] = {}
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
@@ -103,7 +107,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         """Publish the map."""
         if self._points is not None:
             now_ns = self.node.get_clock().now().nanoseconds
-            self._points.publish(map_points_message(self.make, now_ns, self._map.points_world, self._map.colours))
+            self._points.publish(map_points_message(self.make, now_ns, self.map.points_world, self.map.colours))
 
     def pause(self) -> None:
         """Forget the tracks, for the frames until the node is active again are missing."""
@@ -116,19 +120,19 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def settings_changed(self) -> None:
         """Use the current thresholds for the next frames."""
-        for each in self._registrars.values():
+        for each in self.registrars.values():
             each.settings = self.settings.registrar
 
     def _restart(self) -> None:
         """Forget the tracks of all cameras."""
         self._lost = LostMessages()
-        for camera in self._registrars:
+        for camera in self.registrars:
             self._restart_camera(camera)
 
     def _restart_camera(self, camera: str) -> None:
         """Forget the tracks of a camera."""
         readout, model = best_known(*self._readouts[camera].values()), self._cameras.models[camera]
-        self._registrars[camera] = registrar(model, self._growth.map, self.settings, readout)
+        self.registrars[camera] = registrar(model, self._growth.map, self.settings, readout)
         self._growth.start_camera(camera, model)
         self._described.discard(camera)
 
@@ -136,7 +140,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._restart()
         return (
             True,
-            f"{len(self._registrars)} cameras restart; added landmarks stay in the map (~/reset_map drops them)",
+            f"{len(self.registrars)} cameras restart; added landmarks stay in the map (~/reset_map drops them)",
         )
 
     def _request_keyframe(self, camera: str) -> None:
@@ -147,7 +151,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._restart_camera(camera)
             self._register_waiting(camera)
         else:
-            self._registrars.pop(camera, None)
+            self.registrars.pop(camera, None)
             self._waiting.pop(camera, None)
 
     def _set_timing(self, camera: str, message: Message) -> None:
@@ -159,8 +163,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if timing.readout is not None:
             # Of those of several sources the best known counts.
             self._readouts[camera][timing.source] = timing.readout
-            if camera in self._registrars:
-                self._registrars[camera].set_readout(timing.readout)
+            if camera in self.registrars:
+                self.registrars[camera].set_readout(timing.readout)
 
     def _add_tracks(self, camera: str, message: Message) -> None:
         try:
@@ -184,7 +188,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _register_waiting(self, camera: str) -> None:
         """Register the frames of a camera that wait, unless they must wait longer."""
-        if camera not in self._registrars or camera not in self._waiting:
+        if camera not in self.registrars or camera not in self._waiting:
             return
         of, readers = self.parameters, self._landmarks[camera].get_subscription_count
         if self._readers.is_over(camera, readers, of.landmark_readers, of.landmark_wait):
@@ -218,7 +222,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._described.add(camera)
         elif camera not in self._described:
             self._request_keyframe(camera)
-        matches = self._registrars[camera].register(frame)
+        matches = self.registrars[camera].register(frame)
         self._diagnostics.add(matches)
         self._growth.add_image(frame, matches)
         return matches
@@ -230,11 +234,11 @@ class RegistrationStage(Stage[RegistrationParameters]):
         values: dict[str, object] = {
             "frames per second": frames,
             "time per frame [ms]": round(1e3 * work_s / frames, 1) if frames else "none",
-            "cameras": len(self._registrars),
+            "cameras": len(self.registrars),
             "cameras rejected": ", ".join(sorted(cameras.rejected)) or "none",
             "cameras without camera_info": ", ".join(missing) or "none",
             "camera_info changed": cameras.changes,
-            "landmarks in the map": len(self._map.landmark_ids),
+            "landmarks in the map": len(self.map.landmark_ids),
             **self.dropped.values,
         }
         if unknown := [camera for camera in missing if camera in self._waiting]:

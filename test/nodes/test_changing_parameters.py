@@ -157,10 +157,10 @@ def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
     camera = DrivenCamera(graph, "left", latched(), latched())
     camera.inform()
     deadline_s = time.monotonic() + _START_S
-    while not stage.live.cameras:
+    while not stage.registrars:
         assert time.monotonic() < deadline_s, "the camera_info does not come"
         rclpy.spin_once(node, timeout_sec=0.05)
-    (registrar,) = stage.live.cameras.values()
+    (registrar,) = stage.registrars.values()
     assert registrar.settings.min_inliers == 15
     assert not _set(node, "registrar.min_inliers", 25)
     assert registrar.settings.min_inliers == 25
