@@ -52,25 +52,23 @@ class Format:
         Raises:
             BodycamError: the source cannot be read, or lacks what the format needs.
         """
-        written = self._written(source, options, progress)
-        return {"": written} if isinstance(written, str | bytes) else written
-
-    def _written(self, source: Path, options: MotionOptions, progress: Progress) -> str | bytes | Content:
         if self.of_body:
-            return self.write(source, options)
-        if source.is_file() and urdf.is_body_file(source):
+            written = self.write(source, options)
+        elif source.is_file() and urdf.is_body_file(source):
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
-        if self.of_bag:
-            return self.write(source, options, progress)
-        motion = sample_motion(read_solved_body(source, progress), options.rate, self.is_even)
-        if not self.has_equipment and motion.body.equipment_segments:
-            logger.warning(
-                "%s: %s, which are no part of the body, are left out; %s have them",
-                source,
-                ", ".join(sorted(motion.body.equipment_segments)),
-                ", ".join(name for name, form in FORMATS.items() if form.has_equipment),
-            )
-        return self.write(motion, options)
+        elif self.of_bag:
+            written = self.write(source, options, progress)
+        else:
+            motion = sample_motion(read_solved_body(source, progress), options.rate, self.is_even)
+            if not self.has_equipment and motion.body.equipment_segments:
+                logger.warning(
+                    "%s: %s, which are no part of the body, are left out; %s have them",
+                    source,
+                    ", ".join(sorted(motion.body.equipment_segments)),
+                    ", ".join(name for name, form in FORMATS.items() if form.has_equipment),
+                )
+            written = self.write(motion, options)
+        return {"": written} if isinstance(written, str | bytes) else written
 
 
 _RATE = frozenset({"rate"})
@@ -159,11 +157,12 @@ def export(
         check_file(path, force, mark, format_name)
     contents: dict[Path, bytes] = {}
     for path, source in outputs.items():
-        contents |= _contents(source, path, chosen, options, progress)
-    unchanged = {path for path, content in contents.items() if path not in outputs and _is_same(path, content)}
-    for path in contents.keys() - outputs.keys() - unchanged:
+        contents |= _contents(chosen.content(source, options, progress), path)
+    beside = {path: content for path, content in contents.items() if path not in outputs}
+    unchanged = {path for path, content in beside.items() if path.is_file() and path.read_bytes() == content}
+    for path in beside.keys() - unchanged:
         check_output(path, sources, makes_folders=len(sources) > 1)
-        check_file(path, force, *next(beside for end, beside in chosen.beside.items() if path.name.endswith(end)))
+        check_file(path, force, *next(mark for end, mark in chosen.beside.items() if path.name.endswith(end)))
     with whole_files(folder, inside=len(sources) == 1) as scratch:
         for path in contents.keys() - unchanged:
             (scratch / path.name).write_bytes(contents[path])
@@ -178,22 +177,18 @@ def _check_options(format_name: str, options: MotionOptions) -> None:
         raise SettingsError(f"{flags} has no effect on {format_name}{hint}")
 
 
-def _contents(
-    source: Path, output: Path, chosen: Format, options: MotionOptions, progress: Progress
-) -> dict[Path, bytes]:
-    made = chosen.content(source, options, progress)
+def _contents(made: Content, output: Path) -> dict[Path, bytes]:
+    """Path of a file -> what is to be in it.
+
+    Raises:
+        OutputError: two of the files would have one path.
+    """
     paths = {suffix: output.with_suffix(suffix) if suffix else output for suffix in made}
     if twice := [path for path, count in Counter(paths.values()).items() if count > 1]:
         raise OutputError(
             f"{twice[0]}: would be two of the files to write; choose another name, or rename the segments"
         )
-    return {
-        paths[suffix]: content.encode() if isinstance(content, str) else content for suffix, content in made.items()
-    }
-
-
-def _is_same(path: Path, content: bytes) -> bool:
-    return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+    return {paths[suffix]: text.encode() if isinstance(text, str) else text for suffix, text in made.items()}
 
 
 def _unique_names(sources: Sequence[Path]) -> Mapping[str, Path]:

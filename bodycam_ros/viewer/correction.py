@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -115,8 +114,8 @@ class Correction:
 
         A part that moves with another one has not moved: in the N-pose it is where it was.
         """
-        root_T_segment, root_T_was = _in_n_pose(self.original, self._original_n_pose, part)
-        _, root_T_now = _in_n_pose(self.body, self._n_pose, part)
+        root_T_segment, root_T_was = _in_n_pose(self.original, part)
+        _, root_T_now = _in_n_pose(self.body, part)
         segment_R_root = root_T_segment[:3, :3].T
         turn = segment_R_root @ log_so3(root_T_now[:3, :3] @ root_T_was[:3, :3].T)
         return Move(segment_R_root @ (root_T_now[:3, 3] - root_T_was[:3, 3]) * 1e3, np.degrees(turn))
@@ -127,14 +126,6 @@ class Correction:
             move = self.move_of(part)
             if not move.is_none:
                 yield part, move
-
-    @cached_property
-    def _original_n_pose(self) -> Array:
-        return self.original.n_pose(np.eye(4))
-
-    @cached_property
-    def _n_pose(self) -> Array:
-        return self.body.n_pose(np.eye(4))
 
 
 def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:
@@ -159,10 +150,10 @@ def can_turn(body: BodyModel, part: Part | None) -> bool:
     return part is not None and (part.kind == "camera" or joint_named(body, part.name).type == "hinge")
 
 
-def _in_n_pose(body: BodyModel, root_T_segments: Array, part: Part) -> tuple[Array, Array]:
+def _in_n_pose(body: BodyModel, part: Part) -> tuple[Array, Array]:
     """root_T_segment of the segment that carries a part, and root_T_part, (4, 4) both, of a body in its N-pose."""
     segment, segment_T_part = place_of(body, part)
-    root_T_segment: Array = root_T_segments[body.segment_index[segment]]
+    root_T_segment: Array = body.n_pose(np.eye(4))[body.segment_index[segment]]
     return root_T_segment, root_T_segment @ segment_T_part
 
 

@@ -56,15 +56,20 @@ def write_film(sources: Sources, camera: str | None, path: Path, progress: Progr
     """
     if sources.solved is None:
         raise ViewError("-o: a body in its N-pose does not move; name OUT, a bag that 'bodycam replay' wrote")
-    pictures = _from_outside(sources) if camera is None else _over_images(sources, camera, sources.solved)
-    rate_hz = 1e9 / sources.motion.frame_ns
+    shots = _from_outside(sources) if camera is None else _over_images(sources, camera, sources.solved)
+    motion, body = sources.motion, sources.body
     with (
         whole_file(path) as unfinished,
-        progress.step(path.name, len(sources.motion.stamps_ns)) as advance,
-        video_writer(unfinished, rate_hz) as write,
+        progress.step(path.name, len(motion.stamps_ns)) as advance,
+        video_writer(unfinished, 1e9 / motion.frame_ns) as write,
     ):
         is_empty = True
-        for seconds, picture in pictures:
+        for seconds, index, picture, world_T_camera, lens in shots:
+            bones = body_bones(body, motion.segments_at(body, index)) + motion.equipment_at(index)
+            overlay = project_overlay(lens, world_T_camera, bones, None)
+            draw_body(picture, overlay, max(2, round(_BONE_SHARE * lens.height)), is_bgr=True)
+            times = -(-_SHARP_PX // lens.height)
+            picture = np.asarray(cv2.resize(picture, None, fx=times, fy=times), np.uint8)
             _write_time(picture, seconds)
             write(seconds, picture)
             advance()
@@ -73,8 +78,12 @@ def write_film(sources: Sources, camera: str | None, path: Path, progress: Progr
             raise ViewError(f"{sources.recording}: has no image of {camera} from the time that {sources.solved} has")
 
 
-def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
-    """Seconds and picture of every state."""
+_Shot = tuple[float, int, Image, Array, CameraModel]
+"""Seconds since the first state, row of the state, picture without the body, world_T_camera (4, 4) and lens."""
+
+
+def _from_outside(sources: Sources) -> Iterator[_Shot]:
+    """A shot of every state."""
     motion, body = sources.motion, sources.body
     focal = HEIGHT / 2.0 / np.tan(FIELD_OF_VIEW / 2.0)
     middle = (WIDTH - 1) / 2.0, (HEIGHT - 1) / 2.0
@@ -93,12 +102,11 @@ def _from_outside(sources: Sources) -> Iterator[tuple[float, Image]]:
             points = transform_points(camera_T_world, np.linspace(start, end, _STEPS))
             pixels = np.where(points[:, 2:] > _NEAREST_M, lens.project(points)[0], np.nan)
             draw_polyline(picture, pixels, GRID, 1, is_bgr=True)
-        _draw(picture, sources, index, world_T_camera, lens)
-        yield seconds, picture
+        yield seconds, index, picture, world_T_camera, lens
 
 
-def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[float, Image]]:
-    """Seconds and picture of every image of a camera that has a state."""
+def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[_Shot]:
+    """A shot of every image of a camera that has a state."""
     motion, stations, recording = sources.motion, sources.stations, sources.recording
     if recording is None:
         raise ViewError(f"--over {shown(camera)}: give the bag with its images with --recording")
@@ -109,9 +117,8 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[
     with open_recording(recording) as bag:
         lens = stations[camera].camera if camera in stations else bag.camera_model(camera)
         for image in bag.images([camera]):
-            stamp_ns = image.stamp_ns
-            if clock is not None:
-                stamp_ns = int(clock.corrected_ns(np.array([stamp_ns], dtype=np.int64))[0])
+            stamps_ns = np.array([image.stamp_ns], np.int64)
+            stamp_ns = int((stamps_ns if clock is None else clock.corrected_ns(stamps_ns))[0])
             index = nearest(motion.stamps_ns, stamp_ns, motion.frame_ns // 2)
             if index is None:
                 continue
@@ -119,18 +126,8 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[tuple[
                 world_T_camera = stations[camera].world_T_camera
             else:
                 world_T_camera = mounted_camera(sources.body, motion.segments_at(sources.body, index), camera)
-            picture = np.ascontiguousarray(decode_colour(image))
-            _draw(picture, sources, index, world_T_camera, lens)
-            times = -(-_SHARP_PX // lens.height)
-            large = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_LINEAR)
-            yield (stamp_ns - int(motion.stamps_ns[0])) * 1e-9, np.asarray(large, np.uint8)
-
-
-def _draw(picture: Image, sources: Sources, index: int, world_T_camera: Array, lens: CameraModel) -> None:
-    """Draw the body and its equipment at one state."""
-    bones = body_bones(sources.body, sources.motion.segments_at(sources.body, index))
-    overlay = project_overlay(lens, world_T_camera, bones + sources.motion.equipment_at(index), None)
-    draw_body(picture, overlay, max(2, round(_BONE_SHARE * picture.shape[0])), is_bgr=True)
+            seconds = (stamp_ns - int(motion.stamps_ns[0])) * 1e-9
+            yield seconds, index, np.ascontiguousarray(decode_colour(image)), world_T_camera, lens
 
 
 def looking_at(position: Array, look_at: Array) -> Array:
