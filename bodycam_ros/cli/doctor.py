@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Sequence
+from dataclasses import fields
 
 from rich.table import Table
 from rich.text import Text
@@ -40,15 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    given = DoctorInput(
-        arguments.recording,
-        arguments.map,
-        arguments.body,
-        arguments.rig,
-        arguments.board,
-        arguments.lenses,
-        tuple(arguments.imu),
-    )
+    given = DoctorInput(**{each.name: getattr(arguments, each.name) for each in fields(DoctorInput)})
     with shown_progress() as progress:
         findings = examine(given, arguments.jobs, progress)
     level = worst_level(findings)

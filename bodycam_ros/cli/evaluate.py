@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
-from bodycam_ros.cli.output import exit_code, print_section, print_verdict, shown_progress
+from bodycam_ros.cli.output import print_section, print_verdict, shown_progress
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.terminal import Terminal
 
@@ -82,8 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     terminal.print("\n".join([*report_lines(evaluation), f"written to {folder}"]))
     for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
         terminal.print(f"doubtful: {doubt}", style="yellow")
-    print_verdict(terminal, evaluation.verdict)
-    return exit_code(evaluation.verdict)
+    return print_verdict(terminal, evaluation.verdict)
 
 
 def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | None":

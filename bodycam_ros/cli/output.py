@@ -32,16 +32,12 @@ def print_table(
     print_section(Terminal(), column_table(title, heading, columns, rows, note, flagged))
 
 
-def print_verdict(terminal: Terminal, verdict: Verdict) -> None:
-    """Print a line for each finding and the verdict."""
+def print_verdict(terminal: Terminal, verdict: Verdict) -> int:
+    """Print a line for each finding and the verdict; the exit code: 0, or that of a result that should not be used."""
     for finding in verdict.findings:
         line = Text.assemble((f"{finding.level.word}: ", STYLES[finding.level]), finding.text)
         terminal.print(line)
     terminal.print(Text(f"verdict: {verdict.text}", STYLES[verdict.level]))
-
-
-def exit_code(verdict: Verdict) -> int:
-    """0, or that of a result that should not be used."""
     return WRONG_RESULT if verdict.level is Level.WRONG else 0
 
 

@@ -15,7 +15,7 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
-from bodycam_ros.cli.output import exit_code, print_section, print_table, print_verdict, shown_progress
+from bodycam_ros.cli.output import print_section, print_table, print_verdict, shown_progress
 from bodycam_ros.errors import StationError
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
@@ -103,8 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
             slim=arguments.slim,
             imu_paths=arguments.imu,
         )
-    _print(summary, arguments.recording, arguments.output)
-    return exit_code(summary.verdict)
+    return _print(summary, arguments.recording, arguments.output)
 
 
 def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
@@ -124,7 +123,8 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     return None
 
 
-def _print(summary: "ReplaySummary", recording: Path, output: Path) -> None:
+def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
+    """Print the summary; the exit code."""
     from bodycam_ros.lens.lens_check import find_mismatches
     from bodycam_ros.offline.replay_output import clock_remarks
 
@@ -161,7 +161,7 @@ def _print(summary: "ReplaySummary", recording: Path, output: Path) -> None:
         f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
         f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}"
     )
-    print_verdict(terminal, summary.verdict)
+    return print_verdict(terminal, summary.verdict)
 
 
 def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:

@@ -80,11 +80,6 @@ class Coverage:
         """(E, A) of the places."""
         return np.asarray(self.registers.mean(axis=0), np.float64)
 
-    @property
-    def share_by_place(self) -> Array:
-        """(P,) of the directions."""
-        return np.asarray(np.einsum("pea,ea->p", self.registers, self.weights), np.float64)
-
 
 def upright_map(reference_map: ReferenceMap) -> ReferenceMap:
     """The map itself if its z is up; else its landmarks and photographs, turned until photographs are upright."""

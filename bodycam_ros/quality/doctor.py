@@ -1,6 +1,6 @@
 """All checks of a recording, in the order in which a person should act on them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,7 +55,7 @@ class DoctorInput:
     rig: Path | None = None
     board: Path | None = None
     lenses: Path | None = None
-    imu: tuple[Path, ...] = ()
+    imu: Sequence[Path] = ()
 
     @property
     def is_bag(self) -> bool:

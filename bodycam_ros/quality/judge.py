@@ -46,12 +46,10 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
     causes = find_causes(poses, found)
     accused = [_contradiction_finding(poses, found, camera, cause) for camera, cause in causes.items()]
     findings = [
-        *_unregistered_findings(poses, unregistered, is_everybody=bool(unregistered) and not cameras and not alone),
+        *(_unregistered_finding(poses, camera, is_everybody=not cameras and not alone) for camera in unregistered),
         *(_no_common_time_finding(poses, camera, cameras) for camera in alone),
         *accused,
-        *_lens_and_clock_findings(poses, found.core),
-        *_early_end_findings(poses, cameras),
-        *_unobserved_findings(poses, cameras),
+        *_other_findings(poses, cameras, found.core),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
         subjects = {finding.subject for finding in findings}
@@ -74,17 +72,15 @@ def _is_unregistered(poses: CameraPoses, camera: str) -> bool:
     return not count.registered or (count.images >= _MIN_IMAGES and count.share < _MIN_REGISTERED)
 
 
-def _unregistered_findings(poses: CameraPoses, unregistered: Sequence[str], is_everybody: bool) -> Iterator[Finding]:
-    for camera in unregistered:
-        count = poses.counts[camera]
-        what = f"registered on {count.registered} of {count.images} images"
-        if is_everybody:
-            why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
-            yield Finding(camera, Level.WRONG, what, why, remedy, check="registered")
-        else:
-            why = "it was covered, dark or blurred, or its lens is not what camera_info says"
-            remedy = "look at its pictures; its segment follows from the others"
-            yield Finding(camera, Level.DOUBTFUL, what, why, remedy, check="registered")
+def _unregistered_finding(poses: CameraPoses, camera: str, is_everybody: bool) -> Finding:
+    count = poses.counts[camera]
+    what = f"registered on {count.registered} of {count.images} images"
+    if is_everybody:
+        why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
+        return Finding(camera, Level.WRONG, what, why, remedy, check="registered")
+    why = "it was covered, dark or blurred, or its lens is not what camera_info says"
+    remedy = "look at its pictures; its segment follows from the others"
+    return Finding(camera, Level.DOUBTFUL, what, why, remedy, check="registered")
 
 
 def _shares_no_time(poses: CameraPoses, camera: str) -> bool:
@@ -129,18 +125,33 @@ def _is_outvoted(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
     return is_shared and not any(_solved_gap(poses, other) > DOUBTFUL_GAP_M for other in found.core)
 
 
-def _lens_and_clock_findings(poses: CameraPoses, core: Sequence[str]) -> Iterator[Finding]:
-    """Cameras that agree with each other, but whose lens or clock does not fit."""
-    clocks = clock_causes(poses, core)
-    for camera in core:
-        if (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
-            yield Finding(
-                camera, Level.DOUBTFUL, "its landmarks do not fit its lens", cause.why, cause.remedy, check="lens"
-            )
-        elif (cause := clocks.get(camera)) is not None:
-            yield Finding(
-                camera, Level.DOUBTFUL, "its poses fit at other times", cause.why, cause.remedy, check="clock"
-            )
+def _other_findings(poses: CameraPoses, cameras: Sequence[str], core: Sequence[str]) -> Iterator[Finding]:
+    """Cameras that end early, leave their segment unobserved, or agree with each other by a wrong lens or clock."""
+    clocks, mounts = clock_causes(poses, core), poses.body.mounts
+    last_ns = max((poses.counts[camera].last_registered_ns for camera in cameras), default=0)
+    from_ns = poses.start_ns + 1e9 * float(poses.seconds[0]) if len(poses.seconds) else np.inf
+    for camera in cameras:
+        count, segment = poses.counts[camera], mounts[camera].segment
+        end_s, all_s, until_s = (
+            1e-9 * (stamp_ns - poses.start_ns) for stamp_ns in (count.last_registered_ns, last_ns, count.blind_until_ns)
+        )
+        found: list[tuple[str, str, str, str]] = []
+        if camera in core and (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
+            found.append(("lens", "its landmarks do not fit its lens", cause.why, cause.remedy))
+        elif camera in core and (cause := clocks.get(camera)) is not None:
+            found.append(("clock", "its poses fit at other times", cause.why, cause.remedy))
+        if all_s - end_s > _EARLY_END_S:
+            what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
+            remedy = "its segment follows from the others after that"
+            found.append(("end", what, "it stopped, or was covered", remedy))
+        is_shared = any(other != camera and mounts[other].segment == segment for other in cameras)
+        if not is_shared and count.blind_ns > 1e9 * _BLIND_S and count.blind_until_ns > from_ns:
+            what = f"not registered from {until_s - 1e-9 * count.blind_ns:.1f} s to {until_s:.1f} s"
+            why = "it was covered or dark, or saw what the map does not show"
+            remedy = f"{segment} is a guess in that time, by the poses that it was seen in"
+            found.append(("blind", what, why, remedy))
+        for check, what, why, remedy in found:
+            yield Finding(camera, Level.DOUBTFUL, what, why, remedy, check=check)
 
 
 def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str]) -> Iterator[Finding]:
@@ -155,32 +166,6 @@ def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str
             what = f"the solved body is {1e3 * gap_m:.0f} mm from its registration"
             why, remedy = "the body does not bend as this one did", "check the body's joints"
             yield Finding(camera, level, what, why, remedy, check="joints")
-
-
-def _unobserved_findings(poses: CameraPoses, cameras: Sequence[str]) -> Iterator[Finding]:
-    """Cameras that were not registered for long, without another one on their segment."""
-    from_ns = poses.start_ns + 1e9 * float(poses.seconds[0]) if len(poses.seconds) else np.inf
-    mounts = poses.body.mounts
-    for camera in cameras:
-        count, segment = poses.counts[camera], mounts[camera].segment
-        is_shared = any(other != camera and mounts[other].segment == segment for other in cameras)
-        if not is_shared and count.blind_ns > 1e9 * _BLIND_S and count.blind_until_ns > from_ns:
-            until_s = 1e-9 * (count.blind_until_ns - poses.start_ns)
-            what = f"not registered from {until_s - 1e-9 * count.blind_ns:.1f} s to {until_s:.1f} s"
-            why = "it was covered or dark, or saw what the map does not show"
-            remedy = f"{segment} is a guess in that time, by the poses that it was seen in"
-            yield Finding(camera, Level.DOUBTFUL, what, why, remedy, check="blind")
-
-
-def _early_end_findings(poses: CameraPoses, cameras: Sequence[str]) -> Iterator[Finding]:
-    last_ns = max((poses.counts[camera].last_registered_ns for camera in cameras), default=0)
-    for camera in cameras:
-        ended_ns = poses.counts[camera].last_registered_ns
-        if last_ns - ended_ns > 1e9 * _EARLY_END_S:
-            end_s, all_s = (1e-9 * (stamp_ns - poses.start_ns) for stamp_ns in (ended_ns, last_ns))
-            what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
-            remedy = "its segment follows from the others after that"
-            yield Finding(camera, Level.DOUBTFUL, what, "it stopped, or was covered", remedy, check="end")
 
 
 class LiveVerdict:

@@ -44,11 +44,6 @@ class RecordingResult:
             return "failed"
         return str(self.figures.get("verdict", {}).get("level", "unreadable"))
 
-    @property
-    def names(self) -> tuple[str, str, str, str]:
-        """Of recording, subject, place and verdict."""
-        return self.recording.name, self.recording.subject, self.recording.place, self.verdict
-
 
 def read_results(
     study: Study, steps: Sequence[Step], notes: DoneSteps, failures: Mapping[str, StepEnd]
@@ -107,14 +102,20 @@ def write_study_report(title: str, results: Sequence[RecordingResult], folder: P
     """
     rows: dict[str, dict[str, Any]] = {}
     for result in results:
-        row: dict[str, Any] = dict(zip(("recording", "subject", "place", "verdict"), result.names, strict=True))
+        of = result.recording
+        row: dict[str, Any] = {
+            "recording": of.name,
+            "subject": of.subject,
+            "place": of.place,
+            "verdict": result.verdict,
+        }
         for name, places in _FIGURES_OF.items():
             found = (find_figure(result.figures, place) for place in places)
             row[name] = next((float(value) for value in found if isinstance(value, int | float)), None)
         end = result.failure
         row["report"] = result.report.relative_to(folder).as_posix() if end is None else ""
         row |= {"failed_step": end and end.step.name, "reason": end and end.failure}
-        rows[result.recording.name] = row
+        rows[of.name] = row
     table = column_table("", "recording", _COLUMNS, rows).table
     assert table is not None
     links = [Link(name, f"{row['report']}/{_REPORT}") if row["report"] else name for name, row in rows.items()]
