@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ from bodycam_ros.evaluate.alignment import (
     Alignment,
     BodyPoints,
     align_worlds,
-    alignment_error,
     find_motion_clock,
     rate_shared_clock,
 )
@@ -231,14 +231,14 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
     if not captured.has_unit:
         unit = _estimate_unit(solved, captured, places)
         captured = captured.scaled(unit)
-    body = _body_points(solved, places)
+    body = _body_points(solved, captured, places)
     if options.shares_clock:
-        clock = rate_shared_clock(body, captured, solved.start_ns)
+        clock = rate_shared_clock(body, solved.start_ns)
     elif len(solved.stamps_ns) < 2:
         raise RecordingError(f"{solved.path}: has one frame; finding the clock offset needs two or more")
     else:
-        clock = find_motion_clock(body, captured)
-    theirs = body.theirs(captured, clock)
+        clock = find_motion_clock(body)
+    theirs = body.theirs(clock)
     known: NDArray[np.bool_] = np.any(np.isfinite(theirs).all(axis=2), axis=1)
     if not known.any():
         raise RecordingError(
@@ -246,11 +246,8 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
             f"{clock.start_s:.3f} to {clock.start_s + clock.rate * captured.duration_s:.3f} s of it; without "
             "--clock shared the offset is found"
         )
-    body, theirs = _body_points(solved, places, known), theirs[known]
-    try:
-        similarity, rigid = (align_worlds(body, theirs, with_scale) for with_scale in (True, False))
-    except ValueError as error:
-        raise alignment_error(captured, body) from error
+    body, theirs = _body_points(solved, captured, places, known), theirs[known]
+    similarity, rigid = (align_worlds(body, theirs, with_scale) for with_scale in (True, False))
     points = _compare_points(body, theirs, similarity if options.with_scale else rigid)
     agreement = Agreement(
         name=captured.path.resolve().name,
@@ -279,14 +276,17 @@ def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
     points = {segment: np.ascontiguousarray(truth.world_T_segment[segment][:, :3, 3]) for segment in segments}
     captured = CapturedMotion(truth.path, "truth", truth.stamps_ns, points)
     places = {segment: PointSite(segment) for segment in segments}
-    return rate_shared_clock(_body_points(solved, places), captured, solved.start_ns)
+    return rate_shared_clock(_body_points(solved, captured, places), solved.start_ns)
 
 
 def _body_points(
-    solved: SolvedRecording, places: Mapping[str, PointSite], rows: NDArray[np.bool_] | slice = slice(None)
+    solved: SolvedRecording,
+    captured: CapturedMotion,
+    places: Mapping[str, PointSite],
+    rows: NDArray[np.bool_] | slice = slice(None),
 ) -> BodyPoints:
     links = {place.link: solved.world_T_link[place.link][rows] for place in places.values()}
-    return BodyPoints(np.asarray(solved.seconds(solved.stamps_ns[rows])), links, places)
+    return BodyPoints(captured, np.asarray(solved.seconds(solved.stamps_ns[rows])), links, places)
 
 
 def _estimate_unit(solved: SolvedRecording, captured: CapturedMotion, places: Mapping[str, PointSite]) -> float:
@@ -294,17 +294,12 @@ def _estimate_unit(solved: SolvedRecording, captured: CapturedMotion, places: Ma
     exact = {name: place for name, place in places.items() if not place.is_fitted} or places
     names = [name for name in exact if name in captured.points]
     ratios = []
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            ours, theirs = (
-                float(np.nanmedian(np.linalg.norm(first - second, axis=1)))
-                for first, second in (
-                    (solved.world_T_link[exact[a].link][:, :3, 3], solved.world_T_link[exact[b].link][:, :3, 3]),
-                    (captured.points[a], captured.points[b]),
-                )
-            )
-            if theirs > 0.0:
-                ratios.append(ours / theirs)
+    for pair in combinations(names, 2):
+        ours = np.subtract(*(solved.world_T_link[exact[name].link][:, :3, 3] for name in pair))
+        theirs = np.subtract(*(captured.points[name] for name in pair))
+        ours_m, unknown = (float(np.nanmedian(np.linalg.norm(apart, axis=1))) for apart in (ours, theirs))
+        if unknown > 0.0:
+            ratios.append(ours_m / unknown)
     ratio = float(np.median(ratios)) if ratios else 1.0
     return min(_UNITS, key=lambda metres: abs(np.log(ratio / metres)))
 

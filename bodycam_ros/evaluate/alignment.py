@@ -54,11 +54,13 @@ class BodyPoints:
     """Links of the body that points of another system lie on, over T frames.
 
     Attributes:
+        captured: the other's motion.
         seconds: (T,) since the start of our recording [s].
         world_T_link: link -> (T, 4, 4) [m].
         places: name of theirs -> its place on the body.
     """
 
+    captured: CapturedMotion
     seconds: Array
     world_T_link: Mapping[str, Array]
     places: Mapping[str, PointSite]
@@ -68,10 +70,10 @@ class BodyPoints:
         links = [(self.world_T_link[place.link], offsets[name]) for name, place in self.places.items()]
         return np.stack([transform_points(poses, at[None])[:, 0] for poses, at in links], axis=1)
 
-    def theirs(self, captured: CapturedMotion, clock: Clock) -> Array:
+    def theirs(self, clock: Clock) -> Array:
         """Positions (T, N, 3) [m] of the same points in the other's world; NaN where unknown."""
         seconds = clock.theirs(self.seconds)
-        return np.stack([captured.points_at(name, seconds) for name in self.places], axis=1)
+        return np.stack([self.captured.points_at(name, seconds) for name in self.places], axis=1)
 
     @property
     def origins(self) -> dict[str, Array]:
@@ -84,10 +86,25 @@ class BodyPoints:
         links = {link: poses[::step] for link, poses in self.world_T_link.items()}
         return replace(self, seconds=self.seconds[::step], world_T_link=links)
 
-    def as_captured(self, captured: CapturedMotion, offsets: Mapping[str, Array]) -> CapturedMotion:
+    def as_captured(self, offsets: Mapping[str, Array]) -> CapturedMotion:
         """Our points as a captured motion."""
         points = dict(zip(self.places, np.moveaxis(self.ours(offsets), 1, 0), strict=True))
-        return CapturedMotion(captured.path, "ours", np.rint(1e9 * self.seconds).astype(np.int64), points)
+        return CapturedMotion(self.captured.path, "ours", np.rint(1e9 * self.seconds).astype(np.int64), points)
+
+    def fit_world(self, ours: Array, theirs: Array, with_scale: bool) -> tuple[float, Array, Array]:
+        """Scale, rotation (3, 3) and translation (3,) [m] that bring points (T, N, 3) [m] closest to theirs.
+
+        Raises:
+            RecordingError: they share too little.
+        """
+        known = np.isfinite(theirs).all(axis=2)
+        try:
+            return umeyama(ours[known], theirs[known], with_scale)
+        except ValueError as error:
+            raise RecordingError(
+                f"{self.captured.path} shares too little with this recording to be aligned: {', '.join(self.places)}, "
+                f"{len(self.seconds)} instants; several joints, or one that goes more ways than straight on, are needed"
+            ) from error
 
 
 def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps: int = _STEPS) -> Alignment:
@@ -100,7 +117,7 @@ def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps
         steps: at most, of fitting in turn.
 
     Raises:
-        ValueError: the points share too little to be aligned.
+        RecordingError: the points share too little to be aligned.
     """
     exact = np.array([not place.is_fitted for place in body.places.values()])
     cameras = np.array([place.link.endswith(OPTICAL_SUFFIX) for place in body.places.values()])
@@ -109,17 +126,12 @@ def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps
     scale, R, t = 1.0, np.eye(3), np.zeros(3)
     for _ in range(steps):
         before = offsets
-        scale, R, t = _fit_world(body.ours(offsets)[:, used], theirs[:, used], with_scale)
+        scale, R, t = body.fit_world(body.ours(offsets)[:, used], theirs[:, used], with_scale)
         offsets = _fit_offsets(body, (theirs - t) @ R / scale, offsets)
         moved_m = max(float(np.abs(offsets[name] - before[name]).max()) for name in offsets)
         if moved_m < _CONVERGED_M:
             break
     return Alignment(scale, R, t, offsets)
-
-
-def _fit_world(ours: Array, theirs: Array, with_scale: bool) -> tuple[float, Array, Array]:
-    known = np.isfinite(theirs).all(axis=2)
-    return umeyama(ours[known], theirs[known], with_scale)
 
 
 def _fit_offsets(body: BodyPoints, theirs_in_ours: Array, offsets: Mapping[str, Array]) -> dict[str, Array]:
@@ -141,7 +153,7 @@ def _clock_points(body: BodyPoints) -> tuple[BodyPoints, bool]:
     return replace(body, places=exact if has_centres else body.places), has_centres
 
 
-def find_motion_clock(body: BodyPoints, captured: CapturedMotion) -> Clock:
+def find_motion_clock(body: BodyPoints) -> Clock:
     """Find start and rate of the other's clock by the motion.
 
     Space is aligned with a scale meanwhile, whatever the final alignment: a wrong scale would bend time. Markers follow
@@ -151,30 +163,27 @@ def find_motion_clock(body: BodyPoints, captured: CapturedMotion) -> Clock:
         RecordingError: at no offset the two show the same motion.
     """
     used, has_centres = _clock_points(body)
-    clock = find_clock(*_signals_of_both(used, captured, has_centres))
+    clock = find_clock(*_signals_of_both(used, has_centres))
     if clock is None or clock.chance > _MAX_CHANCE:
         how = "" if clock is None else f" better than by chance (probability {clock.chance:.0%})"
         raise RecordingError(
-            f"{captured.path}: at no offset in time it shows the motion of this recording{how} (of points "
+            f"{body.captured.path}: at no offset in time it shows the motion of this recording{how} (of points "
             f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml maps "
             "points to the body, --clock shared takes its stamps as they are"
         )
-    try:
-        if not has_centres:
-            clock = _scan_clock(used.thinned(_SCAN_FRAMES), captured, clock)
-        for _ in range(1 if has_centres else _ROUNDS):
-            clock = fit_clock(clock, _clock_residuals(used, captured, clock))
-    except ValueError as error:
-        raise alignment_error(captured, used.thinned(_MAX_FRAMES)) from error
+    if not has_centres:
+        clock = _scan_clock(used.thinned(_SCAN_FRAMES), clock)
+    for _ in range(1 if has_centres else _ROUNDS):
+        clock = fit_clock(clock, _clock_residuals(used, clock))
     return clock
 
 
-def _scan_clock(body: BodyPoints, captured: CapturedMotion, around: Clock) -> Clock:
+def _scan_clock(body: BodyPoints, around: Clock) -> Clock:
     """The clock near an estimate at which markers lie most constantly on their segments."""
     tried = []
     for shift in np.arange(-_SCAN_S, _SCAN_S + _SCAN_STEP_S, _SCAN_STEP_S).tolist():
         clock = replace(around, start_s=around.start_s + shift)
-        theirs = body.theirs(captured, clock)
+        theirs = body.theirs(clock)
         if np.isfinite(theirs).any():
             world = align_worlds(body, theirs, steps=_SCAN_STEPS)
             errors = np.linalg.norm(world.apply(body.ours(world.offsets)) - theirs, axis=2)
@@ -182,41 +191,39 @@ def _scan_clock(body: BodyPoints, captured: CapturedMotion, around: Clock) -> Cl
     return min(tried, key=lambda pair: pair[0])[1]
 
 
-def _clock_residuals(body: BodyPoints, captured: CapturedMotion, clock: Clock) -> Callable[[Clock], Array]:
+def _clock_residuals(body: BodyPoints, clock: Clock) -> Callable[[Clock], Array]:
     """Clock -> distances (T, N, 3) [m] after alignment, of equally smooth motions, offsets fitted by a first clock."""
     thinned = body.thinned(_MAX_FRAMES)
-    offsets = align_worlds(thinned, thinned.theirs(captured, clock)).offsets
-    motion = body.as_captured(captured, offsets)
-    sigma_s = _smoothing_s(motion, captured)
-    motion, smooth = motion.smoothed(sigma_s), captured.smoothed(sigma_s)
+    motion = body.as_captured(align_worlds(thinned, thinned.theirs(clock)).offsets)
+    sigma_s = _smoothing_s(motion, body.captured)
+    motion, smooth = motion.smoothed(sigma_s), replace(thinned, captured=body.captured.smoothed(sigma_s))
     step = -(-len(body.seconds) // _MAX_FRAMES)
     ours = np.stack([motion.points[name][::step] for name in body.places], axis=1)
 
     def residuals(clock: Clock) -> Array:
-        theirs = np.where(np.isfinite(ours), thinned.theirs(smooth, clock), np.nan)
+        theirs = np.where(np.isfinite(ours), smooth.theirs(clock), np.nan)
         known = np.isfinite(theirs).all(axis=2, keepdims=True)
-        scale, R, t = _fit_world(ours, theirs, with_scale=True)
+        scale, R, t = thinned.fit_world(ours, theirs, with_scale=True)
         return np.where(known, scale * np.nan_to_num(ours) @ R.T + t - np.where(known, theirs, 0.0), 0.0)
 
     return residuals
 
 
-def rate_shared_clock(body: BodyPoints, captured: CapturedMotion, start_ns: int) -> Clock:
+def rate_shared_clock(body: BodyPoints, start_ns: int) -> Clock:
     """The clock of stamps that are of our clock, with the chance that the two show different motions.
 
     Args:
         body: our links.
-        captured: the other's motion.
         start_ns: start of our recording [ns].
 
     Raises:
         RecordingError: they agree no better than at other offsets in time.
     """
-    used, has_centres = _clock_points(body)
+    (used, has_centres), captured = _clock_points(body), body.captured
     clock = Clock(1e-9 * float(captured.stamps_ns[0] - start_ns))
     if len(used.seconds) < 2 or len(captured.stamps_ns) < 2:
         return clock
-    rated = rate_clock(clock, *_signals_of_both(used, captured, has_centres))
+    rated = rate_clock(clock, *_signals_of_both(used, has_centres))
     if rated.chance > _MAX_SHARED_CHANCE or rated.lead < _MIN_SHARED_LEAD:
         raise RecordingError(
             f"{captured.path}: is not of the same motion by this clock: motions correlate by {rated.likeness:.2f}, and "
@@ -226,11 +233,9 @@ def rate_shared_clock(body: BodyPoints, captured: CapturedMotion, start_ns: int)
     return rated
 
 
-def _signals_of_both(
-    body: BodyPoints, captured: CapturedMotion, with_distances: bool
-) -> tuple[Signals, tuple[float, float], Signals, float]:
+def _signals_of_both(body: BodyPoints, with_distances: bool) -> tuple[Signals, tuple[float, float], Signals, float]:
     """Arguments of ``find_clock``, by equally smooth motions."""
-    ours = body.as_captured(captured, body.origins)
+    ours, captured = body.as_captured(body.origins), body.captured
     sigma_s = max(_SMOOTH_S, _smoothing_s(ours, captured))
     ours = ours.smoothed(sigma_s)
     theirs = replace(captured, points={name: captured.points[name] for name in body.places}).smoothed(sigma_s)
@@ -266,11 +271,3 @@ def _signals(motion: CapturedMotion, pairs: list[tuple[str, str]]) -> Signals:
         return np.array([*distances, *(np.linalg.norm(after[name] - before[name], axis=1) for name in motion.points)])
 
     return signals
-
-
-def alignment_error(captured: CapturedMotion, body: BodyPoints) -> RecordingError:
-    """The error of worlds that cannot be aligned."""
-    return RecordingError(
-        f"{captured.path} shares too little with this recording to be aligned: {', '.join(body.places)}, "
-        f"{len(body.seconds)} instants; several joints, or one that goes more ways than straight on, are needed"
-    )
