@@ -18,16 +18,7 @@ from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.static_cameras.contour_painting import (
-    CONTOUR,
-    ENLARGED,
-    INWARD,
-    OUTWARD,
-    SILENT,
-    cut_out,
-    paint_contour,
-    square_window,
-)
+from bodycam_ros.static_cameras import contour_painting as painting
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -50,8 +41,9 @@ BODY_KEY: Key = (
     ("equipment", EQUIPMENT),
 )  # fmt: skip
 STATIC_KEY: Key = (
-    (f"force outward, {ENLARGED:g} times enlarged", OUTWARD), ("force inward", INWARD), ("contour", CONTOUR),
-    ("without measurement", SILENT), ("surface: left", LEFT), ("right", RIGHT), ("equipment", EQUIPMENT),
+    (f"force outward, {painting.ENLARGED:g} times enlarged", painting.OUTWARD), ("force inward", painting.INWARD),
+    ("contour", painting.CONTOUR), ("without measurement", painting.SILENT), ("surface: left", LEFT), ("right", RIGHT),
+    ("equipment", EQUIPMENT),
 )  # fmt: skip
 
 
@@ -171,10 +163,10 @@ def _static_camera_view(solved: SolvedRecording, view: RegionModel, images: Sequ
         view.update_colours(pixels, contour, rate, np.ones(len(body.segments), bool))
     seconds = float(solved.seconds(np.array([image.stamp_ns]))[0])
     shifts = view.measure(pixels, contour, 1).shifts
-    window = square_window(pixels, contour.covered)
+    window = painting.square_window(pixels, contour.covered)
     window = replace(window, times=-(-_SHARP_PX // window.width))
     colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
-    picture = paint_contour(cut_out(pixels, window), contour, shifts, colours, window)
+    picture = painting.paint_contour(painting.cut_out(pixels, window), contour, shifts, colours, window)
     return ImageView(image.camera, f"{seconds:.2f} s, {_note(shifts)}", picture[..., ::-1])
 
 

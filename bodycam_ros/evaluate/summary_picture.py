@@ -13,36 +13,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from bodycam_ros import picture_style as style
 from bodycam_ros.body.stick_figure import HEAD, Bone, limb_bones
 from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.time_panels import ERROR_PANELS, draw_errors
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import (
-    CAUTION,
-    CENTRE,
-    EQUIPMENT,
-    FAINT,
-    GOOD,
-    INK,
-    LANDMARKS,
-    LEFT,
-    QUIET,
-    RELATIVE,
-    RIGHT,
-    ROTATION_ONLY,
-    TRUTH,
-    WARNING,
-    open_picture,
-    panel_title,
-    side_colour,
-)
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.verdict import Level, Verdict
 
-_VERDICT_COLOURS = {Level.GOOD: GOOD, Level.DOUBTFUL: CAUTION, Level.WRONG: WARNING}
+_VERDICT_COLOURS = {Level.GOOD: style.GOOD, Level.DOUBTFUL: style.CAUTION, Level.WRONG: style.WARNING}
 _MAX_LETTERS = 150
 """Of the line below the name; the report and summary.json have the rest."""
 
@@ -54,7 +36,11 @@ _MAX_COLUMNS = 900
 
 _NO_IMAGE = "#f7f8f9"
 _COLOURS = MappingProxyType(
-    {CameraSight.RELATIVE: RELATIVE, CameraSight.ROTATION_ONLY: ROTATION_ONLY, CameraSight.BLIND: WARNING}
+    {
+        CameraSight.RELATIVE: style.RELATIVE,
+        CameraSight.ROTATION_ONLY: style.ROTATION_ONLY,
+        CameraSight.BLIND: style.WARNING,
+    }
 )
 
 
@@ -66,7 +52,7 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
     """
     equipment = evaluation.solved.equipment
     height = _HEIGHT + (_EQUIPMENT_HEIGHT if equipment is not None else 0.0)
-    with open_picture(path, _WIDTH, height) as figure:
+    with style.open_picture(path, _WIDTH, height) as figure:
 
         def add_panel(column: tuple[float, float], bottom: float, top: float, shared: Axes | None = None) -> Axes:
             """Axes between two heights, given as shares of a picture without equipment."""
@@ -101,14 +87,14 @@ def _draw_headline(figure: Figure, evaluation: Evaluation, height: float) -> Non
         what += f", truth: {evaluation.comparison.truth_name}"
     elif evaluation.agreement is not None:
         what += f", compared with {evaluation.agreement.name}"
-    figure.text(0.03, below, what, fontsize=10.0, color=QUIET, va="top")
+    figure.text(0.03, below, what, fontsize=10.0, color=style.QUIET, va="top")
     colour = _VERDICT_COLOURS[evaluation.verdict.level]
     figure.text(0.03, verdict, verdict_line(evaluation.verdict), fontsize=11.0, weight="bold", color=colour, va="top")
     figures = key_figures(evaluation.figures)
     for index, (value, caption) in enumerate(figures):
         across = 0.97 - 0.112 * (len(figures) - 1 - index)
-        figure.text(across, name, value, fontsize=17.0, color=INK, va="top", ha="right")
-        figure.text(across, below, caption, fontsize=9.0, color=QUIET, va="top", ha="right")
+        figure.text(across, name, value, fontsize=17.0, color=style.INK, va="top", ha="right")
+        figure.text(across, below, caption, fontsize=9.0, color=style.QUIET, va="top", ha="right")
 
 
 def verdict_line(verdict: Verdict) -> str:
@@ -161,7 +147,7 @@ def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
     most = max(10.0, 10.0 * np.ceil(most / 10.0)) if solved.cameras else max(1.0, most)
     end_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
     layers: list[tuple[Array, Colormap, float]] = [
-        (np.where(sights == CameraSight.REGISTERED, counts, np.nan), LANDMARKS, most)
+        (np.where(sights == CameraSight.REGISTERED, counts, np.nan), style.LANDMARKS, most)
     ]
     layers += [(np.where(sights == sight, 1.0, np.nan), ListedColormap([c]), 1.0) for sight, c in _COLOURS.items()]
     axes.set_facecolor(_NO_IMAGE)
@@ -171,17 +157,17 @@ def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
     axes.hlines(np.arange(len(names) - 1) + 0.5, 0.0, end_s, color="white", linewidth=1.5)
     axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
     for row, (label, name, record) in enumerate(zip(axes.get_yticklabels(), names, records, strict=True)):
-        label.set_color(side_colour(name))
+        label.set_color(style.side_colour(name))
         share = float((record.registered if isinstance(record, CameraRecord) else record.observes).mean())
         axes.annotate(
             "100 %" if share == 1.0 else f"{100.0 * share:.1f} %", (1.0, row), (5, 0),
             xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
-            color=QUIET if share == 1.0 else WARNING,
+            color=style.QUIET if share == 1.0 else style.WARNING,
         )  # fmt: skip
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
     title, what = ("Camera registration", "landmarks") if solved.cameras else ("Static cameras", "observed segments")
-    panel_title(axes, title, f"dark: {most:.0f} {what} or more")
+    style.panel_title(axes, title, f"dark: {most:.0f} {what} or more")
     axes.legend(
         handles=[Patch(color=colour, label=sight.label) for sight, colour in _COLOURS.items()],
         loc="lower right", bbox_to_anchor=(1.0, 0.995), ncols=len(_COLOURS),
@@ -218,7 +204,7 @@ _AWAY = np.array([-np.sin(_TURN), np.cos(_TURN), 0.0])
 _UP = np.array([0.0, 0.0, np.cos(_ELEVATION)]) + np.sin(_ELEVATION) * _AWAY
 _DEPTH = np.cross(_UP, _RIGHT)
 
-_TRUTH_STYLE: Any = {"color": TRUTH, "linewidth": 5.5, "alpha": 0.55}
+_TRUTH_STYLE: Any = {"color": style.TRUTH, "linewidth": 5.5, "alpha": 0.55}
 
 
 def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
@@ -244,17 +230,17 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
             _draw_bone(axes, bone, line)
         seconds = float(solved.seconds(solved.stamps_ns[[row]])[0])
         place = (_STEP_M * number, 0.0)
-        axes.plot([place[0] - 0.3, place[0] + 0.3], [0.0, 0.0], color=FAINT, linewidth=0.8, zorder=0)
+        axes.plot([place[0] - 0.3, place[0] + 0.3], [0.0, 0.0], color=style.FAINT, linewidth=0.8, zorder=0)
         axes.annotate(
             f"{seconds:.1f} s", place, (0, -13), textcoords="offset points", ha="center", va="top", fontsize=8.0,
-            color=QUIET,
+            color=style.QUIET,
         )  # fmt: skip
     has_equipment = any(bone.is_equipment for bone in body) and bool(solved.placed[rows].any())
     _draw_key(axes, comparison is not None, has_equipment)
     axes.set_aspect("equal", adjustable="datalim")
     axes.axis("off")
     travelled = np.linalg.norm(np.diff(solved.motion.world_T_root[:, :2, 3], axis=0), axis=1).sum()
-    panel_title(axes, "Skeleton", f"side by side; the root travels {travelled:.1f} m")
+    style.panel_title(axes, "Skeleton", f"side by side; the root travels {travelled:.1f} m")
 
 
 def _projected(bone: Bone, row: int, ground: Array, level_R_world: Array, number: int) -> tuple[Array, float]:
@@ -266,9 +252,9 @@ def _projected(bone: Bone, row: int, ground: Array, level_R_world: Array, number
 
 def _draw_bone(axes: Axes, bone: Bone, line: Array) -> None:
     if bone.is_equipment:
-        axes.plot(*line.T, color=EQUIPMENT, linewidth=1.2, solid_capstyle="round", zorder=3)
+        axes.plot(*line.T, color=style.EQUIPMENT, linewidth=1.2, solid_capstyle="round", zorder=3)
         return
-    colour = side_colour(bone.segment)
+    colour = style.side_colour(bone.segment)
     if bone.segment == HEAD:
         head = Circle(line[1], _HEAD_RADIUS_M, facecolor="white", edgecolor=colour, linewidth=1.8, zorder=3.1)
         axes.add_patch(head)
@@ -279,12 +265,12 @@ def _draw_bone(axes: Axes, bone: Bone, line: Array) -> None:
 def _draw_key(axes: Axes, with_truth: bool, with_equipment: bool) -> None:
     entries: list[tuple[str, Any]] = [
         (name, {"color": colour, "linewidth": 2.4})
-        for name, colour in (("left", LEFT), ("right", RIGHT), ("centre", CENTRE))
+        for name, colour in (("left", style.LEFT), ("right", style.RIGHT), ("centre", style.CENTRE))
     ]
-    entries += [("equipment", {"color": EQUIPMENT, "linewidth": 1.2})] if with_equipment else []
+    entries += [("equipment", {"color": style.EQUIPMENT, "linewidth": 1.2})] if with_equipment else []
     entries += [("truth", _TRUTH_STYLE)] if with_truth else []
     handles = [Line2D([], [], label=name, **style) for name, style in entries]
     axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), labelcolor=INK,
+        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), labelcolor=style.INK,
         handlelength=1.6, borderaxespad=0.0,
     )  # fmt: skip

@@ -8,22 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
+from bodycam_ros import picture_style as style
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import (
-    CENTRE,
-    INK,
-    LEFT,
-    QUIET,
-    RIGHT,
-    TRUTH,
-    WARNING,
-    light_grid,
-    open_picture,
-    panel_title,
-    side_colour,
-)
 
 ERROR_PANELS = 2
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor
@@ -53,15 +41,15 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         labels, title, note = ("root sigma\n[mm]", "jitter\n[mm]"), "Uncertainty", "of the root; jitter of segments"
         for axes in panels:
             axes.set_ylim(bottom=0.0)
-    panel_title(panels[0], title, f"{note}: mean, and the worst")
+    style.panel_title(panels[0], title, f"{note}: mean, and the worst")
     half_s = 0.5e-9 * solved.frame_ns
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
-        light_grid(axes)
+        style.light_grid(axes)
         for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
-            axes.axvspan(second - half_s, second + half_s, color=WARNING, alpha=0.25, linewidth=0.0)
+            axes.axvspan(second - half_s, second + half_s, color=style.WARNING, alpha=0.25, linewidth=0.0)
         for start, end in evaluation.figures["gaps_s"]:
-            axes.axvspan(start - half_s, end + half_s, color=WARNING, alpha=0.6, linewidth=0.0)
+            axes.axvspan(start - half_s, end + half_s, color=style.WARNING, alpha=0.6, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
 
 
@@ -69,14 +57,14 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
     """The mean over the columns of values (T, J) as a line, up to their maximum an area."""
     seconds, values = curves
     mean, worst = values.mean(axis=1), values.max(axis=1)
-    axes.fill_between(seconds, mean, worst, color=TRUTH, alpha=0.45, linewidth=0.0)
+    axes.fill_between(seconds, mean, worst, color=style.TRUTH, alpha=0.45, linewidth=0.0)
     # One point shows as a dot: it makes no line.
-    axes.plot(seconds, mean, color=INK, linewidth=1.4, marker="o" if len(seconds) == 1 else "")
+    axes.plot(seconds, mean, color=style.INK, linewidth=1.4, marker="o" if len(seconds) == 1 else "")
     if np.isfinite(mean).any():
         overall = float(np.nanmean(mean))
         axes.annotate(
             f"mean {overall:#.2g}".rstrip("."), (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
-            textcoords="offset points", va="center", fontsize=8.0, color=QUIET,
+            textcoords="offset points", va="center", fontsize=8.0, color=style.QUIET,
         )  # fmt: skip
 
 
@@ -98,7 +86,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
     kinds_of_errors = (positions, 100.0, "position [cm]"), (turns, float(np.degrees(1.0)), "rotation [°]")
     rows = [(*kind, joints) for kind in kinds_of_errors if kind[0] for joints in _ROWS]
     height = _ROW_HEIGHT * len(rows) + 0.4
-    with open_picture(path, _WIDTH, height) as figure:
+    with style.open_picture(path, _WIDTH, height) as figure:
         panels = figure.subplots(len(rows), 4, sharex=True, squeeze=False)
         for row, (errors, factor, label, kinds) in zip(panels, rows, strict=True):
             for axes, kind in zip(row, kinds, strict=True):
@@ -108,7 +96,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
             row[0].set_ylabel(label)
         for axes in panels[-1]:
             axes.set_xlabel("time [s]")
-        sides = (("left", LEFT), ("right", RIGHT), ("trunk", CENTRE))
+        sides = (("left", style.LEFT), ("right", style.RIGHT), ("trunk", style.CENTRE))
         figure.legend(handles=[Line2D([], [], color=c, label=name) for name, c in sides], loc="lower center", ncols=3)
         figure.align_ylabels()
         figure.subplots_adjust(
@@ -118,12 +106,12 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
 
 def _draw_panel(axes: Axes, kind: str, curves: Mapping[str, tuple[Array, Array]]) -> None:
     for segment, curve in curves.items():
-        axes.plot(*curve, color=side_colour(segment), linewidth=1.2)
+        axes.plot(*curve, color=style.side_colour(segment), linewidth=1.2)
     values = np.concatenate([np.zeros(0), *(values for _, values in curves.values())])
     known = values[np.isfinite(values)]
     if not known.size:
         axes.axis("off")
         return
-    panel_title(axes, kind, f"mean {known.mean():.2f}")
+    style.panel_title(axes, kind, f"mean {known.mean():.2f}")
     axes.set_ylim(0.0, 1.1 * float(known.max()) + 1e-6)
-    light_grid(axes)
+    style.light_grid(axes)
