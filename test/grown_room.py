@@ -14,8 +14,7 @@ from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-from bodycam_ros.tracking.track_frame import NO_LANDMARK
+from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH, NO_LANDMARK
 
 Array = NDArray[np.float64]
 

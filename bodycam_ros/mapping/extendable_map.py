@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import MapError
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.visual_index import VisualIndex
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-from bodycam_ros.tracking.track_frame import NO_LANDMARK
+from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH, NO_LANDMARK, find_rows
 
 VIEWS = 2
 """Descriptors that an added landmark keeps, from directions far from each other."""
@@ -95,9 +94,7 @@ class ExtendableMap(ReferenceMap):
 
     def rows_of(self, landmark_ids: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Rows (N,) of landmarks, and whether each is in the map; rows of absent ones are meaningless."""
-        settled = self.landmark_ids[: self.slots_from]
-        places = np.searchsorted(settled, landmark_ids, sorter=self._settled_by_id)
-        rows = self._settled_by_id[np.minimum(places, self.slots_from - 1)]
+        rows, _ = find_rows(self.landmark_ids[: self.slots_from], landmark_ids, self._settled_by_id)
         ids = landmark_ids.astype(np.int64)
         in_slot = (ids >= self.first_id) & (landmark_ids != NO_LANDMARK)
         if self.capacity:

@@ -23,8 +23,7 @@ from bodycam_ros.messages.poses import (
     transform_from_pose,
 )
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH, TrackFrame
 
 TRACKS_TYPE, LANDMARKS_TYPE = "bodycam_msgs/msg/FeatureTracks", "bodycam_msgs/msg/LandmarkMatches"
 

@@ -19,8 +19,7 @@ from bodycam_ros.registration.readout_time import ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.camera_motion import CameraMotion
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
-from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
+from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame, find_rows
 
 _LEAST_MATCHED = 8  # tracks with a landmark from which direct registration starts
 
@@ -161,10 +160,6 @@ class LandmarkTracker:
             previous_stamp_ns=before.stamp_ns,
             track_ids=ids[order],
             pixels=view.pixels[order].astype(np.float32),
-            described=np.zeros(0, np.uint32),
-            descriptors=np.zeros((0, DESCRIPTOR_LENGTH), np.uint8),
-            scales=np.zeros(0, np.float32),
-            keyframe=False,
             current_R_previous=view.world_T_camera[:3, :3].T @ before.world_T_camera[:3, :3],
             rotation_inliers=len(ids),
             landmark_ids=self._map.landmark_ids[view.rows[order]],
@@ -179,9 +174,7 @@ class LandmarkTracker:
         ids = self._track_ids(view.rows)
         landmarks = self._map.landmark_ids[view.rows]
         pixels, landmark_ids = frame.pixels.copy(), np.full(len(frame.track_ids), NO_LANDMARK, np.uint32)
-        rows = np.searchsorted(frame.track_ids, ids)
-        both = rows < len(frame.track_ids)
-        both[both] = frame.track_ids[rows[both]] == ids[both]
+        rows, both = find_rows(frame.track_ids, ids)
         pixels[rows[both]], landmark_ids[rows[both]] = view.pixels[both], landmarks[both]
         more = np.flatnonzero(~both)
         # Tracks that flow has lost get new ids, larger than all others.

@@ -23,6 +23,7 @@ from bodycam_ros.output_place import check_folder
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, choose_words
+from bodycam_ros.tracking.track_frame import find_rows
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
 
@@ -121,9 +122,7 @@ class ReferenceMap:
 
     def rows_of(self, landmark_ids: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Rows (N,) of landmarks, and whether each is in the map; rows of absent ones are meaningless."""
-        places = np.searchsorted(self.landmark_ids, landmark_ids, sorter=self._by_id)
-        rows = self._by_id[np.minimum(places, len(self._by_id) - 1)]
-        return rows, self.landmark_ids[rows] == landmark_ids
+        return find_rows(self.landmark_ids, landmark_ids, self._by_id)
 
     @classmethod
     def load(cls, path: Path | str) -> "ReferenceMap":

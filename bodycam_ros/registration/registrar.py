@@ -19,7 +19,7 @@ from bodycam_ros.registration.matching import RADIUS_PX, WIDE_RADIUS_PX, match_n
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, steady_pixels
 from bodycam_ros.registration.readout_time import EVERY, LEAST_TURN, ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.track_landmarks import TrackLandmarks
+from bodycam_ros.registration.track_landmarks import NO_TRACKS, TrackLandmarks, rematched, tracks_in_frame
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.camera_motion import CameraMotion, ImageMotion
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -85,7 +85,7 @@ class Registrar:
         self.readout = ReadoutTime(readout)
         self._motion = CameraMotion()
         self._image_motion: ImageMotion | None = None
-        self._tracks = TrackLandmarks.none()
+        self._tracks = NO_TRACKS
         self._predicted_frames = 0
         self._recent: deque[tuple[Array, Array, NDArray[np.floating]]] = deque(
             maxlen=2
@@ -99,7 +99,7 @@ class Registrar:
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks of its tracks."""
-        tracks = self._tracks.in_frame(frame, self.map)
+        tracks = tracks_in_frame(self._tracks, frame, self.map)
         pose, predicted = self._accept(frame, tracks), None
         if pose is None:
             rotation = frame.measured_rotation
@@ -118,8 +118,8 @@ class Registrar:
             self._predicted_frames = 0
             self._motion.add(frame.stamp_ns, pose.world_T_camera, frame.previous_stamp_ns)
             if not self.readout.is_known:
-                points_world = self.map.points_world[tracks.landmarks]
-                self._recent.append((pose.world_T_camera, points_world, frame.pixels[tracks.frame_rows]))
+                points_world = self.map.points_world[tracks["landmark"]]
+                self._recent.append((pose.world_T_camera, points_world, frame.pixels[tracks["frame_row"]]))
                 self._estimate_readout()
         self._tracks = tracks
         return self._matches(frame, tracks, shifts, pose)
@@ -128,20 +128,20 @@ class Registrar:
         """The tracker's own fit, if it is determined; None if there is none, or the map lacks one of its landmarks."""
         if frame.world_T_camera is None or frame.pose_information is None or frame.shifts is None:
             return None
-        if len(tracks.landmarks) < len(frame.track_ids) or len(tracks.landmarks) < self.settings.min_inliers:
+        if len(tracks) < len(frame.track_ids) or len(tracks) < self.settings.min_inliers:
             return None
         covariance = _covariance(frame.pose_information)
         if covariance is None:
             return None
-        return _Pose(frame.world_T_camera, covariance, np.ones(len(tracks.landmarks), bool), frame.shifts)
+        return _Pose(frame.world_T_camera, covariance, np.ones(len(tracks), bool), frame.shifts)
 
     def _fit(self, frame: TrackFrame, tracks: TrackLandmarks, start: Array | None) -> _Pose | None:
         """Pose from the tracks with a landmark (A eq. 8, first term), or None if too few of them agree."""
-        if start is None or len(tracks.landmarks) < self.settings.min_inliers:
+        if start is None or len(tracks) < self.settings.min_inliers:
             return None
-        points_world = self.map.points_world[tracks.landmarks]
+        points_world = self.map.points_world[tracks["landmark"]]
         fit = fit_pose(
-            self.camera, points_world, frame.pixels[tracks.frame_rows], start, self._pose_fit, self._image_motion
+            self.camera, points_world, frame.pixels[tracks["frame_row"]], start, self._pose_fit, self._image_motion
         )
         covariance = _covariance(fit.information) if fit.inliers.sum() >= self.settings.min_inliers else None
         return None if covariance is None else _Pose(fit.world_T_camera, covariance, fit.inliers, fit.shifts)
@@ -193,7 +193,7 @@ class Registrar:
             radius_px,
         )
         # A new match must agree at once; an old one may fail for a moment.
-        matched = tracks.rematched(frame, self.map, described[features], landmarks, _MAX_STRIKES - 1)
+        matched = rematched(tracks, frame, self.map, described[features], landmarks, _MAX_STRIKES - 1)
         pose = self._fit(frame, matched, near)
         # Matches that no pose confirms are worse than none.
         return (tracks, None) if pose is None else (matched, pose)
@@ -227,24 +227,22 @@ class Registrar:
         """
         if pose is None:
             if self._predicted_frames >= _MAX_PREDICTED_FRAMES:
-                tracks = TrackLandmarks.none()
-            pixels = frame.pixels[tracks.frame_rows]
+                tracks = NO_TRACKS
+            pixels = frame.pixels[tracks["frame_row"]]
             return tracks, pixels - self._steady(pixels)
-        tracks = tracks.judged(pose.inliers)
-        if pose.inliers.all():
-            return tracks, pose.shifts
-        keep = tracks.strikes < _MAX_STRIKES
-        return tracks.kept(keep), pose.shifts[keep]
+        tracks["strikes"] = np.where(pose.inliers, 0, tracks["strikes"] + 1)
+        keep = tracks["strikes"] < _MAX_STRIKES
+        return tracks[keep], pose.shifts[keep]
 
     def _matches(self, frame: TrackFrame, tracks: TrackLandmarks, shifts: Array, pose: _Pose | None) -> LandmarkMatches:
         return LandmarkMatches(
             camera=frame.camera,
             stamp_ns=frame.stamp_ns,
             previous_stamp_ns=frame.previous_stamp_ns,
-            track_ids=frame.track_ids[tracks.frame_rows],
-            landmark_ids=tracks.landmark_ids,
-            pixels=(frame.pixels[tracks.frame_rows] - shifts).astype(np.float32),
-            points_world=self.map.points_world[tracks.landmarks].astype(np.float32),
+            track_ids=frame.track_ids[tracks["frame_row"]],
+            landmark_ids=tracks["landmark_id"].copy(),
+            pixels=(frame.pixels[tracks["frame_row"]] - shifts).astype(np.float32),
+            points_world=self.map.points_world[tracks["landmark"]].astype(np.float32),
             world_T_camera=None if pose is None else pose.world_T_camera,
             pose_covariance=np.full((6, 6), np.nan) if pose is None else pose.covariance,
             current_R_previous=frame.current_R_previous,
@@ -252,7 +250,7 @@ class Registrar:
             shifts=shifts.astype(np.float32) if shifts.any() else None,
             readout_time=self.readout.seconds,
             readout_sigma=self.readout.sigma,
-            grown=int((tracks.landmarks >= self.map.first_grown).sum()),
+            grown=int((tracks["landmark"] >= self.map.first_grown).sum()),
         )
 
 

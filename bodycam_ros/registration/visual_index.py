@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.kernels import as_bytes
 from bodycam_ros.registration.descriptor_kernels import search_lists
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH
+from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH
 
 _DESCRIPTORS_PER_WORD = 80  # of a map; more make a search slower, fewer make it miss more
 _MOST_WORDS = 2048

@@ -1,5 +1,7 @@
 """One camera's feature tracks: followed from frame to frame, replenished and described on keyframes."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +11,10 @@ from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.tracking.camera_motion import LONGEST_NS
-from bodycam_ros.tracking.keypoints import DESCRIPTOR_LENGTH, KeypointDetector, KeypointSettings, far_from, thin_out
+from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings, far_from, thin_out
 from bodycam_ros.tracking.optical_flow import follow
 from bodycam_ros.tracking.rotation import estimate_rotation
-from bodycam_ros.tracking.track_frame import TrackFrame
+from bodycam_ros.tracking.track_frame import TrackFrame, find_rows
 
 _KEYFRAME_INTERVAL = 30  # [frames] SIFT costs as much as ten frames of tracking
 _KEYFRAME_SURVIVAL = 0.55  # share of the last keyframe's tracks below which a keyframe comes early
@@ -99,24 +101,18 @@ class FeatureTracker:
         self.check(image, stamp_ns)
         current_R_previous, rotation_inliers = self._follow_tracks(image, stamp_ns, turn)
         previous_stamp_ns, self._image, self._stamp_ns = self._stamp_ns, image, stamp_ns
-        described = np.zeros(0, np.uint32)
-        descriptors = np.zeros((0, DESCRIPTOR_LENGTH), np.uint8)
-        scales = np.zeros(0, np.float32)
         keyframe = self._keyframe_is_due()
-        if keyframe:
-            described, descriptors, scales = self._replenish(image)
+        fresh = self._replenish(image) if keyframe else {}
         return TrackFrame(
             camera=self.camera.name,
             stamp_ns=stamp_ns,
             previous_stamp_ns=previous_stamp_ns,
             track_ids=self._ids.copy(),
             pixels=self._pixels.copy(),
-            described=described,
-            descriptors=descriptors,
-            scales=scales,
             keyframe=keyframe,
             current_R_previous=current_R_previous,
             rotation_inliers=rotation_inliers,
+            **fresh,
         )
 
     def prune(self, stamp_ns: int, matched: NDArray[np.uint32]) -> None:
@@ -151,9 +147,7 @@ class FeatureTracker:
             current_R_previous: (3, 3) rotation of the camera since the image before.
             afresh: whether these replace a keyframe.
         """
-        at = np.searchsorted(self._ids, track_ids)
-        known = at < len(self._ids)
-        known[known] = self._ids[at[known]] == track_ids[known]
+        at, known = find_rows(self._ids, track_ids)
         born_ns = np.full(len(track_ids), stamp_ns)
         if not afresh:
             born_ns[known] = self._born_ns[at[known]]
@@ -250,8 +244,8 @@ class FeatureTracker:
         starved = survivors < _STARVED_SURVIVAL * self._tracks_at_keyframe
         return due and (rested or starved)
 
-    def _replenish(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.float32]]:
-        """Start described tracks on fresh SIFT keypoints; old tracks stay where there is no fresh one."""
+    def _replenish(self, image: NDArray[np.uint8]) -> dict[str, Any]:
+        """Start described tracks on fresh SIFT keypoints, as a frame has them; old ones stay where none is fresh."""
         keypoints = self._detector.detect(image, self._mask, self._is_lost)
         fresh = thin_out(keypoints.pixels, keypoints.responses, _MIN_DISTANCE_PX)
         # They stay in the detector's order, which spreads over the picture.
@@ -269,7 +263,7 @@ class FeatureTracker:
         self._tracks_at_keyframe = len(self._ids)
         self._frames_since_keyframe = 0
         self._turned = 0.0
-        return described, keypoints.descriptors[fresh], keypoints.scales[fresh]
+        return dict(described=described, descriptors=keypoints.descriptors[fresh], scales=keypoints.scales[fresh])
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:
         self._pixels, self._ids, self._born_ns = self._pixels[kept], self._ids[kept], self._born_ns[kept]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.settings import setting
+from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH
 
-DESCRIPTOR_LENGTH = 128
 _ROOT_SIFT_SCALE = 512.0  # a unit vector of 128 positive entries seldom has one above 0.5: 512 fills a byte
 _DOUBLING_OFFSET_PX = 0.25  # OpenCV's SIFT doubles the image, but halves positions without the resampling's half pixel
 _MAX_KEYPOINTS_LOST = 1000  # where people fill half of the picture, a tenth of the strongest are landmarks

@@ -1,6 +1,6 @@
 """The feature tracks of one image."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 NO_LANDMARK: Final = 0xFFFFFFFF
 """In place of a landmark's id, of a track without one."""
 
+DESCRIPTOR_LENGTH: Final = 128
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class TrackFrame:
     """The feature tracks of one camera in one image.
 
@@ -41,10 +43,10 @@ class TrackFrame:
     previous_stamp_ns: int
     track_ids: NDArray[np.uint32]
     pixels: NDArray[np.float32]
-    described: NDArray[np.uint32]
-    descriptors: NDArray[np.uint8]
-    scales: NDArray[np.float32]
-    keyframe: bool
+    described: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    descriptors: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, DESCRIPTOR_LENGTH), np.uint8))
+    scales: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    keyframe: bool = False
     current_R_previous: NDArray[np.float64]
     rotation_inliers: int
     landmark_ids: NDArray[np.uint32] | None = None
@@ -56,3 +58,20 @@ class TrackFrame:
     def measured_rotation(self) -> NDArray[np.float64] | None:
         """(3, 3) ``current_R_previous``, or None if it is unknown."""
         return self.current_R_previous if self.rotation_inliers else None
+
+
+def find_rows(
+    ids: NDArray[np.uint32], wanted: NDArray[np.uint32], order: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Rows (N,) of wanted ids, and whether each is there; rows of absent ones are meaningless.
+
+    Args:
+        ids: (M,) ascending, at least in ``order``.
+        wanted: (N,).
+        order: (M,) rows that sort the ids.
+    """
+    if not len(ids):
+        return np.zeros(len(wanted), np.int64), np.zeros(len(wanted), bool)
+    rows = np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)
+    rows = rows if order is None else order[rows]
+    return rows, ids[rows] == wanted
