@@ -1,8 +1,7 @@
-"""Flow control between nodes: frames without an answer yet, and readers that have not connected yet."""
+"""Flow control between nodes: frames without an answer yet."""
 
 import time
 from collections import deque
-from collections.abc import Callable
 
 _PATIENCE_S = 2.0
 """Without an answer for so long no node registers this camera."""
@@ -71,21 +70,3 @@ class UnansweredFrames:
         if time.monotonic() - self._progress_s > _PATIENCE_S:
             self.expect_no_answer()
         return not self._is_alone
-
-
-class ReaderWait:
-    """Waits once for each camera until enough nodes read its messages."""
-
-    def __init__(self) -> None:
-        self._since_s: dict[str, float] = {}
-        self._complete: set[str] = set()
-
-    def is_over(self, camera: str, count: Callable[[], int], wanted: int, patience_s: float) -> bool:
-        """Whether the wanted number of readers is or was there, or did not connect in time."""
-        if camera not in self._complete:
-            now_s = time.monotonic()
-            waited_s = now_s - self._since_s.setdefault(camera, now_s)
-            if count() < wanted and waited_s <= patience_s:
-                return False
-            self._complete.add(camera)
-        return True

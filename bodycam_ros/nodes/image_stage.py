@@ -2,21 +2,56 @@
 
 import time
 from abc import abstractmethod
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.live.image_diagnostics import ImageDiagnostics, MissingInput
-from bodycam_ros.live.image_queue import ImageQueue, QueuedImage
+from bodycam_ros.live.image_queue import THINNED, ImageQueue, QueuedImage
 from bodycam_ros.live.node_parameters import ImageParameters
 from bodycam_ros.live.stamp_order import Ordered
 from bodycam_ros.live.unanswered_frames import UnansweredFrames
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.nodes.camera_topics import ImageSource
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 
 P = TypeVar("P", bound=ImageParameters)
 
 _POLL_S = 0.25
+_PATIENCE_S = 2.0
+"""A gap without images that is an error; images may arrive slowly from a bag that is played slowly."""
+
 _BUSY = "images arrive faster than they are processed"
+
+
+@dataclass
+class ImageTally:
+    """Counts since the last report.
+
+    Attributes:
+        images: processed images.
+        latency_s: from arrival to result, summed [s].
+        tracks, keyframes: of a tracker.
+        segments: of a region tracker: images in which each segment was observed.
+        confidence: of these segments, summed.
+    """
+
+    images: int = 0
+    latency_s: float = 0.0
+    tracks: int = 0
+    keyframes: int = 0
+    segments: Counter[str] = field(default_factory=Counter)
+    confidence: float = 0.0
+
+    def add_image(self, arrival_s: float) -> None:
+        """Count an image whose result is published now."""
+        self.images += 1
+        self.latency_s += time.monotonic() - arrival_s
+
+    def mean(self, total: float) -> float:
+        """Mean of a total over the images."""
+        return round(total / max(1, self.images), 1)
 
 
 class ImageStage(Stage[P]):
@@ -30,7 +65,8 @@ class ImageStage(Stage[P]):
         camera: its name.
         unanswered: frames that the next node has not answered.
         images: that wait.
-        diagnostics: counts of images.
+        tally: counts since the last report.
+        restarts: number of restarts of the camera.
     """
 
     def __init__(self, node: StageNode[P]) -> None:
@@ -47,7 +83,7 @@ class ImageStage(Stage[P]):
             lambda: self.call_later(self.process_next),
             lambda: self.waiting_reason() or _BUSY,
         )
-        self.diagnostics = ImageDiagnostics(self.camera, self.images, self.dropped)
+        self.tally, self.restarts = ImageTally(), 0
         self._restarted_at: Ordered[QueuedImage] | None = None
 
     def subscribe_images(self) -> None:
@@ -63,7 +99,7 @@ class ImageStage(Stage[P]):
 
     def restart(self) -> None:
         """Forget all images so far, and count it in the diagnostics."""
-        self.diagnostics.restarts += 1
+        self.restarts += 1
         self.forget()
 
     @abstractmethod
@@ -108,10 +144,45 @@ class ImageStage(Stage[P]):
         # One image at a time, so that other messages are handled in between.
         self.call_later(self.process_next)
 
-    def missing_input(self) -> MissingInput:
-        """Why images are not processed."""
-        waiting = self.waiting_reason() if len(self.images) else ""
-        return MissingInput(self.source.quiet_s, self.source.explain(), waiting or _BUSY)
+    def status(self, values: Mapping[str, object], error: str) -> Status:
+        """Status of the camera since the last report.
+
+        Args:
+            values: figures of the node.
+            error: what is wrong with the results of the images that were processed; empty if nothing is.
+        """
+        tally, self.tally = self.tally, ImageTally()
+        arrived, self.images.arrived = self.images.arrived, 0
+        lost = self.dropped.count_new()
+        level, text = StatusLevel.OK, "tracking"
+        if not tally.images:
+            level, text = self._judge_idle(arrived, lost)
+        elif error:
+            level, text = StatusLevel.ERROR, error
+        elif self.images.thinning.active:
+            level, text = StatusLevel.WARN, THINNED
+        elif lost:
+            level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self.dropped.latest}"
+        figures = {
+            "images per second": arrived,
+            "tracked per second": tally.images,
+            **values,
+            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
+            "images waiting": len(self.images),
+            "restarts": self.restarts,
+            **self.dropped.values,
+        }
+        return Status(f"camera {self.camera}", level, text, figures)
+
+    def _judge_idle(self, arrived: int, lost: int) -> tuple[StatusLevel, str]:
+        """Why no image was processed."""
+        if len(self.images):
+            return StatusLevel.ERROR, f"no image is tracked: {self.waiting_reason() or _BUSY}"
+        if arrived and lost:
+            return StatusLevel.ERROR, f"none of the images can be used: {self.dropped.latest}"
+        if arrived or self.source.quiet_s < _PATIENCE_S:
+            return StatusLevel.OK, "between two images"
+        return StatusLevel.ERROR, self.source.explain()
 
     def _poll(self) -> None:
         self.images.poll()

@@ -128,7 +128,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         self._poses.publish(
             segment_poses_message(self.make, measured.stamp_ns, self.camera, measured.evidence, confidence)
         )
-        tally = self.diagnostics.tally
+        tally = self.tally
         tally.add_image(arrival_s)
         tally.segments.update(each.segment for each in measured.evidence)
         tally.confidence += sum(confidence[each.segment] for each in measured.evidence)
@@ -155,7 +155,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
-        tally = self.diagnostics.tally
+        tally = self.tally
         observed = tally.segments.total()
         values = {
             "segments per image": tally.mean(observed),
@@ -163,7 +163,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
             "unobserved": ", ".join(s for s in self._body.segments if not tally.segments[s]) or "none",
         }
         error = "" if observed else "no segment of the body is observed; is it in front of the camera?"
-        return [self.diagnostics.report(self.missing_input(), values, error)]
+        return [self.status(values, error)]
 
 
 make = partial(StageNode, RegionStage)

@@ -16,7 +16,6 @@ from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.live.stored_map import StoredMap
-from bodycam_ros.live.unanswered_frames import ReaderWait
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, camera_timing
@@ -81,7 +80,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._diagnostics = RegistrationDiagnostics(cameras)
         self._frames, self._work_s = 0, 0.0
         self._waiting: defaultdict[str, list[TrackFrame]] = defaultdict(list)
-        self._readers = ReaderWait()
+        self._waiting_since_s: dict[str, float] = {}
+        self._has_readers: set[str] = set()
         deep, one = reliable(STAGE_DEPTH), reliable(1)
         self._landmarks = {each: self.publisher(LANDMARKS_TYPE, f"{each}/landmarks", deep) for each in cameras}
         self._poses = {each: self.publisher(_POSE, f"{each}/pose", deep) for each in cameras}
@@ -190,10 +190,20 @@ class RegistrationStage(Stage[RegistrationParameters]):
         """Register the frames of a camera that wait, unless they must wait longer."""
         if camera not in self.registrars or camera not in self._waiting:
             return
-        of, readers = self.parameters, self._landmarks[camera].get_subscription_count
-        if self._readers.is_over(camera, readers, of.landmark_readers, of.landmark_wait):
+        if self._has_all_readers(camera):
             for frame in self._waiting.pop(camera):
                 self._register(frame)
+
+    def _has_all_readers(self, camera: str) -> bool:
+        """Whether enough nodes read, or have read, a camera's landmarks, or did not connect in time."""
+        if camera not in self._has_readers:
+            now_s, of = time.monotonic(), self.parameters
+            waited_s = now_s - self._waiting_since_s.setdefault(camera, now_s)
+            count = self._landmarks[camera].get_subscription_count()
+            if count < of.landmark_readers and waited_s <= of.landmark_wait:
+                return False
+            self._has_readers.add(camera)
+        return True
 
     def _register(self, frame: TrackFrame) -> None:
         started_s = time.monotonic()

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
@@ -16,7 +16,7 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import read_equipment
-from bodycam_ros.body_state import BodyOutput, SegmentMeasurements
+from bodycam_ros.body_state import BodyOutput, LatestState, SegmentMeasurements
 from bodycam_ros.errors import BodyError
 from bodycam_ros.live.camera_diagnostics import verdict_status
 from bodycam_ros.live.dropped_messages import LostMessages
@@ -25,13 +25,19 @@ from bodycam_ros.live.solver_diagnostics import SolverDiagnostics, equipment_sta
 from bodycam_ros.live.solver_stations import read_static_cameras, static_measurement
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.segment_poses import (
+    SEGMENT_POSES,
+    SEGMENT_POSES_TYPE,
+    SEGMENTS_NOW,
+    latest_state_message,
+    segment_poses,
+)
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
-from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.nodes.stations import Stations
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -73,7 +79,12 @@ class SolverStage(Stage[SolverParameters]):
             self._calibration = live_calibration.LiveCalibration(given, equipment)
         carried = self._read_body() if self._calibration is None else self._calibration.cameras
         self._topics = BodyTopics(self, with_equipment=equipment is not None)
-        self._stations = Stations(self, stations, self._add_static) if stations else None
+        # A region tracker that was restarted needs both states.
+        self._now = self.publisher(SEGMENT_POSES_TYPE, SEGMENTS_NOW, latched(2)) if stations else None
+        self._now_ns = -1
+        for station in stations:
+            add_static = partial(self._add_static, station)
+            self.subscription(SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", add_static, reliable(STAGE_DEPTH))
         self._timings = CameraTimings(self, carried)
         self._started = self._is_described = False
         self._waiting: list[LandmarkMatches | SegmentMeasurements] = []
@@ -244,7 +255,14 @@ class SolverStage(Stage[SolverParameters]):
         if self._pipeline is not None:
             self._pipeline.add_image(stamp_ns)
 
-    def _add_static(self, measured: SegmentMeasurements) -> None:
+    def _add_static(self, station: str, message: Message) -> None:
+        try:
+            measured = segment_poses(message)
+            if measured.station != station:
+                raise ValueError(f"it is from {measured.station}")
+        except ValueError as error:
+            self.dropped.add("segment poses dropped", f"{station}{SEGMENT_POSES}: malformed message ({error})")
+            return
         # The wait for the models of body cameras starts here, too.
         self._first_info_s = self._first_info_s or time.monotonic()
         self._receive(measured)
@@ -293,8 +311,8 @@ class SolverStage(Stage[SolverParameters]):
         if pipeline is None or body is None:
             return
         # First: static cameras wait for it before their next image.
-        if self._stations is not None:
-            self._stations.publish(pipeline.latest_states, body)
+        if self._now is not None:
+            self._publish_now(self._now, pipeline.latest_states, body)
         for output in outputs:
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
@@ -304,6 +322,17 @@ class SolverStage(Stage[SolverParameters]):
             if started is not None:
                 self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, started)
             self._diagnostics.add_state(output.state)
+
+    def _publish_now(self, now: Any, latest: Sequence[LatestState], body: BodyModel) -> None:
+        """Publish the latest state once, and the one before as it is estimated by now.
+
+        Their difference is the velocity of each limb. The earlier estimate of the state before would not do: a
+        correction of the pose is no motion.
+        """
+        if latest and latest[-1].stamp_ns != self._now_ns:
+            self._now_ns = latest[-1].stamp_ns
+            for state in latest:
+                now.publish(latest_state_message(self.make, state, body))
 
     def report(self) -> list[Status]:
         """Status of the body and its cameras since the last report."""

@@ -88,7 +88,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._tracks.publish(tracks_message(self.make, frame))
         self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self.unanswered.add(frame.stamp_ns)
-        tally = self.diagnostics.tally
+        tally = self.tally
         tally.add_image(arrival_s)
         tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
 
@@ -147,7 +147,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
-        tally = self.diagnostics.tally
+        tally = self.tally
         values: dict[str, object] = {
             "tracks per image": tally.mean(tally.tracks),
             "keyframes": tally.keyframes,
@@ -155,7 +155,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
             "inertial sensor": self._sensor_state,
         }
         error = "" if tally.tracks else "the images show nothing that can be tracked; is the lens covered?"
-        return [self.diagnostics.report(self.missing_input(), values, error)]
+        return [self.status(values, error)]
 
 
 make = partial(StageNode, TrackerStage)
