@@ -19,7 +19,7 @@ from bodycam_ros.body.coupled_body import body_with_lengths, length_joint
 from bodycam_ros.body.equipment import Equipment, unknown_lengths
 from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, TreeTangent, held_rows, joint_gap, turn_jacobian
+from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, LoopGaps, TreeTangent, held_rows, turn_jacobian
 from bodycam_ros.kinematics.tree import all_motion
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
@@ -85,6 +85,7 @@ class Mechanism:
         self.tangent = TreeTangent(self.tree, GIVES_M)
         self.limits = JointLimits(self.tree)
         self.loops = {joint.name: joint for joint in self.tree.loop_joints}
+        self._gaps = LoopGaps(self.tree, self.tree.loop_joints)
         slides: list[NDArray[np.bool_]] = [np.repeat([False, True], 3)]
         self.columns: dict[str, NDArray[np.intp]] = {body.root: np.arange(6)}
         of_lengths = {length_joint(name) for name in self.lengths}
@@ -151,11 +152,12 @@ class Mechanism:
             residuals.append(errors)
             jacobians.append(jacobian)
 
-        for name, joint in self.loops.items():
+        gaps, by_step = self._gaps.linearised(poses, J)
+        gaps, by_step = gaps / self._gaps.sigmas, by_step / self._gaps.sigmas[..., None]
+        for row, (name, joint) in enumerate(self.loops.items()):
             if name not in without:
-                gap, by_step = self.tangent.gap(joint, poses, J)
-                sigmas, held = np.array(joint.sigmas), list(held_rows(joint))
-                add(name, (gap / sigmas)[held], (by_step / sigmas[:, None])[held])
+                held = list(held_rows(joint))
+                add(name, gaps[row, held], by_step[row, held])
         for segment in self.grounded if ground else ():
             add(segment, np.zeros(6), J[index[segment]])
         equipment = self.equipment
@@ -221,7 +223,7 @@ class Mechanism:
         """How far a loop is open: [m], the worst of an attachment's points, and [rad]."""
         joint, poses, index = self.loops[loop], self.poses(configuration), self.tree.segment_index
         parent, child = poses[index[joint.parent]], poses[index[joint.child]]
-        error = joint_gap(joint, parent, child)
+        error = self._gaps.jacobians(poses)[0][list(self.loops).index(loop)]
         attachments = () if self.equipment is None else self.equipment.attachments
         points = [each.distances(child, parent).max() for each in attachments if each.name == loop]
         return float(points[0] if points else np.linalg.norm(error[3:])), float(np.linalg.norm(error[:3]))

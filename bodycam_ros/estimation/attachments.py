@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.estimation.measurements import ClosedJoint
 from bodycam_ros.geometry import Array
 from bodycam_ros.settings import setting
 
@@ -66,10 +65,10 @@ class Attachments:
         self._release_m, self._given = settings.release_distance, equipment.attachments
         self.names = tuple(each.name for each in self._given)
         closing = {joint.name: joint for joint in body.loop_joints}
-        self._joints = [closing[name] for name in self.names]
+        joints = [closing[name] for name in self.names]
         self._body_rows, self._equipment_rows = (
             np.array([body.segment_index[segment] for segment in segments], np.int64)
-            for segments in ([j.child for j in self._joints], [j.parent for j in self._joints])
+            for segments in ([j.child for j in joints], [j.parent for j in joints])
         )
         self._detected = np.array([each.detected for each in self._given], bool)
         self._least_sigma = np.array([each.sigmas.min() for each in self._given])
@@ -115,12 +114,10 @@ class Attachments:
         changed = self.measured & (self._against >= CONFIRM_FRAMES)
         self._released, self._against = self._released ^ changed, np.where(changed, 0, self._against)
 
-    def closed_joints(self, active: ActiveAttachments) -> list[ClosedJoint]:
-        """The joints of active attachments (B eq. 15)."""
+    @property
+    def closed(self) -> dict[str, float]:
+        """Active attachment -> sigmas from which on its joint counts less (B eq. 15)."""
         # Unobserved, it was never released, and may start far apart.
         far = np.where(self._observed, 0.0, self._release_m / self._least_sigma)
-        return [
-            ClosedJoint(joint, max(_KERNEL, kernel))
-            for joint, kernel in zip(self._joints, far.tolist(), strict=True)
-            if active.active[joint.name]
-        ]
+        active = self._scheduled & ~self._released
+        return {self.names[row]: max(_KERNEL, float(far[row])) for row in np.flatnonzero(active)}

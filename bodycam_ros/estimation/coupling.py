@@ -22,7 +22,7 @@ from bodycam_ros.estimation.between_factors import RestingPoint
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion
 from bodycam_ros.estimation.equipment_search import EquipmentSearch
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
-from bodycam_ros.estimation.measurements import SLIDES_M, ClosedJoint, SegmentPoses
+from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, LOOSE_RAD
@@ -163,9 +163,10 @@ class Coupling:
             joints[row] |= self.motion.is_driven(row, self.active) and not self.motion.is_driven(row, before)
         return at.placed(motion), self._tangent.columns_of(joints)
 
-    def closed_joints(self) -> tuple[ClosedJoint, ...]:
-        """Joints of the active attachments."""
-        return () if self.active is None else tuple(self.attachments.closed_joints(self.active))
+    @property
+    def closed(self) -> dict[str, float]:
+        """Active attachment -> sigmas from which on it counts less; none while the equipment's pose is unknown."""
+        return self.attachments.closed if self.placed else {}
 
     def upright_measurement(self, start: Coordinates) -> SegmentPoses:
         """That the root is upright, once: when it is placed."""

@@ -291,7 +291,7 @@ class BodyEstimator:
         measured = Measurements(
             cameras=measured.cameras + coupling.upright_measurement(start),
             expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
-            closed=coupling.closed_joints(),
+            closed=coupling.closed,
         )
         return measured, step, start
 

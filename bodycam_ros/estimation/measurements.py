@@ -5,8 +5,8 @@ eq. 8, first term), expected rotations of unobserved joints, gaps of joints that
 is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inverse of its matrix is the covariance.
 """
 
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Self
 
@@ -17,8 +17,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.estimate import LINEAR, STEPS, Coordinates, Transition
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
-from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M, Joint
-from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M
+from bodycam_ros.kinematics.tangent import LoopGaps, TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
@@ -101,36 +101,18 @@ class JointRotations(_Stacked):
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedJoint:
-    """An active joint that closes a loop.
-
-    Attributes:
-        joint: between two segments of the tree.
-        kernel: sigmas from which on it counts less; infinite: never.
-    """
-
-    joint: Joint
-    kernel: float
-
-    @cached_property
-    def information(self) -> Array:
-        """(6, 6) of its gap."""
-        return np.diag(np.array(self.joint.sigmas) ** -2.0)
-
-
-@dataclass(frozen=True, eq=False)
 class Measurements:
     """All measurements of one state.
 
     Attributes:
         cameras: poses of segments.
         expected: rotations of unobserved joints.
-        closed: active joints that close loops.
+        closed: attachment that closes a loop now -> sigmas from which on it counts less.
     """
 
     cameras: SegmentPoses
     expected: JointRotations
-    closed: Sequence[ClosedJoint] = ()
+    closed: Mapping[str, float] = field(default_factory=dict)
 
 
 class StateFit:
@@ -138,14 +120,15 @@ class StateFit:
 
     Args:
         tangent: the body's coordinates.
-        attachments: names of joints that are active at times; other loops are always closed.
+        attachments: names of loops that are closed at times; the others always are.
     """
 
     def __init__(self, tangent: TreeTangent, attachments: Collection[str] = ()) -> None:
         self._tangent = tangent
         joints = tangent.tree.tree_joints
-        loops = [joint for joint in tangent.tree.loop_joints if joint.name not in attachments]
-        self._loops = tuple(ClosedJoint(joint, np.inf) for joint in loops)
+        loops = tangent.tree.loop_joints
+        self._loops = LoopGaps(tangent.tree, loops)
+        self._kernels = {joint.name: 0.0 if joint.name in attachments else np.inf for joint in loops}
         self._child_R_joint = np.array([joint.child_T_joint[:3, :3] for joint in joints]).reshape(-1, 3, 3)
         # Axes along which joints slide, with a finite sigma.
         self._soft = {}
@@ -187,7 +170,9 @@ class StateFit:
             J = log_jacobian(r) @ at.jacobians[measured.cameras.rows]
             information = measured.cameras.information
             if robust:
-                information = information * cauchy(_squared(information, r), KERNEL)[:, None, None]
+                # Cauchy's weight (Black and Rangarajan 1996).
+                squared = np.einsum("ni,nij,nj->n", r, information, r)
+                information = information / (1.0 + squared / KERNEL**2)[:, None, None]
             of_rows = (information @ J).reshape(-1, K)
             A += of_rows.T @ J.reshape(-1, K)
             b += of_rows.T @ r.ravel()
@@ -203,23 +188,18 @@ class StateFit:
             columns, twists = self._tangent.columns[row], self._tangent.twists[row]
             A[columns, columns] += np.diag(sigmas**-2.0)
             b[columns] -= twists.T @ log_se3(at.joints[row]) / sigmas**2
-        for each in (*self._loops, *measured.closed):
-            gap, J = self._tangent.gap(each.joint, at.poses, at.jacobians)
-            weight = cauchy(_squared(each.information, gap), each.kernel)
-            A += weight * (J.T @ each.information @ J)
-            b -= weight * (J.T @ (each.information @ gap))
+        kernels = np.array([*{**self._kernels, **measured.closed}.values()])
+        if kernels.any():
+            gaps, J = self._loops.linearised(at.poses, at.jacobians)
+            r, J = gaps / self._loops.sigmas, J / self._loops.sigmas[..., None]
+            # With a kernel of zero a loop is open.
+            weights = np.divide(
+                kernels**2, kernels**2 + (r**2).sum(axis=1), out=np.ones(len(kernels)), where=kernels < np.inf
+            )
+            of_rows = (weights[:, None, None] * J).reshape(-1, K)
+            A += of_rows.T @ J.reshape(-1, K)
+            b -= of_rows.T @ r.ravel()
         return A, b
-
-
-def cauchy(squared: Array, kernel: float) -> Array:
-    """Weight of residuals whose squared size in sigmas is given (Black and Rangarajan 1996)."""
-    weight: Array = 1.0 / (1.0 + squared / kernel**2)
-    return weight
-
-
-def _squared(information: Array, residuals: Array) -> Array:
-    squared: Array = np.einsum("...i,...ij,...j", residuals, information, residuals)
-    return squared
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, adjoint, hat, inverse, log_so3
+from bodycam_ros.geometry import Array, adjoint, exp_so3, hat, inverse, log_so3
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
@@ -33,23 +33,6 @@ def held_rows(joint: Joint) -> tuple[int, ...]:
     return tuple(row for row in range(6) if row not in free and joint.sigmas[row] < gives[row])
 
 
-def joint_gap(joint: Joint, world_T_parent: Array, world_T_child: Array) -> Array:
-    """The gap (..., 6), [rad] and [m], of the poses (..., 4, 4) of its segments; rows as in ``Joint.sigmas``."""
-    return gap_jacobians(joint, world_T_parent, world_T_child)[0]
-
-
-def gap_jacobians(joint: Joint, world_T_parent: Array, world_T_child: Array) -> tuple[Array, Array, Array]:
-    """``tangent``, and how it changes with the tangents of parent and child in their own axes: (..., 6, 6) each."""
-    joint_T_parent = inverse(joint.parent_T_joint)
-    gap = joint_T_parent @ inverse(world_T_parent) @ world_T_child @ joint.child_T_joint
-    gap_inverse, (forbidden, by_turn) = inverse(gap), _forbidden(joint, gap[..., :3, :3])
-    by_gap = np.zeros((*gap.shape[:-2], 6, 6))
-    by_gap[..., :3, :3] = joint.axes_of_rotation @ by_turn
-    by_gap[..., 3:, :3], by_gap[..., 3:, 3:] = hat(-gap_inverse[..., :3, 3]), np.eye(3)
-    residual = np.concatenate([forbidden @ joint.axes_of_rotation.T, -gap_inverse[..., :3, 3]], axis=-1)
-    return residual, -by_gap @ adjoint(gap_inverse @ joint_T_parent), by_gap @ adjoint(joint.joint_T_child)
-
-
 def turn_jacobian(rotation_vector: Array) -> Array:
     """(..., 3, 3) by which log_so3(R exp(w)) grows with w at w = 0; the inverse right Jacobian of SO(3)."""
     half = np.maximum(np.linalg.norm(rotation_vector, axis=-1), 1e-4)[..., None, None] / 2.0
@@ -58,19 +41,66 @@ def turn_jacobian(rotation_vector: Array) -> Array:
     return series
 
 
-def _forbidden(joint: Joint, R: Array) -> tuple[Array, Array]:
-    """Rotation vector (..., 3) of what the type forbids, and how it changes with a turn (..., 3, 3) of the child."""
-    if joint.type in ("ball", "free"):
-        return np.zeros(R.shape[:-1]), np.zeros(R.shape)
-    swing = R if joint.type == "weld" else joint.hinge_rotation(-hinge_angle(R, joint.axis)) @ R
-    forbidden = log_so3(swing)
-    J = turn_jacobian(forbidden)
-    if joint.type == "weld":
+class LoopGaps:
+    """Gaps of L joints between segments of a tree, all at once.
+
+    Args:
+        tree: with both segments of each.
+        joints: of these types; free ones hold nothing.
+
+    Attributes:
+        sigmas: (L, 6) of the gaps [rad], [m].
+    """
+
+    def __init__(self, tree: KinematicTree, joints: Sequence[Joint]) -> None:
+        index, count = tree.segment_index, len(joints)
+        self._parents, self._children = (
+            [index[segment] for segment in ends] for ends in ([j.parent for j in joints], [j.child for j in joints])
+        )
+        self._joint_T_parent = inverse(np.array([joint.parent_T_joint for joint in joints]).reshape(-1, 4, 4))
+        self._child_T_joint = np.array([joint.child_T_joint for joint in joints]).reshape(-1, 4, 4)
+        self._joint_from_parent = adjoint(self._joint_T_parent)
+        self._joint_from_child = adjoint(inverse(self._child_T_joint))
+        self._axes = np.array([joint.axes_of_rotation for joint in joints]).reshape(-1, 3, 3)
+        self.sigmas = np.array([joint.sigmas for joint in joints]).reshape(-1, 6)
+        types = np.array([joint.type for joint in joints], np.str_)
+        self._turning, self._hinges = (np.isin(types, ("ball", "free")), np.flatnonzero(types == "hinge"))
+        self._hinge_axes = np.array([joint.axis for joint in joints]).reshape(count, 3)[self._hinges]
+
+    def jacobians(self, world_T_segment: Array) -> tuple[Array, Array, Array]:
+        """Gaps (L, 6) at poses (S, 4, 4), and how they change with tangents of parents and children: (L, 6, 6) each.
+
+        Rows as in ``Joint.sigmas``; tangents in the segments' own axes.
+        """
+        gap = self._joint_T_parent @ inverse(world_T_segment[self._parents])
+        gap = gap @ world_T_segment[self._children] @ self._child_T_joint
+        gap_inverse, (forbidden, by_turn) = inverse(gap), self._forbidden(gap[:, :3, :3])
+        by_gap = np.zeros((len(gap), 6, 6))
+        by_gap[:, :3, :3] = self._axes @ by_turn
+        by_gap[:, 3:, :3], by_gap[:, 3:, 3:] = hat(-gap_inverse[:, :3, 3]), np.eye(3)
+        residual = np.concatenate([(self._axes @ forbidden[..., None])[..., 0], -gap_inverse[:, :3, 3]], axis=1)
+        by_parent = -by_gap @ adjoint(gap_inverse) @ self._joint_from_parent
+        return residual, by_parent, by_gap @ self._joint_from_child
+
+    def linearised(self, world_T_segment: Array, J: Array) -> tuple[Array, Array]:
+        """Gaps (L, 6) at poses (S, 4, 4), and their Jacobians (L, 6, K) by those of the segments (S, 6, K)."""
+        gaps, by_parent, by_child = self.jacobians(world_T_segment)
+        return gaps, by_parent @ J[self._parents] + by_child @ J[self._children]
+
+    def _forbidden(self, R: Array) -> tuple[Array, Array]:
+        """Rotation vectors (L, 3) of what the types forbid, and how turns of the children change them (L, 3, 3)."""
+        swing, hinges, axes = R.copy(), self._hinges, self._hinge_axes
+        swing[hinges] = exp_so3(-hinge_angle(R[hinges], axes)[:, None] * axes) @ R[hinges]
+        swing[self._turning] = np.eye(3)
+        forbidden = log_so3(swing)
+        J = turn_jacobian(forbidden)
+        J[self._turning] = 0.0
+        # A hinge's own angle follows, so that nothing of the swing is about the axis.
+        J_hinge, axes = J[hinges], axes[..., None]
+        of_axis = J_hinge @ np.swapaxes(swing[hinges], -1, -2) @ axes
+        along = np.swapaxes(axes, -1, -2) @ J_hinge / (np.swapaxes(axes, -1, -2) @ of_axis)
+        J[hinges] = J_hinge - of_axis @ along
         return forbidden, J
-    # The hinge's own angle follows, so that nothing of the swing is about the axis.
-    of_axis = J @ np.swapaxes(swing, -1, -2) @ joint.axis
-    along = (joint.axis @ J) / (of_axis @ joint.axis)[..., None]
-    return forbidden, J - of_axis[..., :, None] * along[..., None, :]
 
 
 class TreeTangent:
@@ -137,19 +167,6 @@ class TreeTangent:
         if rows is None:
             return tangents_of(world_T_segment, twists, self._moves)
         return tangents_of(world_T_segment[..., rows, :, :], twists, self._moves[rows])
-
-    def gap(self, joint: Joint, world_T_segment: Array, J: Array) -> tuple[Array, Array]:
-        """The gap (..., 6) of a joint that closes a loop (``tangent``), and its Jacobian (..., 6, K).
-
-        Args:
-            joint: between two segments of the tree.
-            world_T_segment: (..., S, 4, 4) poses.
-            J: (..., S, 6, K) their ``segment_jacobians``.
-        """
-        parent, child = (self.tree.segment_index[segment] for segment in (joint.parent, joint.child))
-        ends = world_T_segment[..., parent, :, :], world_T_segment[..., child, :, :]
-        gap, by_parent, by_child = gap_jacobians(joint, *ends)
-        return gap, by_parent @ J[..., parent, :, :] + by_child @ J[..., child, :, :]
 
 
 def tangents_of(world_T_segment: Array, world_twists: Array, moves: Array) -> Array:
