@@ -53,8 +53,8 @@ class StaticCameraLog:
         for camera, count in self._misplaced.items():
             if (share := count / len(seconds)) > _MISPLACED_SHARE:
                 what = f"its images do not show the body where the others have it, for {share:.0%} of the time"
-                why = "its pose or lens is not that of the file of static cameras, or it has been moved"
-                remedy = "calibrate it anew; it was left out meanwhile"
+                why = "its pose or lens is not that of the file, it was moved, or somebody stands before it"
+                remedy = "look at its images, else calibrate it anew; it was left out meanwhile"
                 yield Finding(camera, Level.WRONG, what, why, remedy, check="misplaced")
         for segment, unsupported in self._unsupported.items():
             rows = np.array(sorted(unsupported))

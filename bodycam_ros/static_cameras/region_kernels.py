@@ -29,6 +29,7 @@ _STEP = 7  # samples to either side of a displacement that the smoothed step cov
 _SLOPE, _WIDTH = 0.42, 1.0  # of the step: 0.5 - _SLOPE tanh(x / (2 _WIDTH)), x outward
 _SURE = 12.0  # logarithm of odds that no pixel exceeds
 _FLAT = 8.0  # [steps^2] variance of a line without evidence: all displacements alike have 14
+_FAR = 3.0  # [steps] displacement from which a line counts less than half: it may be another person's contour
 _GAP = 2  # [px] beside the contour that belong to neither, as it is not quite where it should be
 
 
@@ -125,9 +126,10 @@ def measure_lines(
         mean, variance = _parting(inside, step)
         if variance > _FLAT:
             continue
+        robust = 1.0 / (1.0 + (mean / _FAR) ** 2)
         mean, variance = mean * stride, variance * stride * stride
         shifts[n], variances[n] = mean, variance
-        weight = 1.0 / (variance + least_sigma_px * least_sigma_px)
+        weight = robust / (variance + least_sigma_px * least_sigma_px)
         # The pixel moves along the normal by slope . (turn x point + shift).
         X, Y, Z, a, b, c = point[4], point[5], point[6], point[7], point[8], point[9]
         row[0], row[1], row[2] = Y * c - Z * b, Z * a - X * c, X * b - Y * a

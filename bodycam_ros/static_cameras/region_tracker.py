@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3
@@ -45,10 +44,6 @@ _START_ROUNDS = 6  # of updating colours and fitting in the first image
 _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their joints about the placed ones
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
-_PULL_M = 0.01
-"""Move of an elbow without the lines of its upper arm, from which on both fits are made: of 4 to 26 % of arms."""
-_GAIN = 0.06
-"""Share of an arm's pixels that a fit without lines must explain more; 98 % of fits differ by less than 0.04."""
 
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
@@ -98,8 +93,6 @@ class RegionTracker:
         self.views = {name: RegionModel(station, surface, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
         self._support = SegmentSupport(body)
-        kinds = [SegmentName(segment).kind for segment in body.segments]
-        self._arms = [(a, b) for a, b in body.joint_ends.tolist() if (kinds[a], kinds[b]) == ("upper_arm", "forearm")]
         self._cameras = CameraSupport()
         self._all = np.ones(len(body.segments), bool)
         self._random = np.random.default_rng(_SEED)
@@ -258,7 +251,8 @@ class RegionTracker:
         for name in images:
             view = self.views[name]
             view.copy_unknown_colours(other for other in self.views.values() if other is not view)
-        fit, borrowed = self._fit_frame(images, predicted, known)
+        start = self._step.close_joints(predicted.world_T_segment)
+        fit = self._fit(images, start, predicted, known, self._support.unconfirmed)
         self._support.update(self._measure_support(images, fit))
         on_body = self.body.named(each.segment for each in known)
         jumped = ~self._all
@@ -269,7 +263,6 @@ class RegionTracker:
             if jumped.any():
                 self._support.start_again(jumped)
                 fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed)
-                borrowed = ~self._all
                 self._support.update(self._measure_support(images, fit))
             else:
                 for name, view in self.views.items():
@@ -277,7 +270,7 @@ class RegionTracker:
         self._cameras.update(fit.measured)
         misplaced = self._cameras.misplaced
         seen = {
-            name: self._is_seen(regions) & ~(self._support.unconfirmed | borrowed) & (name not in misplaced)
+            name: self._is_seen(regions) & ~self._support.unconfirmed & (name not in misplaced)
             for name, regions in fit.measured.items()
         }
         by_any = np.any([*seen.values()], axis=0)
@@ -299,32 +292,6 @@ class RegionTracker:
             misplaced,
             surface_variances(self.body),
         )
-
-    def _fit_frame(self, images: Images, predicted: PredictedBody, known: Collection[SegmentPose]) -> tuple[_Fit, Mask]:
-        """The fit of a frame, and the segments (S,) whose lines it leaves out because they follow another segment.
-
-        An upper arm before a trunk of its colours takes the trunk's contour for its own, and stays there while the arm
-        swings away. So where its lines pull at the elbow the body is also fitted without them, and the fit that
-        explains more pixels counts (B eq. 8).
-        """
-        start = self._step.close_joints(predicted.world_T_segment)
-        excluded, borrowed = self._support.unconfirmed, ~self._all
-        fit = self._fit(images, start, predicted, known, excluded)
-        on_body = self.body.named(each.segment for each in known)
-        for upper_arm, forearm in self._arms:
-            arm = self._support.with_descendants(np.arange(len(start)) == upper_arm, self._all)
-            if (arm & (on_body | excluded)).any():
-                continue
-            fewer = excluded | borrowed
-            fewer[upper_arm] = True
-            equations = self._equations(fit.measured, fit.before, known, fewer)
-            without = self._step.apply(fit.before, *equations, predicted)
-            if np.linalg.norm((without - fit.poses)[forearm, :3, 3]) > _PULL_M:
-                other = self._fit(images, start, predicted, known, fewer)
-                (before, pixels), (explained, _) = (self._explain_pixels(images, each.poses) for each in (fit, other))
-                if explained.sum() - before.sum() > _GAIN * pixels[arm].sum():
-                    fit, borrowed[upper_arm] = other, True
-        return fit, borrowed
 
     def _fit(
         self, images: Images, start: Array, predicted: PredictedBody, known: Collection[SegmentPose], excluded: Mask

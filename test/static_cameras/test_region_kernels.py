@@ -87,7 +87,9 @@ def test_a_line_finds_an_edge_that_is_displaced(stride: int, degrees: float) -> 
         found = one_line(half_plane(normal, pixel @ normal + displaced), pixel, normal, odds, stride)
         assert found is not None
         assert found[0] == pytest.approx(displaced, abs=0.5 * stride + 0.35)
-        assert LEAST_PX < found[1] < LEAST_PX + 1.3 * stride
+        # Cauchy's weight of a line that is displaced by three samples is a half.
+        sigma = found[1] / np.hypot(1.0, displaced / (3.0 * stride))
+        assert LEAST_PX < sigma < LEAST_PX + 1.3 * stride
 
 
 def test_an_edge_between_pixels_is_found_between_them() -> None:

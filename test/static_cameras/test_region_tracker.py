@@ -14,7 +14,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.static_cameras import region_tracker
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
@@ -115,7 +114,7 @@ def test_a_person_is_followed(dressed: DressedBody, motion: Array, light: str, r
 def test_an_arm_does_not_stay_at_the_contour_of_a_trunk_of_its_colours(
     dressed: DressedBody, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One camera sees it swing from behind the trunk to before it; a fit by all lines falls behind by more."""
+    """One camera sees it swing from behind the trunk to before it; where all lines count alike it ends 79 mm off."""
     monkeypatch.setitem(CLOTHES, "upper_arm", CLOTHES["torso"])
     body, side = dressed.body, stations_around(1)["ext_00"]
     side = replace(side, world_T_camera=looking_at(MIDDLE + [0.0, -3.0, 0.3], MIDDLE))
@@ -126,23 +125,12 @@ def test_an_arm_does_not_stay_at_the_contour_of_a_trunk_of_its_colours(
     turns[:, [angles.names.index(f"shoulder_{name}_x") for name in ("left", "right")]] = 0.15, -0.15
     swing = body.forward_kinematics(np.tile(rigid(np.eye(3), MIDDLE), (6, 1, 1)), angles.rotations(turns))
     pictures = [shirt.images(poses, 1.0, frame) for frame, poses in enumerate(swing)]
-    upper_arm, elbow = "upper_arm_right", body.segment_index["forearm_right"]
-
-    def follow() -> tuple[float, list[bool]]:
-        tracker = tracker_of(shirt)
-        tracker.initialise(pictures[0], swing[0])
-        poses, used = swing[0], []
-        for images in pictures[1:]:
-            seen = tracker.measure(images, expected_at(poses))
-            poses = seen.world_T_segment
-            used.append(upper_arm in by_segment(seen.together))
-        return float(joints_off(poses, swing[-1])[elbow]), used
-
-    off, used = follow()
-    monkeypatch.setattr(region_tracker, "_PULL_M", np.inf)
-    off_by_all, all_used = follow()
-    assert all(all_used) and not all(used)
-    assert off < 0.9 * off_by_all
+    tracker, elbow = tracker_of(shirt), body.segment_index["forearm_right"]
+    tracker.initialise(pictures[0], swing[0])
+    poses = swing[0]
+    for images in pictures[1:]:
+        poses = tracker.measure(images, expected_at(poses)).world_T_segment
+    assert joints_off(poses, swing[-1])[elbow] < 0.07
 
 
 def test_what_a_station_says_is_as_far_off_as_it_says(dressed: DressedBody, motion: Array, images: Images) -> None:
