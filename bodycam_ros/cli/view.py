@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _read_sources(arguments: argparse.Namespace) -> Sources:
-    return Sources.read(
+    return Sources(
         arguments.solved,
         arguments.map,
         arguments.body,

@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, read_motion_text
+from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.figure import Figure, continuous_angles
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_text
 
 MARK = "HIERARCHY"
 
@@ -93,20 +94,18 @@ def read_bvh(path: Path) -> CapturedMotion:
     """Joints by name, with rotations; the world of a BVH has y up, and its unit is unknown.
 
     Raises:
-        RecordingError: it cannot be read, or is no BVH.
+        RecordingError: it cannot be read.
+        ValueError: it is no BVH.
     """
-    text = read_motion_text(path, "BVH")
-    try:
-        motion = _MOTION.search(text)
-        hierarchy = text[: motion.start()] if motion else ""
-        words = (word for found in _WORD.finditer(hierarchy) for word in found.groups() if word)
-        if motion is None or next(words, "") != MARK:
-            raise ValueError("expected HIERARCHY on the first line, and MOTION below it")
-        joints = _read_joints(words)
-        frame_time, table = _read_frames(text[motion.end() :], sum(len(joint.channels) for joint in joints))
-        stamps_ns = checked_stamps(np.asarray(frame_time * np.arange(len(table)), np.float64))
-    except ValueError as error:
-        raise RecordingError(f"{path}: cannot be read as BVH: {error}") from error
+    text = read_text(path, "BVH file", RecordingError, MOST_BYTES)
+    motion = _MOTION.search(text)
+    hierarchy = text[: motion.start()] if motion else ""
+    words = (word for found in _WORD.finditer(hierarchy) for word in found.groups() if word)
+    if motion is None or next(words, "") != MARK:
+        raise ValueError("expected HIERARCHY on the first line, and MOTION below it")
+    joints = _read_joints(words)
+    frame_time, table = _read_frames(text[motion.end() :], sum(len(joint.channels) for joint in joints))
+    stamps_ns = checked_stamps(np.asarray(frame_time * np.arange(len(table)), np.float64))
     points, rotations = _forward_kinematics(joints, table)
     parents = {joint.name: joint.parent for joint in joints if joint.parent is not None}
     return CapturedMotion(path, "BVH", stamps_ns, points, rotations, parents, has_unit=False)

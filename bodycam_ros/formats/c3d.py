@@ -86,16 +86,16 @@ def read_c3d(path: Path) -> CapturedMotion:
     missing values.
 
     Raises:
-        RecordingError: it cannot be read, or has no markers.
+        ValueError: it cannot be read, or has no markers.
     """
     content = _content(path)
     positions, rate, unit = content["positions"], float(content["rate"]), str(content["unit"])
     metres = _UNITS_M.get(unit[:4])
     if metres is None:
-        raise RecordingError(f"{path}: unknown unit POINT:UNITS {shown(unit)}; known are m, cm, mm, in")
+        raise ValueError(f"unknown unit POINT:UNITS {shown(unit)}; known are m, cm, mm, in")
     if len(positions) == 0 or positions.shape[1] < 2 or not rate > 0.0:
-        raise RecordingError(
-            f"{path}: has {len(positions)} markers, {positions.shape[1]} frames, {rate:g} a second; a motion has more"
+        raise ValueError(
+            f"it has {len(positions)} markers, {positions.shape[1]} frames, {rate:g} a second; a motion has more"
         )
     positions = positions * metres
     positions[~np.isfinite(positions).all(axis=2) | (positions == 0.0).all(axis=2)] = np.nan
@@ -105,40 +105,34 @@ def read_c3d(path: Path) -> CapturedMotion:
     seen = dict(zip(content["labels"].tolist(), positions, strict=False))
     points = {name: values for name, values in seen.items() if name and np.isfinite(values).any()}
     if not points:
-        raise RecordingError(f"{path}: has no marker that was seen")
-    try:
-        stamps_ns = checked_stamps(np.asarray(np.arange(positions.shape[1]) / rate, np.float64))
-    except ValueError as error:
-        raise RecordingError(f"{path}: cannot be read as C3D: {rate:g} frames a second: {error}") from error
-    return CapturedMotion(path, "C3D", stamps_ns, points)
+        raise ValueError("it has no marker that was seen")
+    return CapturedMotion(path, "C3D", checked_stamps(np.arange(positions.shape[1]) / rate), points)
 
 
 def _content(path: Path) -> Mapping[str, Any]:
     """Arrays of the file, by ``c3d_worker``.
 
     Raises:
-        RecordingError: it is not there, no C3D, or so damaged that it cannot be read.
+        ValueError: it is not there, no C3D, or so damaged that it cannot be read.
     """
     try:
         with path.open("rb") as file:
             start = file.read(_BLOCK)
         size = path.stat().st_size
     except OSError as error:
-        raise RecordingError(f"{path}: cannot read this C3D file: {error.strerror or error}") from error
+        raise ValueError(error.strerror or error) from error
     if len(start) < _BLOCK or start[1] != _MAGIC:
-        raise RecordingError(f"{path}: is no C3D file: those are longer than {_BLOCK} bytes, and the second is 0x50")
+        raise ValueError(f"it is no C3D file: those are longer than {_BLOCK} bytes, and the second is 0x50")
     longest_s = _LONGEST_S + _LONGEST_S_PER_MB * 1e-6 * size
     command = [sys.executable, "-P", c3d_worker.__file__, str(path), str(_MOST_BYTES + _MOST_TIMES * size)]
     try:
         done = subprocess.run(command, capture_output=True, stdin=subprocess.DEVNULL, timeout=longest_s, check=False)
     except subprocess.TimeoutExpired as error:
-        raise RecordingError(f"{path}: cannot be read as C3D: no end of it after {longest_s:.0f} s") from error
+        raise ValueError(f"no end of it after {longest_s:.0f} s") from error
     if done.returncode != 0:
-        lines = done.stderr.decode("utf-8", "replace").strip().splitlines() or [
-            "the reader ended, as if it were damaged"
-        ]
-        raise RecordingError(f"{path}: cannot be read as C3D: {printable(lines[-1][:200])}")
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise ValueError(printable((lines or ["the reader ended, as if it were damaged"])[-1][:200]))
     try:
         return dict(np.load(io.BytesIO(done.stdout), allow_pickle=False))
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
-        raise RecordingError(f"{path}: cannot be read as C3D: its content is damaged") from error
+    except (OSError, zipfile.BadZipFile) as error:
+        raise ValueError("its content is damaged") from error

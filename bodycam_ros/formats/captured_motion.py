@@ -9,17 +9,17 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.results.body_motion import interpolated
-from bodycam_ros.yaml_file import read_text
+
+MOST_BYTES = 1_000_000_000
+"""Of a file: an hour of 100 markers at 100 Hz has 0.9 GB."""
 
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
 """Rotation (3, 3) from a world with y up to one with z up; x stays."""
 
 _WHOLE = 0.999  # least weight of the known frames under a Gaussian
 _MAX_GAP_FRAMES, _MAX_GAP_S = 2.5, 0.1  # points are interpolated between frames no further apart than the greater
-_MAX_BYTES = 1_000_000_000  # an hour of 100 markers at 100 Hz has 0.9 GB
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +115,6 @@ class CapturedMotion:
             times = seconds[seen]
             curves[name] = times, scipy.interpolate.CubicSpline(times, points[seen]) if len(times) >= 2 else None
         return curves
-
-
-def read_motion_text(path: Path, kind: str) -> str:
-    """The text of a file.
-
-    Raises:
-        RecordingError: it cannot be read, or is too large.
-    """
-    return read_text(path, f"{kind} file", RecordingError, _MAX_BYTES)
 
 
 def checked_stamps(seconds: Array) -> NDArray[np.int64]:

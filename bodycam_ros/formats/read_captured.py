@@ -22,7 +22,7 @@ _READERS: Mapping[str, Callable[[Path], CapturedMotion]] = {
     ".tum": read_captured_tum,
     ".txt": read_captured_tum,
 }
-"""Suffix of a file -> its reader."""
+"""Suffix of a file -> its reader, which raises ValueError of what is damaged."""
 
 
 def is_captured(path: Path) -> bool:
@@ -46,7 +46,10 @@ def read_captured(path: Path) -> CapturedMotion:
             f"{path}: unknown format; known are {', '.join(_READERS)} (.txt: TUM), a folder of *.tum, and a "
             "recording's folder with ground truth"
         )
-    return read(path)
+    try:
+        return read(path)
+    except ValueError as error:
+        raise RecordingError(f"{path}: cannot be read as {path.suffix[1:].upper()}: {error}") from error
 
 
 def read_joint_points(path: Path) -> Mapping[str, Array] | None:

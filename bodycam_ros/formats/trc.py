@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, read_motion_text
+from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.markers import marker_positions, place_markers
 from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.shown import shown
+from bodycam_ros.yaml_file import read_text
 
 MARK = "PathFileType"
 _TO_MM = 1000.0
@@ -50,31 +51,28 @@ def read_trc(path: Path) -> CapturedMotion:
     """Markers by name; the world of a TRC has y up. Empty cells are missing values.
 
     Raises:
-        RecordingError: it cannot be read, or is no TRC.
+        RecordingError: it cannot be read.
+        ValueError: it is no TRC.
     """
-    lines = read_motion_text(path, "TRC").splitlines()
-    try:
-        if len(lines) <= _FIRST_ROW or not lines[_TYPE].startswith("PathFileType"):
-            raise ValueError("expected 'PathFileType' on the first line, four header lines, and rows")
-        header = dict(zip(lines[_KEYS].split(), lines[_VALUES].split(), strict=False))
-        unit = _UNITS_M.get(header.get("Units", "mm").lower())
-        if unit is None:
-            raise ValueError(f"line 3: unknown unit {shown(header['Units'])}; known are {', '.join(_UNITS_M)}")
-        names = [name.strip() for name in lines[_NAMES].split("\t")[2:]]
-        columns = {name: 2 + column for column, name in enumerate(names) if name}
-        if not columns:
-            raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
-        if len(columns) != sum(map(bool, names)):
-            raise ValueError("line 4: two markers have the same name")
-        listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
-        width = max(columns.values()) + _AXES
-        if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):
-            raise ValueError(f"line 4 names {len(columns)} markers, of which almost none is in the {len(listed)} rows")
-        rows = [_numbers(line, number, width) for number, line in listed]
-        table = np.array(rows)
-        stamps_ns = checked_stamps(table[:, 1] if len(table) else np.zeros(0))
-    except ValueError as error:
-        raise RecordingError(f"{path}: cannot be read as TRC: {error}") from error
+    lines = read_text(path, "TRC file", RecordingError, MOST_BYTES).splitlines()
+    if len(lines) <= _FIRST_ROW or not lines[_TYPE].startswith("PathFileType"):
+        raise ValueError("expected 'PathFileType' on the first line, four header lines, and rows")
+    header = dict(zip(lines[_KEYS].split(), lines[_VALUES].split(), strict=False))
+    unit = _UNITS_M.get(header.get("Units", "mm").lower())
+    if unit is None:
+        raise ValueError(f"line 3: unknown unit {shown(header['Units'])}; known are {', '.join(_UNITS_M)}")
+    names = [name.strip() for name in lines[_NAMES].split("\t")[2:]]
+    columns = {name: 2 + column for column, name in enumerate(names) if name}
+    if not columns:
+        raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
+    if len(columns) != sum(map(bool, names)):
+        raise ValueError("line 4: two markers have the same name")
+    listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
+    width = max(columns.values()) + _AXES
+    if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):
+        raise ValueError(f"line 4 names {len(columns)} markers, of which almost none is in the {len(listed)} rows")
+    table = np.array([_numbers(line, number, width) for number, line in listed])
+    stamps_ns = checked_stamps(table[:, 1] if len(table) else np.zeros(0))
     points = {
         name: unit * table[:, column : column + _AXES] @ Y_UP_TO_Z_UP.T
         for name, column in columns.items()

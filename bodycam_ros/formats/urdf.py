@@ -1,7 +1,7 @@
 """URDF of a solved bag or a body file."""
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import BODY, body_from_urdf, urdf_text
 from bodycam_ros.errors import BodyError, RecordingError
-from bodycam_ros.kinematics.joint import Joint, default_sigmas
+from bodycam_ros.kinematics.joint import default_sigmas
 from bodycam_ros.recording.bag_file import BagFile, is_bag
 from bodycam_ros.results.topics import ROBOT, ROBOT_TYPE, published_robot
 
@@ -30,26 +30,32 @@ def robot_description(source: Path, mass_kg: float | None = None) -> str:
         BodyError: a body file that is missing or describes no body, or a body without a person's segments.
         RecordingError: a bag that cannot be read, or that was not solved.
     """
-    if not is_body_file(source):
-        text = _published(source)
-        with _source_named(source):
-            body = body_from_urdf(text) if mass_kg is not None or f"<{BODY}>" in text else None
-            text = text if body is None or mass_kg is None else _text(body, mass_kg)
-            _warn_of_loops(() if body is None else body.loop_joints, source)
-            return text
-    body = read_body(source)
-    if own := [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]:
-        text = "%s: joints %s have sigmas of their own, which other programs do not read from a URDF"
-        logger.warning(text, source, ", ".join(own))
-    _warn_of_loops(body.loop_joints, source)
+    body, text = _read(source)
     with _source_named(source):
-        return _text(body, mass_kg)
+        if body is None and (mass_kg is not None or f"<{BODY}>" in text):
+            body = body_from_urdf(text)
+        if body is not None and (not text or mass_kg is not None):
+            text = urdf_text(body, None if mass_kg is None else person_masses(body, mass_kg))
+    if body is None:
+        return text
+    own = [joint.name for joint in body.tree_joints if joint.sigmas != default_sigmas(joint.type)]
+    if own and is_body_file(source):
+        warning = "%s: joints %s have sigmas of their own, which other programs do not read from a URDF"
+        logger.warning(warning, source, ", ".join(own))
+    if body.loop_joints:
+        logger.warning(
+            "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which "
+            "other programs ignore",
+            source,
+            ", ".join(joint.name for joint in body.loop_joints),
+            BODY,
+        )
+    return text
 
 
 def convert_body(source: Path, write: Callable[[BodyModel], str]) -> str:
     """The text of the body of a bag or a body file; raises as ``robot_description`` does."""
-    body = read_body(source) if is_body_file(source) else None
-    text = _published(source) if body is None else ""
+    body, text = _read(source)
     with _source_named(source):
         return write(body or body_from_urdf(text))
 
@@ -59,16 +65,15 @@ def is_body_file(source: Path) -> bool:
     return not source.is_dir() and not is_bag(source)
 
 
-def _text(body: BodyModel, mass_kg: float | None) -> str:
-    return urdf_text(body, None if mass_kg is None else person_masses(body, mass_kg))
-
-
-def _published(path: Path) -> str:
-    with BagFile(path) as bag:
+def _read(source: Path) -> tuple[BodyModel | None, str]:
+    """The body of a body file, and nothing; or no body, and the URDF that a bag has."""
+    if is_body_file(source):
+        return read_body(source), ""
+    with BagFile(source) as bag:
         if text := published_robot(bag):
-            return text
+            return None, text
         raise RecordingError(
-            f"{path}: nothing on {ROBOT} ({ROBOT_TYPE}); expected a bag that 'bodycam replay' wrote, or a body YAML; "
+            f"{source}: nothing on {ROBOT} ({ROBOT_TYPE}); expected a bag that 'bodycam replay' wrote, or a body YAML; "
             f"there are: {', '.join(bag.topics) or 'no topics at all'}"
         )
 
@@ -79,14 +84,3 @@ def _source_named(source: Path) -> Iterator[None]:
         yield
     except BodyError as error:
         raise BodyError(f"{source}: {error}") from error
-
-
-def _warn_of_loops(loops: Sequence[Joint], source: Path) -> None:
-    if loops:
-        logger.warning(
-            "%s: joints %s close loops; a URDF is a tree and leaves them open: they are in its element <%s>, which "
-            "other programs ignore",
-            source,
-            ", ".join(joint.name for joint in loops),
-            BODY,
-        )

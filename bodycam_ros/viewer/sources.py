@@ -1,7 +1,5 @@
 """The files of a view, read and checked before the page is served."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.body.average_person import with_hands
@@ -12,15 +10,13 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.topics import published_body
-from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.viewer.correction import BodyFile
 from bodycam_ros.viewer.motion import Motion, read_motion
 
 
-@dataclass(frozen=True, eq=False)
 class Sources:
-    """What is shown.
+    """What is shown; without ``body_path`` the body is that of OUT.
 
     Attributes:
         body_file: where the body comes from and is written to; None of a body that OUT describes.
@@ -32,33 +28,20 @@ class Sources:
         cameras: of the body, and static ones, that have images.
         stations: static cameras.
         surface: folder of the body's meshes, instead of the body's own.
+
+    Raises:
+        BodycamError: one of the files is missing or damaged, or they do not fit each other.
     """
 
-    body_file: BodyFile | None
-    body: BodyModel
-    reference_map: ReferenceMap | None
-    motion: Motion
-    solved: Path | None
-    recording: Path | None
-    cameras: tuple[str, ...]
-    stations: Mapping[str, Station] = field(default_factory=dict)
-    surface: Path | None = None
-
-    @classmethod
-    def read(
-        cls,
+    def __init__(
+        self,
         solved: Path | None,
         map_path: Path | None,
         body_path: Path | None,
         recording: Path | None,
         stations_path: Path | None = None,
         surface: Path | None = None,
-    ) -> "Sources":
-        """Read them all; without ``body_path`` the body is that of OUT.
-
-        Raises:
-            BodycamError: one of them is missing or damaged, or they do not fit each other.
-        """
+    ) -> None:
         if body_path is None and solved is None:
             raise ViewError("the body is unknown: give its file with --body, or name OUT, which describes it")
         if recording is not None and solved is None:
@@ -73,30 +56,30 @@ class Sources:
         if solved is not None:
             with BagFile(solved) as bag:
                 published = published_body(bag)
-        body_file = None if body_path is None else BodyFile(body_path)
-        if body_file is not None:
+        self.solved, self.recording, self.surface = solved, recording, surface
+        self.body_file = None if body_path is None else BodyFile(body_path)
+        if self.body_file is not None:
             # A replay with static cameras adds hands.
             segments = () if published is None else published.segments
             kinds = {SegmentName(segment).kind for segment in segments}
             has_hands = "hand" in kinds or (solved is None and stations_path is not None)
-            body = body_file.read(with_hands if has_hands else lambda body: body)
+            self.body = self.body_file.read(with_hands if has_hands else lambda body: body)
         elif published is not None:
-            body = published
+            self.body = published
         else:
             raise ViewError(f"{solved}: does not describe its body; give the body's file with --body")
-        reference_map = None if map_path is None else ReferenceMap.load(map_path)
-        stations = {} if stations_path is None else read_stations(stations_path, reference_map)
+        self.reference_map = None if map_path is None else ReferenceMap.load(map_path)
+        self.stations = {} if stations_path is None else read_stations(stations_path, self.reference_map)
         if stations_path is not None and solved is not None:
             check_stations_frame(stations_path, solved, map_path)
-        motion = Motion.standing(body) if solved is None else read_motion(solved, body)
-        cameras: tuple[str, ...] = ()
+        self.motion = Motion.standing(self.body) if solved is None else read_motion(solved, self.body)
+        self.cameras: tuple[str, ...] = ()
         if recording is not None:
             with open_recording(recording) as bag:
-                cameras = tuple(camera for camera in (*body.mounts, *stations) if camera in bag.cameras)
-                if not cameras:
+                self.cameras = tuple(camera for camera in (*self.body.mounts, *self.stations) if camera in bag.cameras)
+                if not self.cameras:
                     raise RecordingError(
                         f"{recording}: has none of the body's cameras; it has {', '.join(bag.cameras)}, the body "
-                        f"{', '.join(body.mounts) or 'none'}"
-                        + (f", {stations_path} {', '.join(stations)}" if stations else "")
+                        f"{', '.join(self.body.mounts) or 'none'}"
+                        + (f", {stations_path} {', '.join(self.stations)}" if self.stations else "")
                     )
-        return cls(body_file, body, reference_map, motion, solved, recording, cameras, stations, surface)
