@@ -27,8 +27,9 @@ from bodycam_ros.cli.options import (
     pipeline_settings,
     read_settings,
 )
-from bodycam_ros.cli.output import print_section, print_table, shown_progress
+from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.errors import BodyError
+from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.body_shape import MeasureSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -37,7 +38,9 @@ from bodycam_ros.terminal import Terminal
 _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
 )  # fmt: skip
+_LENGTHS_NOTE = "from joint to joint, along an axis; red: not measured, about the initial value"
 _GIRTHS = (("found", "found", ".2f"), ("sigma", "sigma", ".2f"))
+_GIRTHS_NOTE = "times as thick as people of this size; red: not measured"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -131,8 +134,7 @@ def print_report(diagnosis: CalibrationDiagnosis, terminal: Terminal) -> None:
     from bodycam_ros.evaluate.body_report import report_sections, summary_line
 
     terminal.print(summary_line(diagnosis))
-    for section in report_sections(diagnosis):
-        print_section(terminal, section)
+    print_sections(terminal, report_sections(diagnosis))
     for count, warning in enumerate(diagnosis.warnings, start=1):
         terminal.print(Text.assemble((f"warning {count}: ", "bold red"), warning))
     if not diagnosis.warnings:
@@ -159,10 +161,11 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
     lengths = {f"{each.name} {each.axis}": each for each in measured.lengths}
     girths = {each.name: each for each in measured.girths}
     vague_ones = {name for name, each in (lengths | girths).items() if not each.is_measured}
-    note = "from joint to joint, along an axis; red: not measured, about the initial value"
-    print_table("lengths", "joint", _LENGTHS, lengths, note, vague_ones)
-    note = "times as thick as people of this size; red: not measured"
-    print_table("girths", "segment", _GIRTHS, girths, note, vague_ones)
+    sections = (
+        column_table("lengths", "joint", _LENGTHS, lengths, _LENGTHS_NOTE, vague_ones),
+        column_table("girths", "segment", _GIRTHS, girths, _GIRTHS_NOTE, vague_ones),
+    )
+    print_sections(terminal, sections)
     if vague := sorted({each.name for each in measured.lengths if not each.is_measured}):
         terminal.print(
             f"the recording does not measure the lengths at {', '.join(vague)}: bend these joints widely, in view of "

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
-from bodycam_ros.cli.output import print_section, print_verdict, shown_progress
+from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.terminal import Terminal
 
@@ -77,8 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
             views = static_camera_views(evaluation.solved, recording, files, arguments.map)
         write_report(evaluation, folder, overlay, views)
     terminal = Terminal()
-    for section in report_sections(evaluation.figures):
-        print_section(terminal, section)
+    print_sections(terminal, report_sections(evaluation.figures))
     terminal.print("\n".join([*report_lines(evaluation), f"written to {folder}"]))
     for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
         terminal.print(f"doubtful: {doubt}", style="yellow")

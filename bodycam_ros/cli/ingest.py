@@ -1,12 +1,14 @@
 """bodycam ingest: videos of cameras in, one bag out, and a report on their clocks."""
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, add_output, input_paths, number
-from bodycam_ros.cli.output import print_table, shown_progress
+from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.errors import OutputError
+from bodycam_ros.evaluate.sections import Section, column_table
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
@@ -101,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
         faults += lens_remarks(cameras, lambda done, total: progress.show("comparing lenses", done / max(1, total)))
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
-    _print_tables(summary, offsets)
+    print_sections(console, _tables(summary, offsets))
     for remark in [*faults, *summary.faults, *offsets.remarks, *(r for c in summary.cameras for r in c.remarks)]:
         console.print(remark, style="red")
     frames = sum(camera.stream.tally.frames for camera in summary.cameras)
@@ -125,14 +127,14 @@ def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:
         raise OutputError(f"{report}: exists already; choose another BAG, or replace it with --force")
 
 
-def _print_tables(summary: "IngestSummary", offsets: "Offsets") -> None:
+def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
     """Clocks, in the order in which the cameras started, and what was written of each camera."""
     times = dict(sorted(offsets.times.items(), key=lambda item: item[1].start_s))
     by = {name: "reference" if name == offsets.reference else time.source for name, time in times.items()}
     clocks = {
         name: {"time": time, "by": by[name], "confidence": offsets.confidence[name]} for name, time in times.items()
     }
-    print_table("clocks of the cameras", "camera", _CLOCKS, clocks)
+    yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
     written = {}
     for camera in summary.cameras:
         source, tally = camera.stream.camera, camera.stream.tally
@@ -146,7 +148,7 @@ def _print_tables(summary: "IngestSummary", offsets: "Offsets") -> None:
             "encoding": _encoding(source),
         }
     flagged = {camera.stream.camera.name for camera in summary.cameras if camera.remarks}
-    print_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
+    yield column_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
 
 
 def _encoding(source: "IngestCamera") -> str:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.cli.options import add_output, check_files
-from bodycam_ros.cli.output import print_table, shown_progress
+from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.errors import OutputError
+from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.lens.board_detector import LensBoard
 from bodycam_ros.lens.lens_calibration import LensCalibration, calibrate_lens
 from bodycam_ros.lens.lens_images import lens_images
@@ -75,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         calibration = calibrate_lens(pictures, board, models, progress)
     console = Terminal()
     rows = {trial.model: trial for trial in calibration.trials}
-    print_table(f"lens: {calibration.chosen.model}", "model", _COLUMNS, rows)
+    print_sections(console, [column_table(f"lens: {calibration.chosen.model}", "model", _COLUMNS, rows)])
     _print_found(console, calibration)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(picture, calibration_plot(calibration, f"Lens {name}: {calibration.chosen.model}"))

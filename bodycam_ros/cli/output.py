@@ -1,6 +1,6 @@
 """What a command shows on the terminal: bars of progress, tables of sections, a verdict."""
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Literal
 
@@ -9,7 +9,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.evaluate.sections import Columns, Section, column_table
+from bodycam_ros.evaluate.sections import Section
 from bodycam_ros.progress import Advance
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
@@ -18,18 +18,6 @@ _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded befor
 
 STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
 """Of text on the terminal."""
-
-
-def print_table(
-    title: str,
-    heading: str,
-    columns: Columns,
-    rows: Mapping[str, object],
-    note: str = "",
-    flagged: Set[str] = frozenset(),
-) -> None:
-    """Print a table of figures, as of ``column_table``."""
-    print_section(Terminal(), column_table(title, heading, columns, rows, note, flagged))
 
 
 def print_verdict(terminal: Terminal, verdict: Verdict) -> int:
@@ -41,8 +29,13 @@ def print_verdict(terminal: Terminal, verdict: Verdict) -> int:
     return WRONG_RESULT if verdict.level is Level.WRONG else 0
 
 
-def print_section(terminal: Terminal, section: Section) -> None:
-    """Print heading, notes and table of a section; rows with a warning are red."""
+def print_sections(terminal: Terminal, sections: Iterable[Section]) -> None:
+    """Print heading, notes and table of each section; rows with a warning are red."""
+    for section in sections:
+        _print_section(terminal, section)
+
+
+def _print_section(terminal: Terminal, section: Section) -> None:
     terminal.print(
         Text.assemble("\n", (section.heading, "bold"), "  ", (" ".join(section.notes), "dim")), soft_wrap=False
     )

@@ -15,8 +15,9 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
-from bodycam_ros.cli.output import print_section, print_table, print_verdict, shown_progress
+from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.errors import StationError
+from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
@@ -141,13 +142,13 @@ def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
         }
         for camera, images in sorted((summary.images + summary.lost).items())
     }
-    print_table("cameras", "camera", _COLUMNS, rows, _NOTE, {finding.subject for finding in summary.verdict.findings})
+    faulty = {finding.subject for finding in summary.verdict.findings}
+    print_sections(terminal, [column_table("cameras", "camera", _COLUMNS, rows, _NOTE, faulty)])
     if summary.equipment is not None:
         from bodycam_ros.evaluate.equipment import equipment_figures
         from bodycam_ros.evaluate.report_sections import equipment_sections
 
-        for section in equipment_sections(equipment_figures(summary.equipment, summary.start_ns)):
-            print_section(terminal, section)
+        print_sections(terminal, equipment_sections(equipment_figures(summary.equipment, summary.start_ns)))
     mismatches = find_mismatches(recording, summary.doubted_cameras) if summary.doubted_cameras else ()
     for remark in (*summary.remarks, *(match.text for match in mismatches)):
         terminal.print(remark, style="red")
@@ -171,5 +172,6 @@ def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
         camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)
     }
     rows["all"] = {str(n): one.share for n, one in enumerate(rounds, 1)}
-    print_table("registered images", "camera", columns, rows)
-    Terminal().print(f"{rounds[0].absolute:.1%} of all images are registered by landmarks of the photographs")
+    terminal = Terminal()
+    print_sections(terminal, [column_table("registered images", "camera", columns, rows)])
+    terminal.print(f"{rounds[0].absolute:.1%} of all images are registered by landmarks of the photographs")

@@ -7,8 +7,9 @@ A calibration file in place of the recording is converted: anipose, FreeMoCap, P
 import argparse
 
 from bodycam_ros.cli.options import add_config, add_option, add_output, check_files, read_settings
-from bodycam_ros.cli.output import print_table, shown_progress
+from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.errors import StationError
+from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import load_map
@@ -68,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     if found:
         rows = {each.station.name: each for each in found}
         note = "sigma: of the pose, by its landmarks, all axes together"
-        print_table("static cameras", "camera", _COLUMNS, rows, note)
+        print_sections(terminal, [column_table("static cameras", "camera", _COLUMNS, rows, note)])
     for camera in unplaced:
         terminal.print(f"NOT placed: {camera.reason}")
     if not found:

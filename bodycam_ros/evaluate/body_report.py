@@ -13,7 +13,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName, mirrored
 from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.evaluate.sections import Columns, Page, Picture, Section, column_table, render_page
+from bodycam_ros.evaluate.sections import Columns, Picture, Section, column_table, render_page
 from bodycam_ros.picture_style import INK, QUIET, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.whole_file import write_whole
 
@@ -68,7 +68,7 @@ def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:
     warnings = Section("Warnings", warnings=diagnosis.warnings)
     lines = [summary_line(diagnosis), *([] if diagnosis.warnings else ["No warnings."])]
     first = [warnings, picture] if diagnosis.warnings else [picture]
-    return render_page(Page(f"Body {body.name}", lines, [*first, *report_sections(diagnosis)]))
+    return render_page(f"Body {body.name}", lines, [*first, *report_sections(diagnosis)])
 
 
 def body_png(body: BodyModel, diagnosis: CalibrationDiagnosis) -> bytes:

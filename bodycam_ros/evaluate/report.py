@@ -9,7 +9,7 @@ from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
 from bodycam_ros.evaluate.report_sections import report_sections
-from bodycam_ros.evaluate.sections import Page, Picture, Section, render_page
+from bodycam_ros.evaluate.sections import Picture, Section, render_page
 from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors
@@ -120,5 +120,5 @@ def write_report(
             Section("pictures", pictures=pictures[1:]),
         ]
         lines = [f"Verdict: {verdict.text}.", *report_lines(evaluation)]
-        page = Page(evaluation.solved.path.resolve().name, lines, sections)
-        (unfinished / PAGE).write_text(render_page(page), encoding="utf-8")
+        page = render_page(evaluation.solved.path.resolve().name, lines, sections)
+        (unfinished / PAGE).write_text(page, encoding="utf-8")

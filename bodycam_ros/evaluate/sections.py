@@ -78,15 +78,6 @@ class Section:
     pictures: Sequence[Picture] = ()
 
 
-@dataclass(frozen=True)
-class Page:
-    """A title, paragraphs and sections, from top to bottom."""
-
-    title: str
-    lines: Sequence[str]
-    sections: Sequence[Section]
-
-
 def column_table(
     title: str,
     heading: str,
@@ -144,8 +135,8 @@ def spread(values: NDArray[np.floating], factor: float = 1.0) -> dict[str, float
     return dict(zip(("mean", "median", "p95", "max"), map(float, statistics), strict=True))
 
 
-def render_page(page: Page) -> str:
-    """The page as an HTML 5 document."""
+def render_page(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
+    """A page as an HTML 5 document: a title, paragraphs and sections, from top to bottom."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     from bodycam_ros.picture_style import FAINT, INK, QUIET, WARNING  # it loads matplotlib
@@ -160,4 +151,6 @@ def render_page(page: Page) -> str:
     )
     environment.filters["base64"] = lambda content: base64.b64encode(content).decode("ascii")
     template = environment.get_template("page.html.jinja")
-    return template.render(page=page, ink=INK, quiet=QUIET, faint=FAINT, warning=WARNING)
+    return template.render(
+        title=title, lines=lines, sections=sections, ink=INK, quiet=QUIET, faint=FAINT, warning=WARNING
+    )

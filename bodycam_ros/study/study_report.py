@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.evaluate.sections import Columns, Link, Page, Section, column_table, find_figure, render_page
+from bodycam_ros.evaluate.sections import Columns, Link, Section, column_table, find_figure, render_page
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Step, Study
@@ -128,7 +128,7 @@ def write_study_report(title: str, results: Sequence[RecordingResult], folder: P
     lines.writeheader()
     lines.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows.values())
     with whole_files(folder) as unfinished:
-        page = render_page(Page(title, [f"{count_verdicts(results)}."], sections))
+        page = render_page(title, [f"{count_verdicts(results)}."], sections)
         (unfinished / PAGE).write_text(page, encoding="utf-8")
         (unfinished / CSV).write_text(text.getvalue(), encoding="utf-8")
 

@@ -10,7 +10,7 @@ from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
 from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
-from bodycam_ros.evaluate.sections import Link, Page, Picture, Section, Table, column_table, render_page
+from bodycam_ros.evaluate.sections import Link, Picture, Section, Table, column_table, render_page
 from bodycam_ros.picture_style import LEFT
 
 WRITTEN = ["joints.png", "report.html", "summary.json", "summary.png"]
@@ -75,6 +75,6 @@ def test_a_page_shows_text_as_text() -> None:
     assert table is not None
     table = Table(table.columns, [table.rows[0], (Link("c", "a b/r.html"), table.rows[1][1])])
     section = Section("Part", ("1 < 2 & *",), ("<script>",), table, (Picture(b"not much", "what"),))
-    shown = render_page(Page("A <b>", ("line",), (section,)))
+    shown = render_page("A <b>", ("line",), (section,))
     assert "<h1>A &lt;b&gt;</h1>" in shown and "1 &lt; 2 &amp; *" in shown and "<li>&lt;script&gt;</li>" in shown
     assert ">0.00</td>" in shown and '<a href="a%20b/r.html">c</a>' in shown and "base64,bm90IG11Y2g=" in shown
