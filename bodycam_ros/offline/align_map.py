@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.inertial.map_alignment import InertialAlignment, align_to_gravity
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.camera_worker import RegistrationTask
+from bodycam_ros.offline.front_end import register_matches
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -42,10 +42,10 @@ def align_map(
     with scratch_folder(Path(gettempdir())) as scratch:
         reference_map.save(scratch / "map")
         task = RegistrationTask(recording_path, scratch / "map", PipelineSettings(), with_messages=False)
-        for item in register_recording(task, models, jobs):
-            if isinstance(item, RegisteredImage) and item.matches.world_T_camera is not None:
-                stamps_ns[item.camera].append(item.stamp_ns)
-                poses[item.camera].append(item.matches.world_T_camera)
+        for matches in register_matches(task, models, jobs):
+            if matches.world_T_camera is not None:
+                stamps_ns[matches.camera].append(matches.stamp_ns)
+                poses[matches.camera].append(matches.world_T_camera)
     registered = {
         camera: (np.array(stamps_ns[camera], np.int64), np.array(poses[camera], np.float64).reshape(-1, 4, 4))
         for camera in models

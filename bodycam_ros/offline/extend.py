@@ -19,9 +19,9 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, make_keyframe
 from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableCount
+from bodycam_ros.offline.camera_worker import RegistrationTask
 from bodycam_ros.offline.extension_record import ExtensionRecord, ExtensionRound
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.front_end import register_matches
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.progress import in_parallel
 from bodycam_ros.recording.bag_reader import open_recording
@@ -90,7 +90,8 @@ def extend_map(
             step = f"round {len(rounds) + 1}"
             # Absolute and relative registration, by photographs and by added landmarks (A 4.1).
             task = RegistrationTask(recording_path, map_path, settings, with_messages=False, readouts=readouts or {})
-            _register(task, models, jobs, record, partial(on_progress, step))
+            for matches in register_matches(task, models, jobs, partial(on_progress, step)):
+                record.add(matches)
             rounds.append(record.summary())
             logger.info("%s: %.1f %% of all images registered", step, 100 * rounds[-1].share)
             if _is_complete([each.share for each in rounds]):
@@ -112,25 +113,6 @@ def extend_map(
 def _is_complete(shares: Sequence[float]) -> bool:
     """Whether all is registered, or a round added nothing."""
     return len(shares) > 1 and (shares[-1] == 1.0 or shares[-1] - shares[-2] < _MIN_GAIN)
-
-
-def _register(
-    task: RegistrationTask,
-    cameras: Mapping[str, CameraModel],
-    jobs: int,
-    record: ExtensionRecord,
-    on_progress: Callable[[float], None],
-) -> None:
-    """Register all images; ``on_progress`` is called with the share that is done."""
-    with open_recording(task.recording_path) as recording:
-        start_ns, duration_s = recording.start_ns, max(recording.duration_s, 1e-9)
-    unusable = UnusableCount()
-    for item in register_recording(task, cameras, jobs):
-        if isinstance(item, RegisteredImage):
-            record.add(item.matches)
-        else:
-            unusable.add(item)
-        on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
 
 
 def _keyframes(

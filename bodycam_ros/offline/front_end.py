@@ -2,7 +2,7 @@
 
 import queue
 import signal
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing.context import ForkServerProcess
@@ -15,12 +15,15 @@ from bodycam_ros.offline.camera_worker import (
     RegisteredImage,
     RegistrationTask,
     Result,
+    UnusableCount,
     WorkerFailure,
     WorkerItem,
     run_camera_worker,
 )
 from bodycam_ros.offline.map_updates import MapUpdate, MapUpdateSource
 from bodycam_ros.offline.worker_process import ready_to_start, warm_up
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _QUEUE_LENGTH = 256
@@ -44,6 +47,27 @@ def register_recording(task: RegistrationTask, cameras: Collection[str], jobs: i
     warm_up()
     with start_workers(task, cameras, jobs) as workers:
         yield from merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path))
+
+
+def register_matches(
+    task: RegistrationTask,
+    cameras: Collection[str],
+    jobs: int,
+    on_progress: Callable[[float], None] = lambda share: None,
+) -> Iterator[LandmarkMatches]:
+    """As ``register_recording``, the registrations alone; of images that cannot be used the first is warned about.
+
+    ``on_progress`` is called with the share that is done.
+    """
+    with open_recording(task.recording_path) as recording:
+        start_ns, duration_s = recording.start_ns, max(recording.duration_s, 1e-9)
+    unusable = UnusableCount()
+    for item in register_recording(task, cameras, jobs):
+        if isinstance(item, RegisteredImage):
+            yield item.matches
+        else:
+            unusable.add(item)
+        on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
 
 
 def merged_results(

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from heapq import merge
 from pathlib import Path
 
@@ -17,8 +18,8 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, UnusableCount
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.camera_worker import RegistrationTask
+from bodycam_ros.offline.front_end import register_matches
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -173,7 +174,6 @@ def calibrate(
                 f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
             )
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
-        duration_s = recording.duration_s
     calibrator = BodyCalibrator(
         rig,
         models,
@@ -190,15 +190,9 @@ def calibrate(
         with_messages=False,
     )
     sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
-    start_ns, unusable = None, UnusableCount()
-    for item in register_recording(task, models, jobs):
-        if isinstance(item, RegisteredImage):
-            start_ns = item.stamp_ns if start_ns is None else start_ns
-            calibrator.add(item.matches)
-            sensors.add(item.camera, item.stamp_ns, item.matches.world_T_camera)
-            on_progress("registration", 1e-9 * (item.stamp_ns - start_ns) / max(duration_s, 1e-9))
-        else:
-            unusable.add(item)
+    for matches in register_matches(task, models, jobs, partial(on_progress, "registration")):
+        calibrator.add(matches)
+        sensors.add(matches.camera, matches.stamp_ns, matches.world_T_camera)
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):
         calibrated = calibrator.solve(name, on_progress)

@@ -12,7 +12,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -30,20 +30,26 @@ _LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip file: lengths of name and ex
 
 
 def read_arrays(
-    path: Path, dtypes: Mapping[str, str], optional: Mapping[str, str] = MappingProxyType({})
+    path: Path,
+    wanted: Mapping[str, str],
+    optional: Mapping[str, str] = MappingProxyType({}),
+    sizes: Mapping[str, int] = MappingProxyType({}),
 ) -> dict[str, NDArray[Any]]:
     """Read arrays without pickle, with their checksums, and without allocating more than the file can hold.
 
     Args:
         path: an npz file, by ``write_arrays`` or any other.
-        dtypes: name of a wanted array -> its dtype without byte order ("u4", "f8"); "U" for text of any length.
+        wanted: name of an array -> its dtype without byte order ("u4", "f8"; "U" for text of any length), and its
+            shape, as in "f8 L 3": a letter is a size that is the same wherever it stands. Without one any is taken.
         optional: the same of arrays that the file may lack.
+        sizes: letter -> its size, where it is known.
 
     Returns:
         The arrays that are there. What is written to one stays in this process's memory.
 
     Raises:
-        MapError: the file is damaged, encrypted, or does not hold these arrays; the message names file and array.
+        MapError: the file is damaged, encrypted, or does not hold these arrays, or numbers that are not finite; the
+            message names file and array.
     """
     name = ""
     try:
@@ -51,11 +57,12 @@ def read_arrays(
             raise MapError("it is a folder, pipe or device")
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
-            arrays = {}
-            there = set(archive.namelist())
-            extra = {name: dtype for name, dtype in optional.items() if f"{name}.npy" in there}
-            for name, dtype in (dict(dtypes) | extra).items():
+            arrays, known, there = {}, dict(sizes), set(archive.namelist())
+            extra = {name: form for name, form in optional.items() if f"{name}.npy" in there}
+            for name, form in (dict(wanted) | extra).items():
+                dtype, *shape = form.split()
                 arrays[name] = _array(archive, mapped, f"{name}.npy", dtype)
+                _check_content(arrays[name], shape, known)
             return arrays
     except MemoryError as error:
         raise MapError(f"{path}: {name}: there is not enough memory for it") from error
@@ -98,6 +105,16 @@ def _array(archive: zipfile.ZipFile, mapped: memoryview, member: str, wanted: st
     flat = np.frombuffer(content, dtype, offset=stream.tell())
     array = flat.reshape(shape, order="F" if by_columns else "C")
     return np.require(array, dtype.newbyteorder("="), ["A", "W"])
+
+
+def _check_content(array: NDArray[Any], shape: Sequence[str], sizes: dict[str, int]) -> None:
+    """Check shape and numbers; sizes that were unknown are known from now on."""
+    pairs = zip(shape, array.shape, strict=False)
+    expected = tuple(int(size) if size.isdigit() else sizes.setdefault(size, there) for size, there in pairs)
+    if shape and (len(shape) != array.ndim or expected != array.shape):
+        raise MapError(f"it has the shape {array.shape}, expected {expected or shape}")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        raise MapError("it has values that are not finite")
 
 
 def _content(archive: zipfile.ZipFile, mapped: memoryview, entry: zipfile.ZipInfo) -> memoryview:

@@ -54,17 +54,12 @@ class ImageRegistration:
             Whose ``world_T_camera`` is None if the image cannot be registered.
         """
         mask = np.full_like(image, 255) if mask is None else mask
-        matches = self.register_keypoints(self._detectors[0].detect(image, mask))
-        for detector in self._detectors[1:]:
+        for detector in self._detectors:
+            frame = _frame_of_keypoints(self._camera.name, detector.detect(image, mask))
+            matches = Registrar(self._camera, self._map, self._registrar, self._pose_fit).register(frame)
             if matches.world_T_camera is not None:
                 break
-            matches = self.register_keypoints(detector.detect(image, mask))
         return matches
-
-    def register_keypoints(self, keypoints: Keypoints) -> LandmarkMatches:
-        """The same for given keypoints."""
-        lost = Registrar(self._camera, self._map, self._registrar, self._pose_fit)
-        return lost.register(_frame_of_keypoints(self._camera.name, keypoints))
 
 
 def _frame_of_keypoints(camera: str, keypoints: Keypoints) -> TrackFrame:

@@ -20,9 +20,6 @@ from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import LensError, MapError
 from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
 
-CAMERA_DTYPES = {"distortion_model": "U", "size": "i8", "intrinsics": "f8", "distortion": "f8"}
-SEVERAL_CAMERAS_DTYPES = {"camera_of_view": "u2", "distortion_ends": "i8"}
-
 
 def camera_arrays(cameras: Sequence[CameraModel], camera_of_view: NDArray[np.uint16]) -> dict[str, NDArray[Any]]:
     """The arrays of cameras and of which of them took each photograph."""
@@ -51,11 +48,9 @@ def cameras_from(
         len(models) > 0
         and arrays["size"].size == 2 * len(models)
         and arrays["intrinsics"].size == 4 * len(models)
-        and arrays["distortion"].ndim == 1
         and ends.shape == (len(models),)
         and bool(np.all(np.diff(ends, prepend=0) >= 0))
         and ends[-1] == len(arrays["distortion"])
-        and of_view.shape == (photographs,)
         and int(of_view.max(initial=0)) < len(models)
     )
     if not sound:
@@ -103,14 +98,18 @@ def write_pyramid(image: NDArray[np.uint8], levels: NDArray[np.int64], into: NDA
 
 PHOTOGRAPHS_FILE = "photographs.npz"
 
-_DTYPES = {
-    "jpegs": "u1",
-    "jpeg_ends": "i8",
-    "observation_landmark": "u4",
-    "observation_view": "u2",
-    "normals": "f4",
-    **CAMERA_DTYPES,
+_ARRAYS = {
+    "jpegs": "u1 B",
+    "jpeg_ends": "i8 K",
+    "observation_landmark": "u4 O",
+    "observation_view": "u2 O",
+    "normals": "f4 L 3",
+    "distortion_model": "U",
+    "size": "i8",
+    "intrinsics": "f8",
+    "distortion": "f8 N",
 }
+_SEVERAL_CAMERAS = {"camera_of_view": "u2 K", "distortion_ends": "i8 C"}
 
 
 @dataclass(frozen=True)
@@ -150,17 +149,13 @@ class MapPhotographs:
         path = folder / PHOTOGRAPHS_FILE
         if not path.exists():
             return None
-        arrays = read_arrays(path, _DTYPES, SEVERAL_CAMERAS_DTYPES)
-        ends, seen, views = arrays["jpeg_ends"], arrays["observation_landmark"], arrays["observation_view"]
         count = len(world_T_camera)
+        arrays = read_arrays(path, _ARRAYS, _SEVERAL_CAMERAS, {"K": count, "L": landmarks})
+        ends, seen, views = arrays["jpeg_ends"], arrays["observation_landmark"], arrays["observation_view"]
         sound = (
-            ends.shape == (count,)
-            and count > 0
+            count > 0
             and np.all(np.diff(ends, prepend=0) > 0)
             and ends[-1] == len(arrays["jpegs"])
-            and seen.shape == views.shape == (len(seen),)
-            and arrays["normals"].shape == (landmarks, 3)
-            and bool(np.isfinite(arrays["normals"]).all())
             and int(seen.max(initial=0)) < landmarks
             and int(views.max(initial=0)) < count
             and not np.any(np.diff(seen.astype(np.int64)) < 0)

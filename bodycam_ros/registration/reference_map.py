@@ -140,16 +140,16 @@ class ReferenceMap:
                 f"{path}: the map has version {header.version}, this program reads {VERSION}; build it again with "
                 "'bodycam map'"
             )
-        arrays = read_arrays(path / _ARRAYS_FILE, _DTYPES, _WORDS_DTYPES)
+        arrays = read_arrays(path / _ARRAYS_FILE, _ARRAYS, _WORDS)
         names = arrays.pop("image_names")
-        words = [arrays.pop(name) for name in _WORDS_DTYPES if name in arrays]
+        words = [arrays.pop(name) for name in _WORDS if name in arrays]
         reference_map = cls(
             **arrays,
-            image_names=tuple(map(str, names.ravel())),
+            image_names=tuple(map(str, names)),
             metric=header.metric,
             gravity_aligned=header.gravity_aligned,
             photographs=MapPhotographs.load(path, arrays["world_T_camera"], len(arrays["landmark_ids"])),
-            words=VisualWords(*words) if len(words) == len(_WORDS_DTYPES) else None,
+            words=VisualWords(*words) if len(words) == len(_WORDS) else None,
             grown=header.grown_landmarks,
             summary=summary,
         )
@@ -167,9 +167,9 @@ class ReferenceMap:
         Raises:
             OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
-        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), dtype) for name, dtype in _DTYPES.items()}
+        arrays = {name: np.asarray(getattr(self, name), form.split()[0]) for name, form in _ARRAYS.items()}
         words = self.index_words(len(self.descriptors))
-        arrays |= dict(zip(_WORDS_DTYPES, (words.centres, words.word_of_descriptor), strict=True))
+        arrays |= dict(zip(_WORDS, (words.centres, words.word_of_descriptor), strict=True))
         header = msgspec.to_builtins(_Header(VERSION, self.metric, self.gravity_aligned, self.grown))
         document = header | {name: value for name, value in self.summary.items() if name not in header}
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
@@ -182,27 +182,9 @@ class ReferenceMap:
                 also(folder)
 
     def _check(self, path: Path) -> None:
-        landmarks, descriptors, cameras = len(self.landmark_ids), len(self.descriptors), len(self.image_names)
-        shapes = {
-            "landmark_ids": (landmarks,),
-            "points_world": (landmarks, 3),
-            "colours": (landmarks, 3),
-            "descriptor_landmark": (descriptors,),
-            "descriptors": (descriptors, 128),
-            "descriptor_view": (descriptors, 3),
-            "descriptor_size": (descriptors,),
-            "world_T_camera": (cameras, 4, 4),
-        }
+        landmarks, descriptors = len(self.landmark_ids), len(self.descriptors)
         if self.words is not None and not self.words.fit(descriptors):
             raise MapError(f"{path}: damaged: visual words do not fit the descriptors; build the map again")
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array.shape != shape:
-                raise MapError(
-                    f"{path}: damaged: {name} has shape {array.shape}, expected {shape}; build the map again"
-                )
-            if array.dtype.kind == "f" and not np.isfinite(array).all():
-                raise MapError(f"{path}: damaged: {name} holds values that are not finite; build the map again")
         if landmarks == 0 or descriptors == 0:
             raise MapError(
                 f"{path}: the map is empty ({landmarks} landmarks, {descriptors} descriptors); build it again"
@@ -212,20 +194,20 @@ class ReferenceMap:
             raise MapError(f"{path}: damaged: descriptors do not follow the landmarks; build the map again")
 
 
-_DTYPES = {
-    "landmark_ids": "u4",
-    "points_world": "f8",
-    "colours": "u1",
-    "descriptor_landmark": "u4",
-    "descriptors": "u1",
-    "descriptor_view": "f4",
-    "descriptor_size": "f4",
-    "world_T_camera": "f8",
-    "image_names": "U",
+_ARRAYS = {
+    "landmark_ids": "u4 L",
+    "points_world": "f8 L 3",
+    "colours": "u1 L 3",
+    "descriptor_landmark": "u4 D",
+    "descriptors": "u1 D 128",
+    "descriptor_view": "f4 D 3",
+    "descriptor_size": "f4 D",
+    "world_T_camera": "f8 K 4 4",
+    "image_names": "U K",
 }
-"""Arrays of the file; the names are those of ``ReferenceMap``."""
+"""Arrays of the file, as of ``read_arrays``; the names are those of ``ReferenceMap``."""
 
-_WORDS_DTYPES = {"word_centres": "u1", "word_of_descriptor": "u2"}
+_WORDS = {"word_centres": "u1 W 128", "word_of_descriptor": "u2 D"}
 """Arrays of ``VisualWords``, which maps of older versions lack."""
 
 
