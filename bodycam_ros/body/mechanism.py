@@ -1,14 +1,10 @@
-"""A body and its equipment as one tree with loops, the constraint rows of the loops, and how they are closed (B 3.2).
+"""A body and its equipment as one tree with loops, the constraint rows of the loops, and their solution (B 3.2).
 
 An unknown length of the equipment is a sliding joint (``body_with_lengths``).
-
-Loops are closed from the N-pose by several starts of the equipment. Attachments that contradict others are released,
-not met half-way: graduated non-convexity (Yang et al. 2020) with a Geman-McClure kernel per loop.
 """
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -17,21 +13,18 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import body_with_lengths, length_joint
 from bodycam_ros.body.equipment import Equipment, unknown_lengths
-from bodycam_ros.geometry import Array, exp_so3, hat, log_so3
+from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, LoopGaps, TreeTangent, held_rows, turn_jacobian
 from bodycam_ros.kinematics.tree import all_motion
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
-_CLOSED_SIGMAS = 3.0  # a loop that is strained less is closed
+CLOSED_SIGMAS = 3.0  # a loop that is strained less is closed
 _GIVEN_M = 1e-3  # a given length is right to a millimetre
-_BEYOND_RAD = np.radians(10.0) / _CLOSED_SIGMAS  # no joint is bent farther than 10 deg beyond its limits
+_BEYOND_RAD = np.radians(10.0) / CLOSED_SIGMAS  # no joint is bent farther than 10 deg beyond its limits
 _WEAK = 0.03  # weight of a loop that is only to come near: enough to stretch an arm, too little to tear a foot off
-_BENT = 0.6  # of the way to the middle of its limits: a straight knee has no direction in which to bend
-_QUARTERS = (0.0, 0.5 * np.pi, np.pi, -0.5 * np.pi)
-_ANNEALING = 0.2
-_SHORT, _LONG = 6, 60  # steps of an annealing stage, and of a descent to the end
+_LONG = 60  # steps of a descent to the end
 _LONGEST_STEP = 0.6  # [rad], or of a limb's length
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _FLOOR = 1e-3  # of the mean of the diagonal: damps columns that no row moves
@@ -217,7 +210,7 @@ class Mechanism:
 
     def open_loops(self, configuration: Configuration) -> set[str]:
         """Loops that a configuration does not close."""
-        return {name for name, strain in self.strains(configuration).items() if strain > _CLOSED_SIGMAS}
+        return {name for name, strain in self.strains(configuration).items() if strain > CLOSED_SIGMAS}
 
     def gap(self, configuration: Configuration, loop: str) -> tuple[float, float]:
         """How far a loop is open: [m], the worst of an attachment's points, and [rad]."""
@@ -319,47 +312,3 @@ def _descend(
             break
         damping = min(damping, 0.1 * _MOST_DAMPING)
     return state, cost
-
-
-def close_loops(mechanism: Mechanism) -> tuple[Configuration, set[str]]:
-    """A configuration that closes as many loops as can be closed together, and the loops that it leaves open."""
-    starts = _starts(mechanism)
-    # A person sits on a bicycle in the posture that bends the least.
-    best = min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1])[0]
-    if not mechanism.open_loops(best):
-        return best, set()
-    annealed = []
-    for configuration in (starts[0], best):
-        kernel = max(mechanism.strains(configuration).values())
-        while kernel > _CLOSED_SIGMAS:
-            configuration = solve(mechanism, configuration, kernel=kernel, steps=_SHORT)[0]
-            kernel *= _ANNEALING
-        annealed.append(solve(mechanism, configuration, kernel=_CLOSED_SIGMAS)[0])
-    best = min(annealed, key=lambda configuration: len(mechanism.open_loops(configuration)))
-    left_open = mechanism.open_loops(best)
-    for name in sorted(left_open, key=lambda name: mechanism.gap(best, name)[0]):
-        tried = solve(mechanism, best, without=left_open - {name})[0]
-        if mechanism.open_loops(tried) <= left_open - {name}:
-            left_open, best = left_open - {name}, tried
-    if left_open:
-        best = solve(mechanism, best, without=left_open)[0]
-        left_open |= mechanism.open_loops(best)
-    return best, left_open
-
-
-def _starts(mechanism: Mechanism) -> list[Configuration]:
-    """The N-pose, a little bent, and the equipment turned so that it fits: the two best of several starts."""
-    start, equipment = mechanism.resting(_BENT), mechanism.equipment
-    if equipment is None:
-        return [start]
-    hinges = [joint for joint in equipment.joints if joint.type == "hinge"]
-    names = {equipment.name, *(joint.name for joint in equipment.joints)}
-    own = np.concatenate([columns for name, columns in mechanism.columns.items() if name in names])
-    found = []
-    for heading, angle in product(_QUARTERS, _QUARTERS if hinges else (0.0,)):
-        motion = start.joint_motion.copy()
-        motion[mechanism.tree.joint_row[equipment.name], :3, :3] = exp_so3(np.array([0.0, 0.0, heading]))
-        for joint in hinges:
-            motion[mechanism.tree.joint_row[joint.name], :3, :3] = joint.hinge_rotation(np.array(angle))
-        found.append(solve(mechanism, start._replace(joint_motion=motion), columns=own, steps=2 * _SHORT))
-    return [configuration for configuration, _ in sorted(found, key=lambda pair: pair[1])[:2]]

@@ -10,7 +10,8 @@ from scipy.linalg import null_space
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
-from bodycam_ros.body.mechanism import Configuration, Mechanism, close_loops, project, solve
+from bodycam_ros.body.equipment_search import close_loops
+from bodycam_ros.body.mechanism import Configuration, Mechanism, project, solve
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import GIVES_M, held_rows
 

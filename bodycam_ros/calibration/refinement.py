@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion, distance_weights, eliminate_instants
+from bodycam_ros.body.articulation import ArticulatedMotion, EliminatedInstants, distance_weights, eliminate_instants
 from bodycam_ros.calibration.image_evidence import ImageEvidence
 from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
@@ -29,34 +29,6 @@ _LANDMARK_SIGMA_M = 0.005  # of a landmark in the map, along each axis; a record
 _SIGMA_BLOCKS = 12  # stretches that are left out one by one for the covariance; each must outlast the tracks
 _OUTLIER_SIGMAS = 4.0  # a camera this far from the body counts half (Cauchy), as in the solver
 _FIXED = 1e12  # information on what is a matter of choice: each segment's axes, and the root's origin
-
-
-@dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """The lasting unknowns' normal equations, of each instant and of the priors; the moving ones are eliminated.
-
-    Attributes:
-        hessians: (T, K, K) of each instant.
-        gradients: (T, K).
-        prior_hessian: (K, K) of straight limbs and of what is held.
-        prior_gradient: (K,).
-    """
-
-    hessians: Array
-    gradients: Array
-    prior_hessian: Array
-    prior_gradient: Array
-
-    def step(self, left_out: NDArray[np.bool_] | None = None) -> Array:
-        """The step (K,) of the lasting unknowns, of all instants but some."""
-        kept = slice(None) if left_out is None else ~left_out
-        hessian = self.hessians[kept].sum(axis=0) + self.prior_hessian
-        gradient = self.gradients[kept].sum(axis=0) + self.prior_gradient
-        # A symmetric scaling: radians, metres and held unknowns differ by many powers of ten.
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
-        scaled = hessian * scale[:, None] * scale
-        step: Array = -scale * np.linalg.lstsq(scaled, scale * gradient, rcond=1e-12)[0]
-        return step
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,24 +73,33 @@ def refine(
             weights[..., None] * gradients,
         )
         prior = _priors(motion, start, hinges, clock)
-        equations = NormalEquations(eliminated.hessians, eliminated.gradients, *prior)
-        lasting = equations.step()
+        lasting = _lasting_step(eliminated, prior, np.ones(len(world_T_camera), bool))
         motion = motion.moved(eliminated.moving(lasting), lasting)
         on_progress((iteration + 1) / _ITERATIONS)
-    return Refined(motion, jackknife_covariance(equations, _SIGMA_BLOCKS))
+    return Refined(motion, _jackknife_covariance(eliminated, prior))
 
 
-def jackknife_covariance(equations: NormalEquations, blocks: int) -> Array:
+def _lasting_step(of: EliminatedInstants, prior: tuple[Array, Array], kept: NDArray[np.bool_]) -> Array:
+    """The step (K,) of the lasting unknowns by some instants (T,) and the priors: a matrix (K, K) and a gradient."""
+    hessian, gradient = of.hessians[kept].sum(axis=0) + prior[0], of.gradients[kept].sum(axis=0) + prior[1]
+    # A symmetric scaling: radians, metres and held unknowns differ by many powers of ten.
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
+    scaled = hessian * scale[:, None] * scale
+    step: Array = -scale * np.linalg.lstsq(scaled, scale * gradient, rcond=1e-12)[0]
+    return step
+
+
+def _jackknife_covariance(of: EliminatedInstants, prior: tuple[Array, Array]) -> Array:
     """Covariance (K, K) of the lasting unknowns: how much they change when a stretch of time is left out.
 
     Errors of neighbouring instants go together, because they see the same landmarks; the inverse of the information
     would not know. Delete-a-block jackknife (Künsch 1989, "The jackknife and the bootstrap for general stationary
     observations"), each solved by one Gauss-Newton step.
     """
-    block_of = np.arange(len(equations.hessians)) * blocks // len(equations.hessians)
-    steps = np.stack([equations.step(block_of == block) for block in range(blocks)])
+    block_of = np.arange(len(of.hessians)) * _SIGMA_BLOCKS // len(of.hessians)
+    steps = np.stack([_lasting_step(of, prior, block_of != block) for block in range(_SIGMA_BLOCKS)])
     apart = steps - steps.mean(axis=0)
-    covariance: Array = (blocks - 1) / blocks * apart.T @ apart
+    covariance: Array = (_SIGMA_BLOCKS - 1) / _SIGMA_BLOCKS * apart.T @ apart
     return covariance
 
 

@@ -15,12 +15,12 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import length_joint
 from bodycam_ros.body.equipment import Equipment, UnknownLengths
 from bodycam_ros.body.equipment_report import EquipmentReport
+from bodycam_ros.body.equipment_search import EquipmentSearch
 from bodycam_ros.body.mechanism import Configuration, Mechanism
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
 from bodycam_ros.estimation.between_factors import RestingPoint
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion
-from bodycam_ros.estimation.equipment_search import EquipmentSearch
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
 from bodycam_ros.estimation.motion_model import MotionSettings

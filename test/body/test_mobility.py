@@ -8,7 +8,8 @@ from known_motion import BODY
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Attachment
-from bodycam_ros.body.mechanism import Mechanism, close_loops, project
+from bodycam_ros.body.equipment_search import close_loops
+from bodycam_ros.body.mechanism import Mechanism, project
 from bodycam_ros.body.mobility import Mobility, mobility
 from bodycam_ros.geometry import rigid
 from bodycam_ros.kinematics.joint import Joint

@@ -15,8 +15,9 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
+from bodycam_ros.body.equipment_search import close_loops
 from bodycam_ros.body.equipment_yaml import read_equipment, supplied_equipment
-from bodycam_ros.body.mechanism import Mechanism, close_loops, project
+from bodycam_ros.body.mechanism import Mechanism, project
 from bodycam_ros.body.urdf import body_from_urdf, urdf_text
 from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.cli.main import main

@@ -1,10 +1,14 @@
-"""The equipment's initial pose, from the body's attached points at one time; hinges that turn for ever are searched."""
+"""The equipment's pose by the body's attached points, and a posture in which all loops of body and equipment close.
+
+Hinges that turn for ever are searched. Attachments that contradict others are released, not met half-way: graduated
+non-convexity (Yang et al. 2020) with a Geman-McClure kernel per loop.
+"""
 
 from collections.abc import Collection
 
 import numpy as np
 
-from bodycam_ros.body.mechanism import Configuration, Mechanism, solve
+from bodycam_ros.body.mechanism import CLOSED_SIGMAS, Configuration, Mechanism, solve
 from bodycam_ros.geometry import Array, exp_so3, inverse, nearest_rotation, rigid, transform_points
 
 _STARTS = 8  # initial angles of a hinge that turns for ever
@@ -12,6 +16,8 @@ _KERNEL = 10.0  # sigmas at which an attachment counts half: a prediction may be
 _UNPLACED = np.repeat([0.35, 0.3], 3)  # [rad], [m] a root whose sigmas are larger is not placed yet
 _LEAST_LEVER_M = 0.01  # points nearer to an axis do not determine a rotation about it
 _STEPS = 20  # from each start
+_BENT = 0.6  # of the way to the middle of its limits: a straight knee has no direction in which to bend
+_ANNEALING, _SHORT = 0.2, 6  # of the kernel from stage to stage, and steps of a stage
 _STIFFENING = 1e-6  # added to information, so that it has an inverse
 
 
@@ -44,17 +50,28 @@ class EquipmentSearch:
             measured: attachments whose points are.
             is_root_measured: whether a camera measured the root, which then stays where it is.
         """
-        mechanism = self._mechanism
-        without = [name for name in mechanism.loops if name not in measured]
-        columns = self._columns[6:] if is_root_measured else self._columns
+        without = [name for name in self._mechanism.loops if name not in measured]
         if not (measured or is_root_measured):
             return None
+        best = self.ranked(start, measured, without, is_root_measured)[0]
+        return best if is_root_measured or self._is_determined(best, without) else None
 
+    def ranked(
+        self, start: Configuration, measured: Collection[str], without: Collection[str], is_root_measured: bool
+    ) -> list[Configuration]:
+        """Configurations with the equipment near some attachments, those that fit best first.
+
+        Args:
+            start, measured, is_root_measured: as ``find``.
+            without: loops that are left out.
+        """
+        columns = self._columns[6:] if is_root_measured else self._columns
         angles = [0.0] if self._searched is None else np.linspace(-np.pi, np.pi, _STARTS, endpoint=False).tolist()
         starts = [self._start(start, measured, angle, is_root_measured) for angle in angles]
-        solved = (solve(mechanism, each, without, columns=columns, kernel=_KERNEL, steps=_STEPS) for each in starts)
-        best = min(solved, key=lambda pair: pair[1])[0]
-        return best if is_root_measured or self._is_determined(best, without) else None
+        solved = [
+            solve(self._mechanism, each, without, columns=columns, kernel=_KERNEL, steps=_STEPS) for each in starts
+        ]
+        return [configuration for configuration, _ in sorted(solved, key=lambda pair: pair[1])]
 
     def _is_determined(self, found: Configuration, without: Collection[str]) -> bool:
         """Whether the root is known, apart from turns that move no attachment, as of a bar about itself."""
@@ -104,3 +121,33 @@ class EquipmentSearch:
         world_T_root = rigid(R, b_mean - R @ a_mean)
         motion[self._root_row] = inverse(start.world_T_root) @ world_T_root
         return start._replace(joint_motion=motion)
+
+
+def close_loops(mechanism: Mechanism) -> tuple[Configuration, set[str]]:
+    """A configuration that closes as many loops as can be closed together, and the loops that it leaves open."""
+    start = mechanism.resting(_BENT)
+    starts = [start]
+    if mechanism.equipment is not None:
+        attachments = [each.name for each in mechanism.equipment.attachments]
+        starts = EquipmentSearch(mechanism).ranked(start, attachments, (), False)[:2]
+    # A person sits on a bicycle in the posture that bends the least.
+    best = min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1])[0]
+    if not mechanism.open_loops(best):
+        return best, set()
+    annealed = []
+    for configuration in (starts[0], best):
+        kernel = max(mechanism.strains(configuration).values())
+        while kernel > CLOSED_SIGMAS:
+            configuration = solve(mechanism, configuration, kernel=kernel, steps=_SHORT)[0]
+            kernel *= _ANNEALING
+        annealed.append(solve(mechanism, configuration, kernel=CLOSED_SIGMAS)[0])
+    best = min(annealed, key=lambda configuration: len(mechanism.open_loops(configuration)))
+    left_open = mechanism.open_loops(best)
+    for name in sorted(left_open, key=lambda name: mechanism.gap(best, name)[0]):
+        tried = solve(mechanism, best, without=left_open - {name})[0]
+        if mechanism.open_loops(tried) <= left_open - {name}:
+            left_open, best = left_open - {name}, tried
+    if left_open:
+        best = solve(mechanism, best, without=left_open)[0]
+        left_open |= mechanism.open_loops(best)
+    return best, left_open
