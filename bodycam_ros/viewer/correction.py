@@ -1,6 +1,6 @@
 """Corrections of a body by hand: every step is kept, can be undone, and is written to the body's file."""
 
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -169,23 +169,22 @@ class BodyFile:
         self.path = path
         self.original_path = path.with_name(f"{path.name}.orig")
         self._read = b""
-        self._added: frozenset[str] = frozenset()
+        self._segments: tuple[str, ...] = ()
 
-    def read(self, extended: Callable[[BodyModel], BodyModel] = lambda body: body) -> BodyModel:
-        """The body, extended by segments that are shown, but not written.
+    def read(self) -> BodyModel:
+        """The body.
 
         Raises:
             BodyError: the file is missing, not YAML, or describes no body.
         """
         body = read_body(self.path)
-        self._read = self._content()
-        whole = extended(body)
-        self._added = frozenset(whole.segments) - set(body.segments)
-        return whole
+        self._read, self._segments = self._content(), body.segments
+        return body
 
     def write(self, correction: Correction) -> BodyModel:
         """Write the corrected body, whole or not at all; return it with its report, which notes what was moved.
 
+        Segments that were added to it since it was read, as hands, are shown but not written.
         The first write keeps the file as it was beside it; a file kept before is never replaced.
 
         Raises:
@@ -205,7 +204,8 @@ class BodyFile:
         if not kept_before:
             write_whole(self.original_path, self._read)
         try:
-            write_body(_without(body, self._added), self.path)
+            joints = tuple(joint for joint in body.joints if joint.child in self._segments)
+            write_body(replace(body, segments=self._segments, joints=joints), self.path)
         except BaseException:
             if not kept_before:
                 self.original_path.unlink(missing_ok=True)
@@ -218,12 +218,3 @@ class BodyFile:
             return self.path.read_bytes()
         except OSError as error:
             raise BodyError(f"{self.path}: cannot read this body file: {error}") from error
-
-
-def _without(body: BodyModel, segments: Set[str]) -> BodyModel:
-    """The body without some of its last segments."""
-    return replace(
-        body,
-        segments=tuple(segment for segment in body.segments if segment not in segments),
-        joints=tuple(joint for joint in body.joints if joint.child not in segments),
-    )

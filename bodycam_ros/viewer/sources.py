@@ -63,7 +63,9 @@ class Sources:
             segments = () if published is None else published.segments
             kinds = {SegmentName(segment).kind for segment in segments}
             has_hands = "hand" in kinds or (solved is None and stations_path is not None)
-            self.body = self.body_file.read(with_hands if has_hands else lambda body: body)
+            self.body = self.body_file.read()
+            if has_hands:
+                self.body = with_hands(self.body)
         elif published is not None:
             self.body = published
         else:

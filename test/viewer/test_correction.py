@@ -1,12 +1,16 @@
 """Steps of a correction: figures, undo, reset."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from bodycam_ros.body.average_person import with_hands
+from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3, rigid
-from bodycam_ros.viewer.correction import Correction, Move, Part, can_turn, place_of
+from bodycam_ros.viewer.correction import BodyFile, Correction, Move, Part, can_turn, place_of
 
 EXACT_MM = 1e-9
 KNEE, HIP, SHIN, FOOT = Part("joint", "knee"), Part("joint", "hip"), Part("camera", "shin"), Part("camera", "foot")
@@ -66,6 +70,18 @@ def test_a_drag_is_one_step(rider: BodyModel) -> None:
     assert np.linalg.norm(drag.move_of(SHIN).shift_mm) == pytest.approx(5.0, abs=EXACT_MM)
     assert_move(drag.undone().move_of(KNEE), MOVE)
     assert drag.undone().move_of(SHIN).is_none
+
+
+def test_hands_that_are_shown_are_not_written(body_file: Path) -> None:
+    file, before = BodyFile(body_file), body_file.read_bytes()
+    read = file.read()
+    elbow = Part("joint", "elbow_left")
+    moved = moved_by(Correction(with_hands(read)), elbow, SHIFT)
+    assert "hand_left" in file.write(moved).segments
+    written = read_body(body_file)
+    assert written.segments == read.segments and [j.name for j in written.joints] == [j.name for j in read.joints]
+    assert_allclose(place_of(written, elbow)[1], place_of(moved.body, elbow)[1], rtol=0.0, atol=1e-6)
+    assert file.original_path.read_bytes() == before
 
 
 def test_ball_joints_do_not_turn(rider: BodyModel) -> None:
