@@ -104,11 +104,12 @@ def run(arguments: argparse.Namespace) -> int:
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
     print_sections(console, _tables(summary, offsets))
-    for remark in [*faults, *summary.faults, *offsets.remarks, *(r for c in summary.cameras for r in c.remarks)]:
+    of_streams = [remark for stream in summary.streams for remark in stream.remarks()]
+    for remark in [*faults, *summary.faults, *offsets.remarks, *of_streams]:
         console.print(remark, style="red")
-    frames = sum(camera.stream.tally.frames for camera in summary.cameras)
+    frames = sum(stream.tally.frames for stream in summary.streams)
     console.print(
-        f"{len(summary.cameras)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
+        f"{len(summary.streams)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
         f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}"
     )
     return 0
@@ -136,18 +137,18 @@ def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
     }
     yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
     written = {}
-    for camera in summary.cameras:
-        source, tally = camera.stream.camera, camera.stream.tally
+    for stream in summary.streams:
+        source, tally = stream.camera, stream.tally
         seconds = 1e-9 * (tally.last_ns - tally.first_ns)
         written[source.name] = {
             "frames": tally.frames,
             "rate_hz": (tally.frames - 1) / seconds if tally.frames > 1 else 0.0,
             "size": f"{source.written_lens.width} x {source.written_lens.height}",
             "readout_s": source.readout_s,
-            "imu_hz": camera.imu_samples / max(1e-9, source.video.duration_s) or None,
+            "imu_hz": tally.imu_samples / max(1e-9, source.video.duration_s) or None,
             "encoding": _encoding(source),
         }
-    flagged = {camera.stream.camera.name for camera in summary.cameras if camera.remarks}
+    flagged = {stream.camera.name for stream in summary.streams if stream.remarks()}
     yield column_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
 
 

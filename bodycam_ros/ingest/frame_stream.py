@@ -21,8 +21,10 @@ from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, time_message
 from bodycam_ros.messages.images import COMPRESSED_VIDEO, camera_info_message
 from bodycam_ros.messages.timing import CameraTiming, timing_message
+from bodycam_ros.recording.bag_writer import SerializedMessage
+from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
-from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.recording.video_encoder import h264_packets
 from bodycam_ros.recording.video_file import TimedPacket
 
@@ -35,16 +37,6 @@ _BATCH = 8  # messages made ahead by a thread
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class StampedMessage:
-    """A message ready to be written: stamp [ns], topic, type and CDR bytes."""
-
-    stamp_ns: int
-    topic: str
-    message_type: str
-    cdr: bytes
-
-
 @dataclass
 class StreamTally:
     """What became of a camera's frames, while they are read.
@@ -52,17 +44,21 @@ class StreamTally:
     Attributes:
         frames: in the bag.
         first_ns, last_ns: their stamps [ns].
+        imu_samples: of its inertial sensor in the bag.
         without_key: that came before the first keyframe and cannot be decoded.
         unordered: whose time is not after the one before, or out of all reason.
         fault: why the camera ended early, if it did.
+        imu_fault: what is wrong with its inertial sensor, if anything is.
     """
 
     frames: int = 0
     first_ns: int = 0
     last_ns: int = 0
+    imu_samples: int = 0
     without_key: int = 0
     unordered: int = 0
     fault: str = ""
+    imu_fault: str = ""
 
 
 @dataclass
@@ -89,7 +85,7 @@ class FrameStream:
         lens = self.camera.written_lens
         return None if self.camera.scale == 1.0 else (lens.width, lens.height)
 
-    def messages(self) -> Iterator[StampedMessage]:
+    def messages(self) -> Iterator[SerializedMessage]:
         """Lens and timing first, then the frames; the lens once a second.
 
         What cannot be read or compressed ends the camera early, and is noted: the others go on.
@@ -99,7 +95,28 @@ class FrameStream:
         except RecordingError as error:
             self.tally.fault = str(error)
 
-    def _stamped_frames(self) -> Iterator[StampedMessage]:
+    def remarks(self) -> list[str]:
+        """For the user, when all frames were read: sentences that name the camera."""
+        name, video, tally = self.camera.name, self.camera.video, self.tally
+        files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
+        remarks = []
+        if tally.fault:
+            remarks.append(f"ends early: {tally.fault}")
+        read = tally.frames + tally.without_key + tally.unordered
+        if video.facts.frames > read:
+            remarks.append(
+                f"{files} should have {video.facts.frames} frames, and {read} can be read: cut off or damaged; "
+                "copy it again from the camera if you can"
+            )
+        if tally.without_key:
+            remarks.append(f"{tally.without_key} frames before the first keyframe cannot be decoded")
+        if tally.unordered:
+            remarks.append(f"{tally.unordered} frames left out: their time is out of order")
+        if tally.imu_fault:
+            remarks.append(f"inertial sensor left out: {tally.imu_fault}")
+        return [f"camera {name}: {remark}" for remark in remarks]
+
+    def _stamped_frames(self) -> Iterator[SerializedMessage]:
         make, name, lens = recorded_messages(), self.camera.topic_name, self.camera.written_lens
         info_due_ns: int | None = None
         latest_s = (self.camera.video.duration_s or math.inf) + _ASTRAY_S
@@ -113,17 +130,17 @@ class FrameStream:
                 continue
             if info_due_ns is None:
                 self.tally.first_ns = info_due_ns = stamp_ns
-                yield stamped_message(stamp_ns, f"/{name}/timing", self._timing(stamp_ns))
+                yield SerializedMessage.of(stamp_ns, f"/{name}/timing", self._timing(stamp_ns))
             if stamp_ns >= info_due_ns:
                 info_due_ns += _INFO_EVERY_NS
-                yield stamped_message(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
+                yield SerializedMessage.of(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
             self.tally.frames += 1
             self.tally.last_ns = stamp_ns
             if message.__msgtype__ == COMPRESSED_VIDEO:
                 message.timestamp = time_message(make, stamp_ns)
             else:
                 message.header = header_message(make, stamp_ns, optical_frame(name))
-            yield stamped_message(stamp_ns, f"/{name}/image_raw/{topic}", message)
+            yield SerializedMessage.of(stamp_ns, f"/{name}/image_raw/{topic}", message)
 
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
@@ -160,12 +177,6 @@ class FrameStream:
                 yield timed
             else:
                 self.tally.without_key += 1
-
-
-def stamped_message(stamp_ns: int, topic: str, message: Message) -> StampedMessage:
-    """A message serialised."""
-    cdr = bytes(recording_typestore().serialize_cdr(message, message.__msgtype__))
-    return StampedMessage(stamp_ns, topic, message.__msgtype__, cdr)
 
 
 @contextmanager

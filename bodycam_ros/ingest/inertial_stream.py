@@ -7,9 +7,9 @@ import numpy as np
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.clock_fit import CameraTime
-from bodycam_ros.ingest.frame_stream import StampedMessage, stamped_message
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.imu import IMU_TOPIC, imu_message
+from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.telemetry import InertialSamples
 from bodycam_ros.recording.typestore import recorded_messages
@@ -36,7 +36,7 @@ def read_inertial_samples(camera: IngestCamera) -> InertialSamples | None:
     return camera.video.inertial_samples() if isinstance(camera.video, CameraVideo) else None
 
 
-def imu_messages(camera: str, samples: InertialSamples, time: CameraTime, base_ns: int) -> Iterator[StampedMessage]:
+def imu_messages(camera: str, samples: InertialSamples, time: CameraTime, base_ns: int) -> Iterator[SerializedMessage]:
     """The samples on ``/<camera>/imu``, in order of time.
 
     Args:
@@ -48,7 +48,7 @@ def imu_messages(camera: str, samples: InertialSamples, time: CameraTime, base_n
     make = recorded_messages()
     stamps_ns = base_ns + np.round(1e9 * time.recording_s(samples.media_s)).astype(np.int64)
     for stamp_ns, w, a in zip(stamps_ns.tolist(), samples.gyroscope, samples.accelerometer, strict=True):
-        yield stamped_message(stamp_ns, f"/{camera}{IMU_TOPIC}", imu_message(make, camera, stamp_ns, w, a))
+        yield SerializedMessage.of(stamp_ns, f"/{camera}{IMU_TOPIC}", imu_message(make, camera, stamp_ns, w, a))
 
 
 def _read_csv(path: Path) -> InertialSamples:

@@ -17,7 +17,6 @@ from bodycam_ros.ingest.inertial_stream import imu_messages, read_inertial_sampl
 from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
-from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.telemetry import InertialSamples
 from bodycam_ros.recording.video_file import grey_pixels
 
@@ -26,38 +25,23 @@ _MOST_LENS_FRAMES = 900  # a camera that lies still for all of them is not compa
 
 
 @dataclass(frozen=True)
-class IngestedCamera:
-    """What became of one camera.
-
-    Attributes:
-        stream: what was read.
-        imu_samples: of its inertial sensor in the bag.
-        remarks: for the user, sentences that name the camera.
-    """
-
-    stream: FrameStream
-    imu_samples: int
-    remarks: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class IngestSummary:
     """What became of all cameras.
 
     Attributes:
-        cameras: those in the bag, by name.
+        streams: what was read of the cameras in the bag, by name.
         faults: what is wrong with those that were left out, in sentences that name the camera.
         base: UTC of the recording's time 0.
     """
 
-    cameras: tuple[IngestedCamera, ...]
+    streams: tuple[FrameStream, ...]
     faults: tuple[str, ...]
     base: datetime
 
     @property
     def duration_s(self) -> float:
         """From the first frame of all to the last [s]."""
-        tallies = [camera.stream.tally for camera in self.cameras]
+        tallies = [stream.tally for stream in self.streams]
         return 1e-9 * (max(tally.last_ns for tally in tallies) - min(tally.first_ns for tally in tallies))
 
 
@@ -94,7 +78,7 @@ def ingest(
     streams = [FrameStream(camera, times[camera.name], base_ns, threads) for camera in timed]
     start_s = min(_interval(camera, times)[0] for camera in timed)
     total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
-    imus, imu_faults = _inertial_samples(timed)
+    imus = _inertial_samples(streams)
     with write_recording(output, force, INGEST) as writer:
         messages = [stream.messages() for stream in streams]
         messages += [
@@ -104,37 +88,27 @@ def ingest(
         ]
         with merged_ahead(messages, lambda message: message.stamp_ns, jobs) as merged:
             for message in merged:
-                writer.write_serialized(message.topic, message.message_type, message.stamp_ns, message.cdr)
+                writer.write_serialized(*message)
                 on_progress((1e-9 * (message.stamp_ns - base_ns) - start_s) / max(total_s, 1e-9))
         faults += [_left_out(stream) for stream in streams if not stream.tally.frames]
         written = [stream for stream in streams if stream.tally.frames]
         check_any([stream.camera for stream in written], faults)
-    return IngestSummary(
-        tuple(
-            IngestedCamera(
-                stream,
-                len(imus[name].media_s) if (name := stream.camera.name) in imus else 0,
-                (*_remarks(stream), *([imu_faults[name]] if name in imu_faults else [])),
-            )
-            for stream in written
-        ),
-        tuple(faults),
-        base,
-    )
+    return IngestSummary(tuple(written), tuple(faults), base)
 
 
-def _inertial_samples(cameras: Sequence[IngestCamera]) -> tuple[dict[str, InertialSamples], dict[str, str]]:
-    """Camera -> samples of its inertial sensor; and what is wrong with those that cannot be used."""
-    found, faults = {}, {}
-    for camera in cameras:
+def _inertial_samples(streams: Sequence[FrameStream]) -> dict[str, InertialSamples]:
+    """Camera -> samples of its inertial sensor, which are counted; what cannot be used is noted with its camera."""
+    found = {}
+    for stream in streams:
         try:
-            samples = read_inertial_samples(camera)
+            samples = read_inertial_samples(stream.camera)
         except RecordingError as error:
-            faults[camera.name] = f"camera {camera.name}: inertial sensor left out: {error}"
+            stream.tally.imu_fault = str(error)
             continue
         if samples is not None:
-            found[camera.name] = samples
-    return found, faults
+            found[stream.camera.name] = samples
+            stream.tally.imu_samples = len(samples.media_s)
+    return found
 
 
 def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
@@ -170,26 +144,6 @@ def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> d
     """UTC of the recording's time 0: when the reference began, by its own clock, if that was set."""
     reference = min(cameras, key=lambda camera: (abs(times[camera.name].start_s), times[camera.name].start_sigma_s))
     return plausible_time(reference.video.created) or _EPOCH
-
-
-def _remarks(stream: FrameStream) -> list[str]:
-    name, facts, tally = stream.camera.name, stream.camera.video.facts, stream.tally
-    video = stream.camera.video
-    files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
-    remarks = []
-    if tally.fault:
-        remarks.append(f"camera {name}: ends early: {tally.fault}")
-    read = tally.frames + tally.without_key + tally.unordered
-    if facts.frames > read:
-        remarks.append(
-            f"camera {name}: {files} should have {facts.frames} frames, and {read} can be read: cut off or damaged; "
-            "copy it again from the camera if you can"
-        )
-    if tally.without_key:
-        remarks.append(f"camera {name}: {tally.without_key} frames before the first keyframe cannot be decoded")
-    if tally.unordered:
-        remarks.append(f"camera {name}: {tally.unordered} frames left out: their time is out of order")
-    return remarks
 
 
 def _left_out(stream: FrameStream) -> str:

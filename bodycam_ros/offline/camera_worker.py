@@ -30,7 +30,8 @@ from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
+from bodycam_ros.recording.bag_writer import SerializedMessage
+from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -64,15 +65,6 @@ class FrameRateLimit:
             return False
         self._latest[camera] = number
         return True
-
-
-@dataclass(frozen=True)
-class SerializedMessage:
-    """A message ready to be written: topic, type and CDR bytes."""
-
-    topic: str
-    message_type: str
-    cdr: bytes
 
 
 @dataclass(frozen=True)
@@ -276,11 +268,7 @@ def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim:
         "pose": camera_pose_message(make, landmarks),
     }
     return tuple(
-        SerializedMessage(
-            f"/{camera}/{name}",
-            message.__msgtype__,
-            bytes(recording_typestore().serialize_cdr(message, message.__msgtype__)),
-        )
+        SerializedMessage.of(matches.stamp_ns, f"/{camera}/{name}", message)
         for name, message in messages.items()
         if message is not None
     )

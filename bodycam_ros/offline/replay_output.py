@@ -93,7 +93,7 @@ class ReplayOutput:
         self._summary.registered[image.camera] += image.matches.world_T_camera is not None
         self._diagnostics.add(image.matches)
         for message in image.messages:
-            self._writer.write_serialized(message.topic, message.message_type, image.stamp_ns, message.cdr)
+            self._writer.write_serialized(*message)
         if image.stamp_ns >= self._report_due_ns:
             self._report_due_ns = image.stamp_ns + _DIAGNOSTICS_PERIOD_NS
             self.write_diagnostics(image.stamp_ns)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rosbags.interfaces import (
     Connection,
@@ -52,6 +52,21 @@ _LATCHED = Qos(
 _PARTS = re.compile(r"metadata\.yaml|[^/]+\.(mcap|db3)")
 
 
+class SerializedMessage(NamedTuple):
+    """A message ready to be written: topic, type, stamp [ns] and CDR bytes."""
+
+    topic: str
+    message_type: str
+    stamp_ns: int
+    cdr: bytes
+
+    @classmethod
+    def of(cls, stamp_ns: int, topic: str, message: Message) -> "SerializedMessage":
+        """A message made by ``recorded_messages()``."""
+        cdr = bytes(recording_typestore().serialize_cdr(message, message.__msgtype__))
+        return cls(topic, message.__msgtype__, stamp_ns, cdr)
+
+
 class RecordingWriter:
     """Messages into a bag that is being written; ``write_recording`` makes one."""
 
@@ -66,8 +81,7 @@ class RecordingWriter:
         Raises:
             OutputError: the disk is full, or gone.
         """
-        cdr = recording_typestore().serialize_cdr(message, message.__msgtype__)
-        self.write_serialized(topic, message.__msgtype__, stamp_ns, cdr)
+        self.write_serialized(*SerializedMessage.of(stamp_ns, topic, message))
 
     def write_serialized(self, topic: str, message_type: str, stamp_ns: int, cdr: bytes | memoryview) -> None:
         """Append a message that is CDR already, such as one from another process; raises as ``write`` does."""
