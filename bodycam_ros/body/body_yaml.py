@@ -42,7 +42,6 @@ from bodycam_ros.body.checked_fields import (
     pose_of,
     read_entry,
     rounded,
-    table_of,
 )
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout
 from bodycam_ros.errors import BodyError
@@ -68,12 +67,15 @@ class _ImuEntry(Entry):
     sigmas: tuple[Number, Number, Number, Number, Number, Number]  # of _SIGMAS [rad], [m], [s], [rad/s], 1, [m/s^2]
 
 
+_Table = Annotated[dict[Name, Any], msgspec.Meta(max_length=_MOST_PARTS)]
+
+
 class _BodyEntry(Entry):
     name: Name
     root: Name
     segments: Annotated[list[Name], msgspec.Meta(max_length=_MOST_PARTS)]
-    joints: Any
-    cameras: Any
+    joints: _Table
+    cameras: _Table
     report: dict[Any, Any] | None = None
     standing: list[Name] | None = None  # segments of a machine that do not move in the world, for other programs
     surface: Name | None = None  # a folder beside the file, with an OBJ or PLY file a segment, for static cameras
@@ -113,13 +115,14 @@ def body_from_yaml(text: str) -> BodyModel:
         BodyError: it is not YAML, or describes no body; the message names the place in it.
     """
     body: _BodyEntry = read_entry(_BodyEntry, yaml_document(text, "body file", BodyError), "a body file")
-    cameras = table_of(body.cameras, "cameras", _MOST_PARTS)
     return BodyModel(
         name=body.name,
         root=body.root,
         segments=tuple(body.segments),
-        joints=_joints(body.joints),
-        mounts={name: mount_of(name, entry) for name, entry in cameras.items()},
+        joints=tuple(
+            joint_of(name, read_entry(JointEntry, entry, f"joint {name}")) for name, entry in body.joints.items()
+        ),
+        mounts={name: mount_of(name, entry) for name, entry in body.cameras.items()},
         report=body.report or {},
         standing=tuple(body.standing or ()),
         surface=body.surface,
@@ -146,11 +149,6 @@ def yaml_text(body: BodyModel) -> str:
     if body.report:
         parts.append(yaml.safe_dump({"report": dict(body.report)}, sort_keys=False, default_flow_style=None))
     return "".join(parts)
-
-
-def _joints(table: Any) -> tuple[Joint, ...]:
-    entries = table_of(table, "joints", _MOST_PARTS)
-    return tuple(joint_of(name, read_entry(JointEntry, each, f"joint {name}")) for name, each in entries.items())
 
 
 def joint_of(name: str, entry: JointEntry) -> Joint:

@@ -88,16 +88,6 @@ def name_of(value: Any, where: str) -> str:
     return name
 
 
-def table_of(value: Any, where: str, most: int) -> dict[str, Any]:
-    """Return a table of at most so many names.
-
-    Raises:
-        BodyError: it is no table, or a larger one.
-    """
-    table: dict[str, Any] = read_entry(Annotated[dict[Name, Any], msgspec.Meta(max_length=most)], value, where)
-    return table
-
-
 def numbers_of(value: Any, count: int, where: str) -> Array:
     """Return finite numbers (count).
 

@@ -237,19 +237,9 @@ class UnknownLengths:
         """(L) ``<attachment or joint>_<x, y or z>``."""
         return tuple(f"{name}_{'xyz'[axis]}" for name, axis in self.owners)
 
-    def along_axes(self, name: str, values: Array) -> Array:
-        """(3) values (L) of an attachment's or joint's lengths along its axes; zero along what is known."""
-        along = np.zeros(3)
-        for (owner, axis), value in zip(self.owners, values, strict=True):
-            if owner == name:
-                along[axis] = value
-        return along
-
     def joint(self, joint: Joint, shifts: Array) -> Joint:
         """A joint, or an attachment's (``attachment_joint``), shifted by its lengths (L) [m]."""
-        shift = self.along_axes(joint.name, shifts)
-        if not shift.any():
-            return joint
         place = joint.parent_T_joint.copy()
-        place[:3, 3] += shift
+        for (owner, axis), shift in zip(self.owners, shifts, strict=True):
+            place[axis, 3] += shift if owner == joint.name else 0.0
         return replace(joint, parent_T_joint=place)

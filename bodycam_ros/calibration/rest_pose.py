@@ -11,7 +11,7 @@ from bodycam_ros.body.segment_name import LEFT, mirrored
 from bodycam_ros.calibration.first_body import root_at_hips
 from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array, inverse, log_so3, robust_average_pose
+from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, robust_average_pose
 
 MAX_TURN_RAD = 0.06
 """People sway by a degree or two; a limb that sets out turns more."""
@@ -110,12 +110,6 @@ def facing_direction(joints_world: Mapping[str, Array]) -> float:
     return float(np.arctan2(forward[1], forward[0]))
 
 
-def heading_rotation(heading_rad: float) -> Array:
-    """Rotation world_R_rest (3, 3) of the N-pose's axes: x forward, y left, z up (DESIGN 3)."""
-    c, s = np.cos(heading_rad), np.sin(heading_rad)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 @dataclass(frozen=True, eq=False)
 class ZeroedMotion:
     """A motion whose zero is the N-pose.
@@ -152,7 +146,7 @@ def zero_at_rest(
         places = body.n_pose(np.eye(4))[body.joint_ends[:, 1], :3, 3]
         balls = [row for row, joint in enumerate(body.tree_joints) if joint.child not in hinges]
         heading_rad = facing_direction({body.tree_joints[row].name: places[row] for row in balls})
-    motion = motion.with_zero_at(resting, heading_rotation(heading_rad))
+    motion = motion.with_zero_at(resting, exp_so3(heading_rad * _UP))
     axes = {child: motion.hinge_axis(child) for child in hinges}
     body = root_at_hips(place_hinges(motion.body, axes))  # A eq. 16-17
     return ZeroedMotion(motion.with_body(body), heading_rad, axes)
