@@ -73,7 +73,7 @@ def urdf_text(body: BodyModel, masses: Mapping[str, Mass] | None = None) -> str:
         )
         ends = mount.segment, optical_frame(camera)
         _add_connection(robot, f"{camera}_mount", "fixed", ends, mount.segment_T_camera)
-    _check_names(robot)
+    check_names(robot, {"links": ["link"], "joints": ["joint"]}, "URDF")
     ET.SubElement(robot, BODY).text = f"\n{yaml_text(replace(body, report={}))}"
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
@@ -224,12 +224,19 @@ def _roll_pitch_yaw(R: Array) -> Array:
     return np.array([roll, pitch, yaw])
 
 
-def _check_names(robot: ET.Element) -> None:
-    for kind in ("link", "joint"):
-        names = Counter(element.attrib["name"] for element in robot.iterfind(kind))
+def check_names(document: ET.Element, kinds: Mapping[str, Sequence[str]], what: str) -> None:
+    """Refuse a document in which two elements of a kind (its name, in the plural -> its tags) have the same name.
+
+    Raises:
+        BodyError: so it is.
+    """
+    for kind, tags in kinds.items():
+        names = Counter(
+            element.attrib["name"] for tag in tags for element in document.iter(tag) if "name" in element.attrib
+        )
         if twice := sorted(name for name, count in names.items() if count > 1):
             raise BodyError(
-                f"two {kind}s of the URDF would be named {', '.join(twice)}; rename the segment, joint or camera"
+                f"two {kind} of the {what} would be named {', '.join(twice)}; rename the segment, joint or camera"
             )
 
 

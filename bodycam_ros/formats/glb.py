@@ -5,7 +5,6 @@ In its rest pose the body stands on the ground at the origin. In a gap there are
 
 import json
 import struct
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,43 +15,25 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
-from bodycam_ros.geometry import Array, quaternion_xyzw, transform_points
+from bodycam_ros.geometry import quaternion_xyzw, transform_points
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.static_cameras.surface import join_meshes
 
 
-@dataclass(frozen=True, eq=False)
-class Skin:
-    """Triangles in the rest pose.
+def make_skin(figure: Figure, body: BodyModel) -> tuple[Trimesh, NDArray[np.intp]] | None:
+    """Triangles of a figure in units of metres, as ``Figure.rest`` has its segments; None if no bone has a length.
 
-    Attributes:
-        vertices: (V, 3) as ``Figure.rest`` has its segments.
-        normals: (V, 3) outward unit normals.
-        faces: (F, 3) rows of ``vertices``, counter-clockwise as seen from outside.
-        bones: (V) row of the bone that moves each vertex.
+    With it (V) the row of the bone that moves each vertex.
     """
-
-    vertices: Array
-    normals: Array
-    faces: NDArray[np.int64]
-    bones: NDArray[np.int64]
-
-
-def make_skin(figure: Figure, body: BodyModel) -> Skin | None:
-    """The skin of a figure in units of metres; None if no bone of it has a length."""
     surfaces = capsule_surfaces(body)
-    vertices, normals, faces, bones, count = [], [], [], [], 0
-    for row, segment in enumerate(figure.segments):
-        if segment not in surfaces:
-            continue
-        surface = surfaces[segment]
-        vertices.append(transform_points(figure.rest[row], surface.vertices))
-        normals.append(np.asarray(Trimesh(vertices[-1], surface.faces, process=False).vertex_normals))
-        faces.append(surface.faces.astype(np.int64) + count)
-        bones.append(np.full(len(surface.vertices), row, np.int64))
-        count += len(surface.vertices)
-    if not vertices:
+    rows = [row for row, segment in enumerate(figure.segments) if segment in surfaces]
+    of_rows = [surfaces[figure.segments[row]] for row in rows]
+    if not rows:
         return None
-    return Skin(*(np.concatenate(parts) for parts in (vertices, normals, faces, bones)))
+    meshes = [
+        (transform_points(figure.rest[row], each.vertices), each.faces) for row, each in zip(rows, of_rows, strict=True)
+    ]
+    return Trimesh(*join_meshes(meshes), process=False), np.repeat(rows, [len(each.vertices) for each in of_rows])
 
 
 MARK = '"generator":"bodycam_ros"'
@@ -77,7 +58,7 @@ def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     if len(figure.names) > _MOST_BONES:
         raise BodyError(f"{motion.name}: {len(figure.names)} segments are more than the {_MOST_BONES} of a glTF skin")
     skin = make_skin(figure, motion.body)
-    lowest = skin.vertices[:, 1].min() if skin else figure.rest[:, 1, 3].min()
+    lowest = skin[0].vertices[:, 1].min() if skin else figure.rest[:, 1, 3].min()
     standing = np.array([0.0, -float(lowest), 0.0])
     buffer = _Buffer()
     nodes = _nodes(figure, standing)
@@ -90,7 +71,7 @@ def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     }
     inside = [0]
     if skin is not None:
-        document |= _skinned(figure, skin, standing, buffer)
+        document |= _skinned(figure, *skin, standing, buffer)
         inside.append(len(nodes) + 1)
     nodes.append({"name": motion.body.name, "children": inside})
     if skin is not None:
@@ -123,10 +104,12 @@ def _animation(motion: SampledMotion, figure: Figure, buffer: "_Buffer") -> dict
     return {"samplers": samplers, "channels": channels}
 
 
-def _skinned(figure: Figure, skin: Skin, standing: NDArray[np.float64], buffer: "_Buffer") -> dict[str, Any]:
-    bones = np.zeros((len(skin.bones), 4), np.uint8)
-    bones[:, 0] = skin.bones
-    weights = np.zeros((len(skin.bones), 4), np.float32)
+def _skinned(
+    figure: Figure, skin: Trimesh, rows: NDArray[np.intp], standing: NDArray[np.float64], buffer: "_Buffer"
+) -> dict[str, Any]:
+    bones = np.zeros((len(rows), 4), np.uint8)
+    bones[:, 0] = rows
+    weights = np.zeros((len(rows), 4), np.float32)
     weights[:, 0] = 1.0
     # Bones have no rotation in the rest pose; matrices are column-major.
     bind = np.tile(np.eye(4, dtype=np.float32), (len(figure.names), 1, 1))
@@ -135,7 +118,7 @@ def _skinned(figure: Figure, skin: Skin, standing: NDArray[np.float64], buffer: 
     primitive = {
         "attributes": {
             "POSITION": buffer.add(vertices, _VERTICES, with_range=True),
-            "NORMAL": buffer.add(skin.normals.astype(np.float32), _VERTICES),
+            "NORMAL": buffer.add(skin.vertex_normals.astype(np.float32), _VERTICES),
             "JOINTS_0": buffer.add(bones, _VERTICES),
             "WEIGHTS_0": buffer.add(weights, _VERTICES),
         },

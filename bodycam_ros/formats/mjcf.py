@@ -13,13 +13,12 @@ overlap in their joint.
 """
 
 import xml.etree.ElementTree as ET
-from collections import Counter
 from itertools import product
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, bone_ends
-from bodycam_ros.body.urdf import xml_numbers
+from bodycam_ros.body.urdf import check_names, xml_numbers
 from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
@@ -32,6 +31,12 @@ _CARRIAGE_RADIUS_M = 0.02  # of what slides where a loop's joint is loose: it ne
 _STIFF = "0.999 0.9999 0.001"  # MuJoCo holds what is light softly, and a carriage carries who sits on the seat
 _STEPS = 9  # of each angle of a ball between its limits, to find the widest rotation
 _MOST_LEVELS = 200  # of bodies within each other: what writes XML goes down them by recursion
+_NAMED = {
+    "bodies": ["body"],
+    "joints": ["joint", "freejoint"],
+    "sites": ["site"],
+    "constraints": ["connect", "weld"],
+}
 _COLOURS = {"body": "0.85 0.82 0.75 1", "equipment": "0.56 0.29 0.54 1"}
 
 
@@ -53,7 +58,7 @@ def mjcf_text(body: BodyModel) -> str:
     equality = ET.SubElement(mujoco, "equality")
     for joint in body.loop_joints:
         _add_loop(equality, elements[joint.parent], elements[joint.child], joint)
-    _check_names(mujoco)
+    check_names(mujoco, _NAMED, "MJCF")
     ET.indent(mujoco)
     return ET.tostring(mujoco, encoding="unicode") + "\n"
 
@@ -158,18 +163,3 @@ def _add_site(element: ET.Element, name: str, segment_T_site: Array) -> None:
 def _pose(pose: Array) -> dict[str, str]:
     x, y, z, w = quaternion_xyzw(pose[:3, :3])
     return {"pos": xml_numbers(pose[:3, 3]), "quat": xml_numbers(np.array([w, x, y, z]))}
-
-
-def _check_names(mujoco: ET.Element) -> None:
-    kinds = {
-        "bodies": ("body",),
-        "joints": ("joint", "freejoint"),
-        "sites": ("site",),
-        "constraints": ("connect", "weld"),
-    }
-    for kind, tags in kinds.items():
-        names = Counter(element.attrib["name"] for tag in tags for element in mujoco.iter(tag))
-        if twice := sorted(name for name, count in names.items() if count > 1):
-            raise BodyError(
-                f"two {kind} of the MJCF would be named {', '.join(twice)}; rename the segment, joint or camera"
-            )

@@ -9,10 +9,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from trimesh import Trimesh
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
-from bodycam_ros.formats.glb import Skin, make_skin
+from bodycam_ros.formats.glb import make_skin
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid
 
@@ -35,7 +36,7 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     last = len(motion.stamps_ns) - 1
     parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
     if skin is not None:
-        parts.append(_mesh(skin))
+        parts.append(_mesh(*skin))
     name = _identifier(motion.body.name)
     return f"""{MARK}
 (
@@ -90,11 +91,11 @@ def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
 """
 
 
-def _mesh(skin: Skin) -> str:
+def _mesh(skin: Trimesh, rows: NDArray[np.intp]) -> str:
     counts = ", ".join(["3"] * len(skin.faces))
     corners = ", ".join(map(str, skin.faces.ravel().tolist()))
-    bones = ", ".join(map(str, skin.bones.tolist()))
-    weights = ", ".join(["1"] * len(skin.bones))
+    bones = ", ".join(map(str, rows.tolist()))
+    weights = ", ".join(["1"] * len(rows))
     low, high = (_tuple(end.tolist()) for end in (skin.vertices.min(axis=0), skin.vertices.max(axis=0)))
     return f"""    def Mesh "skin" (
         prepend apiSchemas = ["SkelBindingAPI"]
@@ -103,7 +104,7 @@ def _mesh(skin: Skin) -> str:
         float3[] extent = [{low}, {high}]
         int[] faceVertexCounts = [{counts}]
         int[] faceVertexIndices = [{corners}]
-        normal3f[] normals = [{_tuples(skin.normals)}] (
+        normal3f[] normals = [{_tuples(skin.vertex_normals)}] (
             interpolation = "vertex"
         )
         point3f[] points = [{_tuples(skin.vertices)}]
