@@ -1,12 +1,12 @@
 """Which images of a recording are registered in the rounds of map extension, and which of them extend the map."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.body_keyframe import MAX_SIGMA_M, KeyframeSelection, has_moved
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
@@ -49,26 +49,25 @@ class ExtensionRecord:
     def __init__(self, cameras: Mapping[str, CameraModel], min_landmarks: int) -> None:
         self._min_landmarks = min_landmarks
         self._views = {name: KeyframeSelection(model) for name, model in cameras.items()}
-        self._images: dict[str, dict[int, _Registered | None]] = {name: {} for name in cameras}
+        self._images: dict[tuple[str, int], _Registered | None] = {}
 
     def add(self, matches: LandmarkMatches) -> None:
         """Add the registration of an image."""
-        images, camera = self._images[matches.camera], matches.camera
-        before = images.setdefault(matches.stamp_ns, None)
+        before = self._images.setdefault((matches.camera, matches.stamp_ns), None)
         if matches.world_T_camera is None or (before and before.matches.position_sigma <= matches.position_sigma):
             return
         is_absolute = len(matches.landmark_ids) - matches.grown >= self._min_landmarks
-        images[matches.stamp_ns] = _Registered(matches.bare(), self._views[camera].coverage(matches), is_absolute)
+        coverage = self._views[matches.camera].coverage(matches)
+        self._images[matches.camera, matches.stamp_ns] = _Registered(matches.bare(), coverage, is_absolute)
 
     def summary(self) -> ExtensionRound:
         """Shares of the images that are registered by now."""
-        found = {camera: self._in_order(camera) for camera in self._images}
-        everywhere = [each for of_camera in found.values() for each in of_camera]
-        count = max(1, sum(map(len, self._images.values())))
+        images, found = Counter(camera for camera, _ in self._images), [each for each in self._images.values() if each]
+        registered = Counter(each.matches.camera for each in found)
         return ExtensionRound(
-            shares={camera: len(each) / max(1, len(self._images[camera])) for camera, each in found.items()},
-            share=len(everywhere) / count,
-            absolute=sum(each.is_absolute for each in everywhere) / count,
+            shares={camera: registered[camera] / max(1, images[camera]) for camera in self._views},
+            share=len(found) / max(1, len(self._images)),
+            absolute=sum(each.is_absolute for each in found) / max(1, len(self._images)),
         )
 
     def choose_keyframes(self) -> dict[tuple[str, int], LandmarkMatches]:
@@ -76,28 +75,19 @@ class ExtensionRecord:
 
         They are registered, and without their landmarks.
         """
-        chosen = {camera: self._spread(camera) for camera in self._images}
+        chosen: dict[str, list[LandmarkMatches]] = {camera: [] for camera in self._views}
+        for (camera, _), each in sorted(self._images.items(), key=lambda item: item[0]):
+            if each is None or each.coverage >= _MAX_COVERED or each.matches.position_sigma > MAX_SIGMA_M:
+                continue
+            pose, latest = each.matches.world_T_camera, chosen[camera][-1].world_T_camera if chosen[camera] else None
+            if pose is not None and (latest is None or has_moved(latest, pose)):
+                chosen[camera].append(each.matches)
         total = max(_MAX_KEYFRAMES, sum(map(len, chosen.values())))  # beyond it evenly fewer of every camera
         return {
             (each.camera, each.stamp_ns): each
             for of_camera in chosen.values()
             for each in _evenly(of_camera, _MAX_KEYFRAMES * len(of_camera) // total)
         }
-
-    def _in_order(self, camera: str) -> list[_Registered]:
-        return [each for _, each in sorted(self._images[camera].items()) if each is not None]
-
-    def _spread(self, camera: str) -> list[LandmarkMatches]:
-        chosen: list[LandmarkMatches] = []
-        latest: Array | None = None
-        for each in self._in_order(camera):
-            pose = each.matches.world_T_camera
-            if pose is None or each.coverage >= _MAX_COVERED or each.matches.position_sigma > MAX_SIGMA_M:
-                continue
-            if latest is None or has_moved(latest, pose):
-                chosen.append(each.matches)
-                latest = pose
-        return chosen
 
 
 def _evenly(images: list[LandmarkMatches], wanted: int) -> list[LandmarkMatches]:

@@ -83,25 +83,6 @@ class DirectView:
         return len(self.rows) >= _ENOUGH and self.share >= _ENOUGH_SHARE
 
 
-class LandmarkTrust:
-    """How often each landmark of a map was found, fading.
-
-    Args:
-        count: of landmarks.
-
-    Attributes:
-        values: (L,) float32 from -0.5 (never found) to 0.5 (always), 0 where unknown.
-    """
-
-    def __init__(self, count: int) -> None:
-        self.values = np.zeros(count, np.float32)
-
-    def update(self, rows: NDArray[np.int64], found: NDArray[np.bool_]) -> None:
-        """An image in which landmarks (N,) were looked for, and which of them were found; all others fade."""
-        self.values *= np.float32(_FADES)
-        self.values[rows] += np.float32(_LATEST_SHARE) * (np.where(found, 0.5, -0.5) - self.values[rows])
-
-
 class DirectRegistration:
     """Finds a camera's landmarks in its images, one after the other.
 
@@ -125,7 +106,8 @@ class DirectRegistration:
         self._lens, self._scales, self._gains = camera.parameters, local_scales(camera), radial_gains(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
         self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
-        self._trust = LandmarkTrust(len(reference_map.landmark_ids))
+        # How often each landmark was found, fading: -0.5 never, 0.5 always, 0 unknown.
+        self._trust = np.zeros(len(reference_map.landmark_ids), np.float32)
         self._points = as_rows(reference_map.points_world)
         self._surfaces = reference_map.surfaces
 
@@ -172,7 +154,8 @@ class DirectRegistration:
             return None
         agree = np.zeros(len(rows), bool)
         agree[found[inliers]] = True
-        self._trust.update(rows, agree)
+        self._trust *= np.float32(_FADES)
+        self._trust[rows] += np.float32(_LATEST_SHARE) * (np.where(agree, 0.5, -0.5) - self._trust[rows])
         share = len(inliers) / np.count_nonzero(views >= 0)
         return DirectView(
             stamp_ns, fit.world_T_camera, rows[agree], pixels[agree], fit.information, fit.shifts[inliers], share
@@ -187,7 +170,7 @@ class DirectRegistration:
             as_rows(near),
             *_twist_and_time(near, motion),
             self._surfaces,
-            self._trust.values,
+            self._trust,
             self._per_cell,
         )
         views = best_views(

@@ -47,7 +47,7 @@ def choose_landmarks(
         world_T_camera: (4, 4) its pose.
         twist, readout_time: (6,) its motion [rad/s, m/s], and the read-out time of its rows [s].
         surfaces: (7, L) places of landmarks [m], normals of their surfaces, and sizes of their features [m].
-        trust: (L,) see ``LandmarkTrust``.
+        trust: (L,) how often each was found, -0.5 to 0.5.
         per_cell: landmarks of each cell, the most trusted.
     """
     width, height = lens[1], lens[2]
