@@ -1,6 +1,5 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
-import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,8 +13,8 @@ from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.camera.camera_image import CameraImage, decode_colour
-from bodycam_ros.errors import RangeOfMotionError, RecordingError, StationError
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.errors import RangeOfMotionError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.offline.camera_worker import RegistrationTask
@@ -28,9 +27,8 @@ from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_measurement import decode_images
 from bodycam_ros.static_cameras.station import Station
-
-logger = logging.getLogger(__name__)
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
 _AT_ONCE_NS = 5_000_000
@@ -105,34 +103,20 @@ def station_instants(
         recordings = {name: opened.enter_context(open_recording(path)) for name in stations}
         any_of = next(iter(recordings.values()))
         start_ns, length_ns = any_of.start_ns, max(1e9 * any_of.duration_s, 1.0)
-        together: list[CameraImage] = []
+        together: dict[str, CameraImage] = {}
+
+        def instant(share: float) -> Iterator[tuple[float, FrameImages]]:
+            if pictures := decode_images(together, stations, refused):
+                yield share, FrameImages(next(iter(together.values())).stamp_ns, pictures)
+
         streams = (recording.images([name]) for name, recording in recordings.items())
         for image in merge(*streams, key=lambda image: image.stamp_ns):
-            is_later = together and image.stamp_ns - together[0].stamp_ns > _AT_ONCE_NS
-            if is_later or any(image.camera == each.camera for each in together):
-                yield from _decoded(together, (together[0].stamp_ns - start_ns) / length_ns, stations, refused)
-                together = []
-            together.append(image)
-        yield from _decoded(together, 1.0, stations, refused)
-
-
-def _decoded(
-    images: list[CameraImage], share: float, stations: Mapping[str, Station], refused: set[str]
-) -> Iterator[tuple[float, FrameImages]]:
-    """The instant of some images, without those that cannot be used, if any can."""
-    pictures = {}
-    for image in images:
-        try:
-            picture = decode_colour(image)
-            stations[image.camera].check_size(picture)
-        except RecordingError as error:
-            if image.camera not in refused:
-                logger.warning("%s; it is left out, and so will be others like it", error)
-            refused.add(image.camera)
-        else:
-            pictures[image.camera] = picture
-    if pictures:
-        yield share, FrameImages(images[0].stamp_ns, pictures)
+            first_ns = next((each.stamp_ns for each in together.values()), image.stamp_ns)
+            if image.stamp_ns - first_ns > _AT_ONCE_NS or image.camera in together:
+                yield from instant((first_ns - start_ns) / length_ns)
+                together = {}
+            together[image.camera] = image
+        yield from instant(1.0)
 
 
 Progress = Callable[[str, float], None]

@@ -17,7 +17,7 @@ from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.segment_support import surface_variances
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_prediction, placed_segments
-from bodycam_ros.static_cameras.station import Image
+from bodycam_ros.static_cameras.station import Image, Station
 
 logger = logging.getLogger(__name__)
 
@@ -54,13 +54,14 @@ class ImageMeasurement:
         on_seen: Callable[[Mapping[str, int], StaticMeasurement], None] = lambda stamps_ns, seen: None,
     ) -> None:
         self._tracker, self._placed = tracker, placed
+        self._stations = {name: view.station for name, view in tracker.views.items()}
         self._motion, self._on_seen = motion, on_seen
         self._unreadable: set[str] = set()
         self._has_colours = False
 
     def place(self, frame: BodyFrame) -> list[SegmentPose]:
         """As ``StaticCameras.place``: once, and nothing without a placed body, or without an image."""
-        pictures = {} if self._placed is None else self._decoded(frame.images)
+        pictures = {} if self._placed is None else decode_images(frame.images, self._stations, self._unreadable)
         if self._placed is None or not pictures:
             return []
         poses = self._tracker.initialise(pictures, self._placed.world_T_segment, self._placed.unplaced)
@@ -71,7 +72,7 @@ class ImageMeasurement:
         self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
     ) -> StaticMeasurement | None:
         """As ``StaticCameras.measure``; in the first images a body placed by body cameras is searched as a whole."""
-        pictures = self._decoded(frame.images)
+        pictures = decode_images(frame.images, self._stations, self._unreadable)
         if not pictures:
             return None
         if not self._has_colours and not known:
@@ -83,20 +84,23 @@ class ImageMeasurement:
         self._on_seen({name: frame.images[name].stamp_ns for name in pictures}, seen)
         return seen
 
-    def _decoded(self, images: Mapping[str, CameraImage]) -> dict[str, Image]:
-        """Decoded images; a warning names the first of each camera that cannot be decoded."""
-        pictures = {}
-        for name, image in images.items():
-            try:
-                picture = decode_colour(image)
-                self._tracker.views[name].station.check_size(picture)
-            except RecordingError as error:
-                if name not in self._unreadable:
-                    logger.warning("%s; this and similar images are dropped", error)
-                self._unreadable.add(name)
-            else:
-                pictures[name] = picture
-        return pictures
+
+def decode_images(
+    images: Mapping[str, CameraImage], stations: Mapping[str, Station], unreadable: set[str]
+) -> dict[str, Image]:
+    """Decoded images of static cameras; a warning names the first of each camera that cannot be used."""
+    pictures = {}
+    for name, image in images.items():
+        try:
+            picture = decode_colour(image)
+            stations[name].check_size(picture)
+        except RecordingError as error:
+            if name not in unreadable:
+                logger.warning("%s; this and similar images are dropped", error)
+            unreadable.add(name)
+        else:
+            pictures[name] = picture
+    return pictures
 
 
 _ROUNDS = 3
