@@ -9,6 +9,7 @@ from bodycam_ros.cli.options import add_output, check_files
 from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate.sections import column_table
+from bodycam_ros.lens.board_design import read_layout
 from bodycam_ros.lens.board_detector import LensBoard
 from bodycam_ros.lens.lens_calibration import LensCalibration, calibrate_lens
 from bodycam_ros.lens.lens_images import lens_images
@@ -68,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     picture = output.with_suffix(".png")
     files = (output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")
     check_files(arguments, *files, makes_folders=True)
-    board = LensBoard.from_yaml(arguments.board)
+    board = LensBoard(str(arguments.board), read_layout(arguments.board))
     models = _MODELS if arguments.model == "auto" else (arguments.model,)
     name = arguments.name or output.stem
     with shown_progress() as progress:

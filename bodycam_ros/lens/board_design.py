@@ -14,7 +14,6 @@ import numpy as np
 import yaml
 
 from bodycam_ros.errors import LensError
-from bodycam_ros.geometry import Array
 from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, PrintArea, tags_in
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.shown import shown
@@ -69,11 +68,8 @@ def board_yaml(layout: BoardLayout, placement: str) -> str:
     return text
 
 
-def read_layout(path: Path) -> tuple[BoardLayout | None, dict[int, Array], int | None]:
-    """What is on a board that a lens is to be measured by.
-
-    Returns:
-        The layout, None where only corners are given; tag -> corners (4, 3) [m]; the tags' family in ``cv2.aruco``.
+def read_layout(path: Path) -> BoardLayout:
+    """What is on a board that a lens is to be measured by; of a file with corners of tags, these alone.
 
     Raises:
         LensError: the file lacks a measure, or has one that no board has.
@@ -87,12 +83,12 @@ def read_layout(path: Path) -> tuple[BoardLayout | None, dict[int, Array], int |
         raise LensError(f"{path}: there is no kind of board {shown(kind)}; known are {', '.join(KINDS)}")
     if kind == APRILTAG and "corners_in_board" in document:
         board = read_board(path)
-        return None, dict(board.corners_board), dictionaries()[board.family]
+        family = dictionaries()[board.family]
+        return BoardLayout(kind, 1, 1, (0.0, 0.0), dictionary=family, given_tags=board.corners_board)
     try:
-        layout = _layout(kind, document)
+        return _layout(kind, document)
     except LensError as error:
         raise LensError(f"{path}: {error}") from error
-    return layout, dict(layout.tags), layout.dictionary
 
 
 def _layout(kind: str, document: Mapping[Any, Any]) -> BoardLayout:

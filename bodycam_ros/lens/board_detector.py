@@ -1,8 +1,6 @@
 """Points of a board in a picture: first without a lens, then more of them by the lens that came of it."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,8 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, rigid, rotation_to_z
-from bodycam_ros.lens.board_design import read_layout
-from bodycam_ros.lens.board_layout import CHECKERBOARD, BoardLayout
+from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, BoardLayout
 from bodycam_ros.mapping.apriltag import detect_tags, find_tags
 
 Grey = NDArray[np.uint8]
@@ -66,47 +63,32 @@ class LensBoard:
 
     Attributes:
         name: of its file.
-        tags: tag -> (4, 3) corners in the board frame [m].
-        dictionary: the tags' family in ``cv2.aruco``; None on a checkerboard.
-        squares: the layout of a ChArUco board or a checkerboard; None if there are tags alone.
+        layout: what is on it.
         is_inverted: what should be black is white.
         is_mirrored: board or pictures are mirrored.
         remark: how it differs from its file, for people.
     """
 
     name: str
-    tags: Mapping[int, Array]
-    dictionary: int | None
-    squares: BoardLayout | None
+    layout: BoardLayout
     is_inverted: bool = False
     is_mirrored: bool = False
     remark: str = ""
 
-    @classmethod
-    def from_yaml(cls, path: Path) -> "LensBoard":
-        """Of a board's file; raises as ``read_layout`` does."""
-        layout, tags, dictionary = read_layout(path)
-        has_squares = layout is not None and len(layout.inner_corners) > 0
-        return cls(str(path), tags, dictionary, layout if has_squares else None)
-
     def variants(self) -> list["LensBoard"]:
         """The board as described, then as it may have been printed, photographed or counted instead."""
         inverted = replace(self, is_inverted=True, remark="the board is inverted: white where its file has black")
-        layout = self.squares
-        if layout is not None and layout.kind == CHECKERBOARD:
+        layout = self.layout
+        if layout.kind == CHECKERBOARD:
             more = replace(layout, columns=layout.columns + 1, rows=layout.rows + 1)
             counted = f"it has {more.columns} x {more.rows} squares; its file seems to count inner corners"
-            return [self, inverted, replace(self, squares=more, remark=counted)]
+            return [self, inverted, replace(self, layout=more, remark=counted)]
         mirrored = "the board, or each picture, is mirrored; this lens is for pictures like these"
         boards = [self, inverted, replace(self, is_mirrored=True, remark=mirrored)]
-        if layout is not None:
+        if layout.kind == CHARUCO:
             other = replace(layout, upper_left_is_black=not layout.upper_left_is_black)
             colour = "black" if other.upper_left_is_black else "white"
-            boards.append(
-                replace(
-                    self, squares=other, tags=other.tags, remark=f"its upper left square is {colour}, unlike its file"
-                )
-            )
+            boards.append(replace(self, layout=other, remark=f"its upper left square is {colour}, unlike its file"))
         return boards
 
 
@@ -124,12 +106,12 @@ def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | No
     if board.is_mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])
         camera = None if camera is None else _mirrored(camera)
-    if board.squares is None:
-        found = _tag_corners(picture, board, camera)
-    elif board.squares.kind == CHECKERBOARD:
-        found = _checkerboard(picture, board.squares)
+    if board.layout.kind == APRILTAG:
+        found = _tag_corners(picture, board.layout, camera)
+    elif board.layout.kind == CHECKERBOARD:
+        found = _checkerboard(picture, board.layout)
     else:
-        found = _charuco(picture, board, board.squares, camera)
+        found = _charuco(picture, board.layout, camera)
     if found is None or len(found[0]) < _LEAST_OF_BOARD:
         return None
     points, pixels, spreads = found
@@ -181,7 +163,7 @@ def _mirrored(camera: CameraModel) -> CameraModel:
     return replace(camera, cx=camera.width - 1 - camera.cx)
 
 
-def _tag_corners(gray: Grey, board: LensBoard, camera: CameraModel | None) -> Found | None:
+def _tag_corners(gray: Grey, board: BoardLayout, camera: CameraModel | None) -> Found | None:
     assert board.dictionary is not None
     tags: dict[int, tuple[Array, float]]
     if camera is None:
@@ -213,18 +195,18 @@ def _checkerboard(gray: Grey, layout: BoardLayout) -> Found | None:
     return layout.inner_corners[good], pixels[good], np.ones(int(good.sum()))
 
 
-def _charuco(gray: Grey, board: LensBoard, layout: BoardLayout, camera: CameraModel | None) -> Found | None:
+def _charuco(gray: Grey, layout: BoardLayout, camera: CameraModel | None) -> Found | None:
     """Corners of squares, predicted by the tags beside them."""
-    assert board.dictionary is not None
-    tags = find_tags(gray, camera, board.dictionary)
+    assert layout.dictionary is not None
+    tags = find_tags(gray, camera, layout.dictionary)
     predicted: dict[int, list[Array]] = {}
     reach = 0.5 * _NEAR_SQUARES * float(np.hypot(*layout.pitch_m))
     for tag, corners in tags:
-        if tag not in board.tags:
+        if tag not in layout.tags:
             continue
-        middle = board.tags[tag].mean(axis=0)
+        middle = layout.tags[tag].mean(axis=0)
         near = np.flatnonzero(np.linalg.norm(layout.inner_corners - middle, axis=1) < reach)
-        pixels = _beside(corners, board.tags[tag], layout.inner_corners[near], camera)
+        pixels = _beside(corners, layout.tags[tag], layout.inner_corners[near], camera)
         for number, pixel in zip(near.tolist(), pixels, strict=True):
             if np.isfinite(pixel).all():
                 predicted.setdefault(number, []).append(pixel)

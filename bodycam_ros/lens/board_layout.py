@@ -33,6 +33,7 @@ class BoardLayout:
         dictionary: number of the tags' family in ``cv2.aruco``; None on a checkerboard.
         first_tag: number of the upper left tag; they go on row by row.
         upper_left_is_black: of squares.
+        given_tags: tag -> corners of a file that has these alone, in place of those by the measures.
     """
 
     kind: str
@@ -43,10 +44,13 @@ class BoardLayout:
     dictionary: int | None = None
     first_tag: int = 0
     upper_left_is_black: bool = True
+    given_tags: Mapping[int, Array] | None = None
 
     @cached_property
     def tags(self) -> Mapping[int, Array]:
         """Tag -> its four corners (4, 3) [m], in the order of cv2.aruco."""
+        if self.given_tags is not None:
+            return self.given_tags
         if self.kind == CHECKERBOARD:
             return {}
         is_tag = np.ones((self.rows, self.columns), dtype=bool) if self.kind == APRILTAG else ~self.black_squares

@@ -103,7 +103,7 @@ def calibrate_lens(
             "with all of it in the picture"
         )
     fit = initial_fit(rough, width, height)
-    if board.dictionary is not None:
+    if board.layout.kind != CHECKERBOARD:
         # What was found without a lens is good to a pixel at best; and a lens finds more, where it bends much.
         fit = fit_unplaced(fit.camera, _find(pictures, board, fit.camera, "finding it through the lens", progress))
     found = len(fit.views)
@@ -119,7 +119,6 @@ def calibrate_lens(
     best = _best(trials, ray_grid(is_lit))
     _check_one_camera(best, ray_grid(is_lit))
     area = board_coverage(best.fit, is_lit)
-    is_checkerboard = board.squares is not None and board.squares.kind == CHECKERBOARD
     return LensCalibration(
         best,
         tuple(trials),
@@ -128,7 +127,7 @@ def calibrate_lens(
         len(pictures),
         found,
         tuple(objections(best.validation)),
-        tuple(warnings(best.fit, best.validation, area, is_checkerboard)),
+        tuple(warnings(best.fit, best.validation, area, board.layout.kind == CHECKERBOARD)),
         board.remark,
     )
 

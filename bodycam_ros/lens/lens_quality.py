@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -163,14 +164,12 @@ def cell_numbers(pixels: Array, width: int, height: int) -> NDArray[np.int64]:
 def board_coverage(fit: LensFit, is_lit: NDArray[np.bool_]) -> BoardCoverage:
     """Where the board was seen, in a picture of which some pixels (H, W) are lit."""
     height, width = is_lit.shape
-    every = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2).astype(np.float64)
-    cells = cell_numbers(every, width, height)
-    share = np.bincount(cells, is_lit.ravel().astype(np.float64)) / np.bincount(cells)
+    share = np.asarray(cv2.resize(is_lit.astype(np.float32), CELLS[::-1], interpolation=cv2.INTER_AREA))
     points = np.bincount(cell_numbers(fit.pixels, width, height), minlength=CELLS[0] * CELLS[1])
     radius = image_radius(is_lit)
     distances = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1)
     return BoardCoverage(
-        is_lit=(share >= _LIT_SHARE).reshape(CELLS),
+        is_lit=share >= _LIT_SHARE,
         is_covered=(points >= _LEAST_POINTS).reshape(CELLS),
         radius_px=radius,
         reach=min(1.0, float(np.percentile(distances, _REACHED)) / radius),

@@ -85,20 +85,23 @@ def test_tags_are_where_the_map_reads_them_to_be(printed, page):
 
 def test_opencv_knows_the_charuco_board(printed):
     path, drawn = printed("charuco")
-    layout, tags, dictionary = read_layout(path)
+    layout = read_layout(path)
     board = cv2.aruco.CharucoBoard(
-        (layout.columns, layout.rows), layout.pitch_m[0], layout.tag_m[0], cv2.aruco.getPredefinedDictionary(dictionary)
+        (layout.columns, layout.rows),
+        layout.pitch_m[0],
+        layout.tag_m[0],
+        cv2.aruco.getPredefinedDictionary(layout.dictionary),
     )
     corners, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(drawn.picture)
     assert numbers.ravel().tolist() == list(range(len(layout.inner_corners)))
     assert _off_by_mm(drawn.millimetres(corners), layout.inner_corners) < _CLOSE_MM
     # The same file gives a map its scale.
-    assert set(read_board(path).corners_board) == set(tags) == set(range(20))
+    assert set(read_board(path).corners_board) == set(layout.tags) == set(range(20))
 
 
 def test_the_checkerboard_is_one(printed):
     path, drawn = printed("checkerboard", "letter")
-    layout, _, _ = read_layout(path)
+    layout = read_layout(path)
     found, corners = cv2.findChessboardCornersSB(drawn.picture, (layout.columns - 1, layout.rows - 1))
     assert found
     corners = drawn.millimetres(corners)
