@@ -8,6 +8,7 @@ print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 
@@ -77,63 +78,46 @@ def replay(
         RecordingError: there is no recording, or an image cannot be decoded.
         BodyError: the body carries none of the cameras that have models.
     """
-    if isinstance(images, Path | str):
-        with open_recording(Path(images)) as recording:
+    with ExitStack() as opened:
+        readouts: Mapping[str, Readout | None] = body.readout_starts
+        if isinstance(images, Path | str):
+            recording = opened.enter_context(open_recording(Path(images)))
             worn = [camera for camera in recording.cameras if camera in body.mounts]
-            models = cameras or {camera: recording.camera_model(camera) for camera in worn}
-            known = body.readout_starts
-            readouts = {camera: best_known(recording.readout(camera), known.get(camera)) for camera in worn}
+            cameras = cameras or {camera: recording.camera_model(camera) for camera in worn}
+            readouts = {camera: best_known(recording.readout(camera), readouts.get(camera)) for camera in worn}
             imus = imus or read_imus([Path(images)], worn)
-            yield from _solved(
-                recording.images(worn), reference_map, body, models, readouts, equipment, settings, live, imus
+            images = recording.images(worn)
+        cameras, imus, settings = cameras or {}, imus or {}, settings or PipelineSettings()
+        if not set(cameras) & set(body.mounts):
+            raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
+        prepare_kernels()
+        skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
+        turns = camera_turns(body, imus) if settings.inertial.enabled else {}
+        source = replica = None
+        if settings.growth.enabled:
+            sent: deque[MapUpdate] = deque()
+            source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
+            replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
+        pipelines = {
+            camera: CameraPipeline(
+                model,
+                reference_map,
+                settings,
+                readouts.get(camera),
+                None if replica is None else replica.map,
+                turns.get(camera),
             )
-        return
-    starts = body.readout_starts
-    yield from _solved(images, reference_map, body, cameras or {}, starts, equipment, settings, live, imus or {})
-
-
-def _solved(
-    images: Iterable[CameraImage],
-    reference_map: Map,
-    body: BodyModel,
-    cameras: Mapping[str, CameraModel],
-    readouts: Mapping[str, Readout | None],
-    equipment: Equipment | None,
-    settings: PipelineSettings | None,
-    live: bool,
-    imus: Mapping[str, ImuSamples],
-) -> Iterator[BodyOutput]:
-    if not set(cameras) & set(body.mounts):
-        raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
-    prepare_kernels()
-    settings = settings or PipelineSettings()
-    skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
-    turns = camera_turns(body, imus) if settings.inertial.enabled else {}
-    source = replica = None
-    if settings.growth.enabled:
-        sent: deque[MapUpdate] = deque()
-        source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
-        replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
-    pipelines = {
-        camera: CameraPipeline(
-            model,
-            reference_map,
-            settings,
-            readouts.get(camera),
-            None if replica is None else replica.map,
-            turns.get(camera),
-        )
-        for camera, model in cameras.items()
-        if camera in body.mounts
-    }
-    for image in images:
-        if image.camera not in pipelines:
-            continue
-        if source is not None and replica is not None:
-            source.advance(image.stamp_ns)
-            replica.advance(image.stamp_ns)
-        _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
-        if source is not None:
-            source.add(matches, keyframe)
-        yield from skeleton.add(matches)
-    yield from skeleton.flush()
+            for camera, model in cameras.items()
+            if camera in body.mounts
+        }
+        for image in images:
+            if image.camera not in pipelines:
+                continue
+            if source is not None and replica is not None:
+                source.advance(image.stamp_ns)
+                replica.advance(image.stamp_ns)
+            _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
+            if source is not None:
+                source.add(matches, keyframe)
+            yield from skeleton.add(matches)
+        yield from skeleton.flush()

@@ -46,33 +46,9 @@ class CameraTime:
         return times
 
 
-@dataclass(frozen=True, eq=False)
-class SharedEvents:
-    """N records of E events by C cameras.
-
-    Attributes:
-        event: (N,) number of the event.
-        camera: (N,) number of the camera.
-        media_s: (N,) media time [s].
-        sigma_s: (N,) standard deviation of it [s].
-    """
-
-    event: NDArray[np.int64]
-    camera: NDArray[np.int64]
-    media_s: Array
-    sigma_s: Array
-
-    @staticmethod
-    def from_records(records: Sequence[Sequence[tuple[int, float, float]]]) -> "SharedEvents":
-        """From a list of (camera, media time [s], sigma [s]) for each event."""
-        rows = [(event, *record) for event, records_event in enumerate(records) for record in records_event]
-        event, camera, media_s, sigma_s = np.array(rows, dtype=np.float64).reshape(-1, 4).T
-        return SharedEvents(event.astype(np.int64), camera.astype(np.int64), media_s, sigma_s)
-
-
 def fit_clocks(
     cameras: Sequence[str],
-    events: SharedEvents,
+    events: Sequence[Sequence[tuple[int, float, float]]],
     reference: str,
     source: str,
     floor_s: float = 0.0,
@@ -83,16 +59,19 @@ def fit_clocks(
 
     Args:
         cameras: names (C,), as the events count them.
-        events: that cameras have in common.
+        events: those that cameras have in common: (camera's number, media time [s], its standard deviation [s]) of
+            each record of an event.
         reference: the camera that has start 0 and drift 0.
         source: written into the clocks.
         floor_s: standard deviation that all events of a camera have in common [s].
     """
     count, zero = len(cameras), list(cameras).index(reference)
-    joined = _joined(events, count, zero)
-    used = joined[events.camera]
-    event, camera, media_s = events.event[used], events.camera[used], events.media_s[used]
-    number = int(events.event.max(initial=-1)) + 1
+    records = np.array([(number, *record) for number, of_event in enumerate(events) for record in of_event], np.float64)
+    event, camera = records.reshape(-1, 4)[:, :2].astype(np.int64).T
+    joined = _joined(event, camera, count, zero)
+    used = joined[camera]
+    event, camera, (media_s, sigma_s) = event[used], camera[used], records.reshape(-1, 4)[used, 2:].T
+    number = len(events)
     rows = np.arange(len(event))
     design = np.zeros((len(event), 2 * count))
     design[rows, camera] = 1.0
@@ -108,7 +87,7 @@ def fit_clocks(
         result: Array = values - (sums[event].T / total).T
         return result
 
-    base = events.sigma_s[used] ** -2.0
+    base = sigma_s**-2.0
     weight, solution, covariance = base, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
     for _ in range(_ROUNDS):
         reduced, wanted = centred(design[:, free], weight), -centred(media_s, weight)
@@ -132,10 +111,10 @@ def fit_clocks(
     }
 
 
-def _joined(events: SharedEvents, cameras: int, reference: int) -> NDArray[np.bool_]:
+def _joined(event: NDArray[np.int64], camera: NDArray[np.int64], cameras: int, reference: int) -> NDArray[np.bool_]:
     """Which cameras (C,) share events with the reference, if only through others."""
-    size = cameras + int(events.event.max(initial=-1)) + 1
-    links = coo_array((np.ones(len(events.event)), (events.camera, cameras + events.event)), (size, size))
+    size = cameras + int(event.max(initial=-1)) + 1
+    links = coo_array((np.ones(len(event)), (camera, cameras + event)), (size, size))
     label = connected_components(links, directed=False)[1]
     joined: NDArray[np.bool_] = label[:cameras] == label[reference]
     return joined

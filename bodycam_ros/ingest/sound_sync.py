@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from bodycam_ros.ingest.clock_fit import FoundTimes, SharedEvents, fit_clocks
+from bodycam_ros.ingest.clock_fit import FoundTimes, fit_clocks
 from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
 from bodycam_ros.ingest.sound_envelope import ENVELOPE_S, CameraSound
 
@@ -75,7 +75,7 @@ def sound_times(
             records.append([(row, seconds, sigma_s) for row, seconds in zip(pair, media_s, strict=True)])
     floor_s = np.hypot(np.sqrt(2.0) * _DISTANCE_SIGMA_M / _SOUND_SPEED, 0.5 * _WINDOW_SIGMA_S)
     reference = reference if reference in placed else root
-    times = fit_clocks(placed, SharedEvents.from_records(records), reference, "sound", float(floor_s))
+    times = fit_clocks(placed, records, reference, "sound", float(floor_s))
     return FoundTimes("sound", times, {name: agreed[name].confidence for name in times})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import text_message
-from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory
+from bodycam_ros.messages.factory import MAP_FRAME
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_writer import check_replaceable, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
@@ -88,18 +88,10 @@ def write_robot(
             started_s = time.process_time()
             state = following.follow(stamp_ns, world_T_segment)
             summary.cpu_s += time.process_time() - started_s
-            for topic, message in robot_messages(make, robot, state).items():
-                writer.write(topic, stamp_ns, message)
+            joints = joint_state_message(make, stamp_ns, robot.joint_names, state.positions, state.velocities)
+            writer.write("/joint_states", stamp_ns, joints)
+            root = (MAP_FRAME, robot.tree_root, state.world_T_root)
+            writer.write("/tf", stamp_ns, transforms_message(make, stamp_ns, [root]))
             summary.add(state)
             advance()
     return summary
-
-
-def robot_messages(make: MessageFactory, robot: Robot, state: RobotState) -> dict[str, Message]:
-    """Topic -> message of one state: joint states, and the pose of the root in the map."""
-    return {
-        "/joint_states": joint_state_message(
-            make, state.stamp_ns, robot.joint_names, state.positions, state.velocities
-        ),
-        "/tf": transforms_message(make, state.stamp_ns, [(MAP_FRAME, robot.tree_root, state.world_T_root)]),
-    }
