@@ -12,7 +12,6 @@ from rich.text import Text
 
 from bodycam_ros.body.average_person import body_of_height
 from bodycam_ros.body.body_file import read_body, write_body
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.checked_fields import name_of
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.rig import Rig
@@ -145,7 +144,12 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
     from bodycam_ros.offline.measure_body import measure_body
 
     pipeline, settings = pipeline_settings(arguments), read_settings(arguments, MeasureSettings)
-    initial = _initial_body(arguments, name)
+    if arguments.initial_body is not None:
+        initial = read_body(arguments.initial_body)
+    elif arguments.height is not None:
+        initial = body_of_height(arguments.height, name)
+    else:
+        raise BodyError("static cameras need an approximate body: give --height in metres, or --initial-body BODY")
     with shown_progress() as progress:
         measured = measure_body(
             arguments.recording,
@@ -181,19 +185,6 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
         f"{measured.instants} frames, {measured.rounds} rounds; {measured.seen:.0%} of the segments observed"
     )
     terminal.print(f"\nbody written to {arguments.output}")
-
-
-def _initial_body(arguments: argparse.Namespace, name: str) -> BodyModel:
-    """The body with approximate lengths.
-
-    Raises:
-        BodyError: none is given, or the height is out of range.
-    """
-    if arguments.initial_body is not None:
-        return read_body(arguments.initial_body)
-    if arguments.height is None:
-        raise BodyError("static cameras need an approximate body: give --height in metres, or --initial-body BODY")
-    return body_of_height(arguments.height, name)
 
 
 def _measured_report(measured: MeasuredBody) -> dict[str, object]:

@@ -82,10 +82,14 @@ class _StudyReader:
                         f"{recording.source.path} and {other.source.path} would both have the name {recording.name}; "
                         "list them apart, with a name each",
                     )
-        exports = self._exports(entry.exports)
-        return Study(
-            self._path, entry.places, subjects, tuple(recordings.values()), entry.settings, entry.lenses, exports
-        )
+        from bodycam_ros.formats.export import FORMATS
+
+        for number, name in enumerate(entry.exports):
+            if name not in FORMATS:
+                known = ", ".join(FORMATS)
+                self._refuse(f"exports[{number}]", f"'{name}' is no format of 'bodycam export'; there are {known}")
+        found, exports = tuple(recordings.values()), tuple(dict.fromkeys(entry.exports))
+        return Study(self._path, entry.places, subjects, found, entry.settings, entry.lenses, exports)
 
     def _below(self, text: object) -> Path:
         """A path from the folder of the study file on."""
@@ -181,15 +185,6 @@ class _StudyReader:
             except BodyError as error:
                 self._refuse(key, str(error))
         return self._existing(key, self._below(text))
-
-    def _exports(self, names: list[str]) -> tuple[str, ...]:
-        from bodycam_ros.formats.export import FORMATS
-
-        for number, name in enumerate(names):
-            if name not in FORMATS:
-                known = ", ".join(FORMATS)
-                self._refuse(f"exports[{number}]", f"'{name}' is no format of 'bodycam export'; there are {known}")
-        return tuple(dict.fromkeys(names))
 
     def _refuse(self, key: str, problem: str) -> NoReturn:
         raise StudyError(f"{self._path}: {key}: {problem}")
