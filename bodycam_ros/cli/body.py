@@ -33,6 +33,7 @@ from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.body_shape import MeasureSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.terminal import Terminal
+from bodycam_ros.whole_file import write_whole
 
 _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
@@ -104,7 +105,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
 
     warm_up()
 
-    from bodycam_ros.evaluate.body_report import body_report, write_html_report
+    from bodycam_ros.evaluate.body_report import body_report, html_report
     from bodycam_ros.offline.measure_body import calibrate
 
     pipeline = pipeline_settings(arguments)
@@ -122,7 +123,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
     write_body(body, arguments.output)
-    write_html_report(body, calibrated.diagnosis, page)
+    write_whole(page, html_report(body, calibrated.diagnosis))
     terminal = Terminal()
     print_report(calibrated.diagnosis, terminal)
     terminal.print(f"\nbody written to {arguments.output}, report to {page}")

@@ -2,7 +2,6 @@
 
 import math
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -15,7 +14,6 @@ from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.evaluate.sections import Columns, Picture, Section, column_table, render_page
 from bodycam_ros.picture_style import INK, QUIET, WARNING, open_picture, panel_title, side_colour
-from bodycam_ros.whole_file import write_whole
 
 _SIZE_INCHES = (9.0, 7.5)
 _FRONT = [1, 2]
@@ -50,15 +48,6 @@ _CAMERAS_NOTE = (
     "gap: from the registered pose to that of the body, median; moved, turned: lasting change on its segment; "
     "read-out: from the first row to the last; clock: ahead of the reference's (+) or behind, corrected"
 )
-
-
-def write_html_report(body: BodyModel, diagnosis: CalibrationDiagnosis, path: Path) -> None:
-    """Write the page, whole or not at all.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
-    write_whole(path, html_report(body, diagnosis))
 
 
 def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:

@@ -44,23 +44,6 @@ class TrueMotion:
     parents: Mapping[str, str]
     world_T_segment: Mapping[str, Array]
 
-    @property
-    def recording(self) -> str:
-        """Name of the recording: of the folder that the truth lies in."""
-        folder = self.path.resolve()
-        return folder.parent.name if folder.name == _TRUTH else folder.name
-
-    @property
-    def frame_ns(self) -> float:
-        """Median time between two frames [ns]."""
-        return float(np.median(np.diff(self.stamps_ns)))
-
-    def covers(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(T,) whether the truth is known at stamps (T,) [ns]."""
-        first_ns, last_ns = self.stamps_ns[0] - _EDGE_NS, self.stamps_ns[-1] + _EDGE_NS
-        covered: NDArray[np.bool_] = (stamps_ns >= first_ns) & (stamps_ns <= last_ns)
-        return covered
-
     def at(self, stamps_ns: NDArray[np.int64], segment: str) -> Array:
         """Poses (T, 4, 4) of a segment at stamps (T,) that the truth covers [ns]."""
         return interpolated(self.stamps_ns, self.world_T_segment[segment], stamps_ns)
@@ -178,7 +161,8 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
     Raises:
         RecordingError: the two share no time or too few segments.
     """
-    inside = truth.covers(solved.stamps_ns)
+    first_ns, last_ns = truth.stamps_ns[[0, -1]] + [-_EDGE_NS, _EDGE_NS]
+    inside = (solved.stamps_ns >= first_ns) & (solved.stamps_ns <= last_ns)
     if not inside.any():
         spans = [f"{1e-9 * s[0]:.3f} to {1e-9 * s[-1]:.3f} s" for s in (solved.stamps_ns, truth.stamps_ns)]
         raise RecordingError(
@@ -200,13 +184,13 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
             f"{solved.path} and {truth.path} share too little to be aligned: segments {', '.join(segments) or 'none'}, "
             f"{len(stamps_ns)} states"
         ) from error
-    near_ns = distance_in_time(truth.stamps_ns, solved.stamps_ns)
+    near_ns, folder = distance_in_time(truth.stamps_ns, solved.stamps_ns), truth.path.resolve()
     return Comparison(
-        truth_name=truth.recording,
+        truth_name=folder.parent.name if folder.name == _TRUTH else folder.name,
         stamps_ns=stamps_ns,
         segments=segments,
         missing=tuple(s for s in sorted(truth.world_T_segment) if s not in known),
-        coverage=float(np.mean(near_ns <= truth.frame_ns / 2.0)),
+        coverage=float(np.mean(near_ns <= np.median(np.diff(truth.stamps_ns)) / 2.0)),
         scale=scale,
         tilt=float(np.arccos(np.clip(R[2, 2], -1.0, 1.0))),
         position_errors=np.linalg.norm(ours @ R.T + t - theirs, axis=-1),

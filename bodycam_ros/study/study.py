@@ -72,26 +72,19 @@ class Subject(Entry, frozen=True):
 
 
 @dataclass(frozen=True)
-class Recording:
-    """A recording to solve.
+class Recording(Source):
+    """A recording to solve; its name is unique in the study.
 
     Attributes:
-        source: bag, or folder of videos; its name is that of the recording, unique in the study.
         subject, place: names.
         truth: reference for the evaluation.
         equipment: file, or name of a supplied one.
     """
 
-    source: Source
     subject: str
     place: str
     truth: Path | None
     equipment: Path | str | None
-
-    @property
-    def name(self) -> str:
-        """Of the recording."""
-        return self.source.name
 
 
 @dataclass(frozen=True)
@@ -121,7 +114,7 @@ class Study:
         for entry in (*self.places.values(), *self.subjects.values()):
             found += msgspec.structs.astuple(entry)
         for recording in self.recordings:
-            found += [recording.source.path, recording.truth, recording.equipment]
+            found += [recording.path, recording.truth, recording.equipment]
         return tuple(dict.fromkeys(path for path in found if isinstance(path, Path)))
 
 
@@ -195,7 +188,7 @@ def study_steps(study: Study, folder: Path) -> list[Step]:
                 bodies[name] = add(_named(name, "body"), "body", bag, output=results / "body.yaml", **flags)
     for recording in study.recordings:
         name, results = recording.name, folder / "takes" / recording.name
-        bag = ingested(f"{name}: ingest", recording.source, results / "bag", study.subjects[recording.subject].rig)
+        bag = ingested(f"{name}: ingest", recording, results / "bag", study.subjects[recording.subject].rig)
         map_path, body = maps.get(recording.place), bodies[recording.subject]
         if map_path is None or body is None:
             continue

@@ -79,7 +79,7 @@ class _StudyReader:
                 if (other := recordings.setdefault(recording.name, recording)) is not recording:
                     self._refuse(
                         key,
-                        f"{recording.source.path} and {other.source.path} would both have the name {recording.name}; "
+                        f"{recording.path} and {other.path} would both have the name {recording.name}; "
                         "list them apart, with a name each",
                     )
         from bodycam_ros.formats.export import FORMATS
@@ -116,7 +116,7 @@ class _StudyReader:
         for source in self._sources(f"{key}.path", each.path, each.name):
             truth = each.truth and each.truth.replace("{name}", source.name).replace("{path}", str(source.path))
             known = None if truth is None else self._existing(f"{key}.truth", self._below(truth))
-            yield Recording(source, subject, place, known, equipment)
+            yield Recording(**vars(source), subject=subject, place=place, truth=known, equipment=equipment)
 
     def _sources(self, key: str, text: str, name: str | None) -> Iterator[Source]:
         """The recordings that a path or pattern means, in the order of their names.
@@ -245,9 +245,8 @@ def read_recording_folder(path: Path) -> Study:
     """
     if not path.is_dir():
         raise RecordingError(f"{path}: is no folder; expected one with\n{LAYOUT}")
-    there = {name: path / name for name in ("reference", "map", "rig.yaml", "body.yaml", "lenses", "settings.yaml")}
-    there = {name: each for name, each in there.items() if each.exists()}
-    equipment = path / "equipment.yaml"
+    names = ("reference", "map", "rig.yaml", "body.yaml", "lenses", "settings.yaml", "equipment.yaml")
+    there = {name: path / name for name in names if (path / name).exists()}
     takes = sorted((path / "takes").iterdir()) if (path / "takes").is_dir() else []
     sources = [source for take in takes if (source := find_source(take)) is not None]
     by_name: dict[str, Path] = {}
@@ -259,7 +258,10 @@ def read_recording_folder(path: Path) -> Study:
         raise RecordingError(f"{path}: holds nothing that could be solved; expected\n{LAYOUT}")
     place = Place(there.get("map"), there.get("reference"))
     subject = Subject(there.get("body.yaml"), there.get("rig.yaml"), rom.path if rom else None)
-    recordings = (Recording(source, "", "", None, equipment if equipment.exists() else None) for source in sources)
+    equipment = there.get("equipment.yaml")
+    recordings = (
+        Recording(each.name, each.path, each.is_bag, "", "", truth=None, equipment=equipment) for each in sources
+    )
     return Study(path, {"": place}, {"": subject}, tuple(recordings), there.get("settings.yaml"), there.get("lenses"))
 
 
