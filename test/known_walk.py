@@ -216,9 +216,14 @@ def _camera_messages(walk: Walk, pixel_noise: float, clocks_ns: Mapping[str, int
 
 def _tracks(camera: str, stamp_ns: int) -> TrackFrame:
     return TrackFrame(
-        camera, stamp_ns, 0, np.arange(TRACKS, dtype=np.uint32), np.zeros((TRACKS, 2), np.float32),
-        np.zeros(0, np.uint32), np.zeros((0, 128), np.uint8), np.zeros(0, np.float32), False, np.eye(3), 0,
-    )  # fmt: skip
+        camera=camera,
+        stamp_ns=stamp_ns,
+        previous_stamp_ns=0,
+        track_ids=np.arange(TRACKS, dtype=np.uint32),
+        pixels=np.zeros((TRACKS, 2), np.float32),
+        current_R_previous=np.eye(3),
+        rotation_inliers=0,
+    )
 
 
 def _matches(

@@ -62,8 +62,13 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
 
 
 def _nothing_seen(camera: str, number: int) -> TrackFrame:
-    none = np.zeros(0, np.uint32)
     return TrackFrame(
-        camera, number * 33_333_333, (number - 1) * 33_333_333, none, np.zeros((0, 2), np.float32), none,
-        np.zeros((0, 128), np.uint8), np.zeros(0, np.float32), True, np.eye(3), 0,
-    )  # fmt: skip
+        camera=camera,
+        stamp_ns=number * 33_333_333,
+        previous_stamp_ns=(number - 1) * 33_333_333,
+        track_ids=np.zeros(0, np.uint32),
+        pixels=np.zeros((0, 2), np.float32),
+        keyframe=True,
+        current_R_previous=np.eye(3),
+        rotation_inliers=0,
+    )
