@@ -16,12 +16,13 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError, BodyError
-from bodycam_ros.evaluate.body_report import body_report, write_html_report
+from bodycam_ros.evaluate.body_report import body_report, html_report
 from bodycam_ros.live.node_parameters import SolverParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import load_map
+from bodycam_ros.whole_file import write_whole
 
 logger = logging.getLogger(__name__)
 
@@ -128,7 +129,7 @@ class LiveCalibration:
         try:
             calibrated = done.result()
             body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
-            write_html_report(body, calibrated.diagnosis, self.path.with_suffix(".html"))
+            write_whole(self.path.with_suffix(".html"), html_report(body, calibrated.diagnosis))
             write_body(body, self.path)
             logger.warning("%s", _summary(self.path, calibrated))
             self._failure = ""
