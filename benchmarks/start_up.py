@@ -1,8 +1,8 @@
 """Seconds until every node of the live graph is active, and to end: python -m benchmarks.start_up.
 
 The ways: a process for each node, one process for all of them, and the launch file by ``ros2 launch`` where that is on
-PATH. CPU and memory (proportional set sizes) are those of all processes when the last node has become active. The bag
-is played so slowly that no image after each camera's first one arrives by then: a graph at work has 400 MB more.
+PATH. CPU and memory (proportional set sizes) are those of all processes when the last node has become active. No
+bag is played: images on their way are 130 to 800 MB more, by how far the player is when the last node becomes active.
 """
 
 import argparse
@@ -30,35 +30,29 @@ _REGISTRATIONS = 4
 _LONGEST_S = 90.0
 _ASK_S = 0.5
 _GRACE_S = 30.0
-_PLAYER = "player"
 
 
-def commands(way: str, reference_map: Path, body: Path, bag: Path, rate: float) -> tuple[list[list[str]], list[str]]:
+def commands(way: str, reference_map: Path, body: Path) -> tuple[list[list[str]], list[str]]:
     """Command lines of the processes, and the names of the managed nodes."""
-    arguments = GraphArguments(
-        map=str(reference_map), body=str(body), bagfile=str(bag), rate=rate, registrations=_REGISTRATIONS
-    )
-    nodes = graph(arguments)
-    managed = [node.name for node in nodes if node.executable != _PLAYER]
+    nodes = graph(GraphArguments(map=str(reference_map), body=str(body), registrations=_REGISTRATIONS))
+    managed = [node.name for node in nodes]
     start = [sys.executable, "-m", "bodycam_ros.nodes.start"]
     if way == "separate":
         return [[*start, node.executable, *node.arguments()] for node in nodes], managed
-    shared = ("--registrations", str(_REGISTRATIONS), "--rate", str(rate))
     if way == "one":
-        whole = ["graph", "--map", str(reference_map), "--body", str(body), "--bagfile", str(bag), *shared]
-        return [[*start, *whole]], managed
+        given = ("--map", str(reference_map), "--body", str(body), "--registrations", str(_REGISTRATIONS))
+        return [[*start, "graph", *given]], managed
     launch_file = next((ROOT / "launch").glob("*.launch.py"))
-    given = {"map": reference_map, "body": body, "bagfile": bag, "rate": rate, "registrations": _REGISTRATIONS}
-    return [["ros2", "launch", str(launch_file), *(f"{name}:={value}" for name, value in given.items())]], managed
+    words = {"map": reference_map, "body": body, "registrations": _REGISTRATIONS}
+    return [["ros2", "launch", str(launch_file), *(f"{name}:={value}" for name, value in words.items())]], managed
 
 
-def start_up(way: str, reference_map: Path, body: Path, bag: Path, rate: float = 0.001) -> dict[str, float]:
+def start_up(way: str, reference_map: Path, body: Path) -> dict[str, float]:
     """Start the graph once and end it.
 
     Args:
         way: one of ``WAYS``.
-        reference_map, body, bag: inputs of the graph.
-        rate: of playing, times the recorded speed.
+        reference_map, body: inputs of the graph.
 
     Returns:
         active_s: until the last node was active; cpu_s, memory_mb: of all processes then; end_s: from SIGINT to the end
@@ -67,7 +61,7 @@ def start_up(way: str, reference_map: Path, body: Path, bag: Path, rate: float =
     Raises:
         TimeoutError: a node did not become active.
     """
-    started, managed = commands(way, reference_map, body, bag, rate)
+    started, managed = commands(way, reference_map, body)
     with tempfile.TemporaryDirectory() as folder, _running(started, Path(folder)) as processes:
         begun_s = time.monotonic()
         _wait_until_active(managed)
@@ -149,7 +143,6 @@ def main() -> None:
     bags = ROOT / "bags"
     parser.add_argument("--map", type=Path, default=bags / "map")
     parser.add_argument("--body", type=Path, default=bags / "body.yaml")
-    parser.add_argument("--bag", type=Path, default=bags / "sample/bag")
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=WAYS)
     given = parser.parse_args()
     os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(ROOT / "config/fastdds-shm.xml"))
@@ -159,7 +152,7 @@ def main() -> None:
         if way == "launch" and shutil.which("ros2") is None:
             print("launch: ros2 is not on PATH", file=sys.stderr)
             continue
-        measured = start_up(way, given.map, given.body, given.bag)
+        measured = start_up(way, given.map, given.body)
         print(json.dumps({"way": way, **{name: round(value, 1) for name, value in measured.items()}}), flush=True)
 
 
