@@ -171,12 +171,14 @@ def _become(attempt: Attempt, folder: Path, fresh: bool, output: int) -> None:
 def _called(arguments: tuple[str, ...]) -> int:
     """The command in this process, and its end as the interpreter makes it."""
     import multiprocessing
+    from multiprocessing import forkserver
 
     from bodycam_ros.cli.main import main
 
     # A worker forked from a warm process, for the same reason.
     context = multiprocessing.get_context
     multiprocessing.get_context = lambda method=None: context("fork")  # type: ignore[assignment]
+    forkserver.ensure_running = lambda: None  # that of the campaign is no child of this process
     try:
         code = main(arguments)
     except SystemExit as end:

@@ -12,6 +12,7 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.messages.timing import timing_messages
+from bodycam_ros.picture_style import LEFT, rgb
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
@@ -20,7 +21,6 @@ from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.viewer.motion import read_motion
-from bodycam_ros.viewer.scene import segment_rgb
 
 WORLD_T_CAMERA = rigid(exp_so3(np.array([0.3, -0.2, 0.9])), np.array([1.0, 2.0, 3.0]))
 GREY = 90
@@ -63,7 +63,7 @@ def test_limbs_are_drawn_in_their_side_s_colour_where_the_lens_puts_them(camera:
     assert picture.pixels.shape == (480, 640, 3)  # half of the image
     middle, _ = camera.project(np.array([[-0.05, 0.25, 1.1]]))
     column, row = np.round(middle[0] / 2).astype(int)
-    assert tuple(picture.pixels[row, column]) == segment_rgb("shin_left")
+    assert tuple(picture.pixels[row, column]) == rgb(LEFT)
     assert (picture.pixels[: row - 40] == GREY).all()
     assert np.isnan(picture.error_px)
 
