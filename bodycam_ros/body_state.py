@@ -87,7 +87,7 @@ class BodyState:
 
     @property
     def predicted(self) -> bool:
-        """Whether no camera spoke, so that the state follows from what came before and after."""
+        """Whether no camera was accepted, so that the state follows from what came before and after."""
         return self.cameras_used == 0
 
 
