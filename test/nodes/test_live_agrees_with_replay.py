@@ -16,6 +16,7 @@ from live_graph import live_graph, player
 from bodycam_ros.body.average_person import person_masses
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.live.graph import READERS_OF_LANDMARKS
 from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -59,7 +60,11 @@ def test_live_joint_states_agree_with_the_replay(
     }
     graph.listen(landmarks | of_body)
     # No image may be left out: the replay leaves none out either.
-    given = {"tracker": {"longest_wait": 0.0}, "skeleton_solver": {"mass": MASS_KG}}
+    given = {
+        "tracker": {"longest_wait": 0.0},
+        "registration": {"landmark_readers": READERS_OF_LANDMARKS + 1},  # this test reads them, too
+        "skeleton_solver": {"mass": MASS_KG},
+    }
     start = graph.start if frames > FRAMES else graph.run
     start(
         *(
