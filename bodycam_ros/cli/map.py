@@ -212,12 +212,16 @@ def _known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]
             metres = float(text)
         except ValueError as error:
             raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
-        segments = [None if rig is None else rig.cameras.get(camera, "none") for camera in (first, second)]
-        if segments[0] != segments[1]:
+        if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
+            raise MapError(
+                f"--known-distance {first} {second}: {arguments.rig} has no camera {unknown[0]}; it has "
+                f"{', '.join(sorted(rig.cameras))}"
+            )
+        if rig and rig.cameras[first] != rig.cameras[second]:
             raise MapError(
                 f"--known-distance {first} {second}: by {arguments.rig} they are on different segments, "
-                f"{segments[0]} and {segments[1]}, so their distance changes; measure one between cameras on the same "
-                "segment"
+                f"{rig.cameras[first]} and {rig.cameras[second]}, so their distance changes; measure one between "
+                "cameras on the same segment"
             )
         distances.append(KnownDistance(first, second, metres))
     return tuple(distances)

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from bodycam_ros.cli.options import add_config, add_option
-from bodycam_ros.cli.study import SolvedStudy
+from bodycam_ros.cli.study import solve_study
 from bodycam_ros.study.study_file import LAYOUT, SOLVED, list_missing, read_recording_folder
 from bodycam_ros.terminal import Terminal
 
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     study = read_recording_folder(arguments.folder)
-    solved = SolvedStudy(study, arguments.folder / SOLVED, arguments, logs=None)
+    solved = solve_study(study, arguments.folder / SOLVED, arguments, logs=None)
     terminal, missing = Terminal(), list_missing(study)
     for lack in missing:
         terminal.print(f"missing in {arguments.folder}: {lack}", style="red")

@@ -2,8 +2,9 @@
 
 import argparse
 import shlex
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bodycam_ros.cli.options import add_config, add_option
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     study = read_study(path)
     beside = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_study")
     folder = check_results_folder(arguments.output or beside, study)
-    solved = SolvedStudy(study, folder, arguments, logs=folder / "logs")
+    solved = solve_study(study, folder, arguments, logs=folder / "logs")
     if arguments.dry_run:
         return 0
     from bodycam_ros.study.study_report import PAGE, count_verdicts, read_results, write_study_report
@@ -63,14 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
     return solved.exit_code
 
 
+@dataclass(frozen=True)
 class SolvedStudy:
-    """Runs the steps of a study that are not done, with a line for each.
-
-    Args:
-        study: what to solve; --config replaces its settings.
-        folder: of the results.
-        arguments: of the command.
-        logs: folder for what the steps print; without it they print to the terminal, one after another.
+    """What became of a study.
 
     Attributes:
         steps: all of them.
@@ -78,35 +74,9 @@ class SolvedStudy:
         failures: name -> end of those that failed.
     """
 
-    def __init__(self, study: Study, folder: Path, arguments: argparse.Namespace, logs: Path | None) -> None:
-        self.steps = study_steps(replace(study, settings=arguments.config or study.settings), folder)
-        self.notes = DoneSteps(folder / "steps")
-        self.failures: dict[str, StepEnd] = {}
-        planned, terminal = self.notes.steps_to_run(self.steps), Terminal()
-        for step in self.steps:
-            if step not in planned:
-                terminal.print(f"{step.name}: is done", style="green")
-            elif arguments.dry_run:
-                terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
-        if arguments.dry_run or not planned:
-            return
-        with (
-            study_lock(folder) as lock,
-            shown_progress(hidden=logs is None) as progress,
-            progress.step("steps", len(planned)) as advance,
-            closing(StepRunner(self.notes, arguments.jobs, logs, lock).run(planned)) as events,
-        ):
-            for event in events:
-                if isinstance(event, Step):
-                    if logs is None:
-                        terminal.print(f"{event.name}: bodycam {shlex.join(event.words)}", style="bold")
-                    continue
-                advance()
-                if event.failure is None:
-                    terminal.print(f"{event.step.name}: done in {event.seconds:.0f} s", style="green")
-                else:
-                    self.failures[event.step.name] = event
-                    terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red")
+    steps: Sequence[Step]
+    notes: DoneSteps
+    failures: Mapping[str, StepEnd]
 
     @property
     def exit_code(self) -> int:
@@ -114,3 +84,43 @@ class SolvedStudy:
         if self.failures:
             return 1
         return WRONG_RESULT if any(self.notes.exit_code(step) == WRONG_RESULT for step in self.steps) else 0
+
+
+def solve_study(study: Study, folder: Path, arguments: argparse.Namespace, logs: Path | None) -> SolvedStudy:
+    """Run the steps of a study that are not done, with a line for each.
+
+    Args:
+        study: what to solve; --config replaces its settings.
+        folder: of the results.
+        arguments: of the command.
+        logs: folder for what the steps print; without it they print to the terminal, one after another.
+    """
+    steps = study_steps(replace(study, settings=arguments.config or study.settings), folder)
+    notes, terminal = DoneSteps(folder / "steps"), Terminal()
+    planned = notes.steps_to_run(steps)
+    for step in steps:
+        if step not in planned:
+            terminal.print(f"{step.name}: is done", style="green")
+        elif arguments.dry_run:
+            terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
+    failures: dict[str, StepEnd] = {}
+    if arguments.dry_run or not planned:
+        return SolvedStudy(steps, notes, failures)
+    with (
+        study_lock(folder) as lock,
+        shown_progress(hidden=logs is None) as progress,
+        progress.step("steps", len(planned)) as advance,
+        closing(StepRunner(notes, arguments.jobs, logs, lock).run(planned)) as events,
+    ):
+        for event in events:
+            if isinstance(event, Step):
+                if logs is None:
+                    terminal.print(f"{event.name}: bodycam {shlex.join(event.words)}", style="bold")
+                continue
+            advance()
+            if event.failure is None:
+                terminal.print(f"{event.step.name}: done in {event.seconds:.0f} s", style="green")
+            else:
+                failures[event.step.name] = event
+                terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red")
+    return SolvedStudy(steps, notes, failures)

@@ -87,9 +87,14 @@ class Attachments:
         return measured
 
     @property
+    def _engaged(self) -> NDArray[np.bool_]:
+        engaged: NDArray[np.bool_] = self._scheduled & ~self._released
+        return engaged
+
+    @property
     def active(self) -> ActiveAttachments:
         """Those of the present state."""
-        active = dict(zip(self.names, (self._scheduled & ~self._released).tolist(), strict=True))
+        active = dict(zip(self.names, self._engaged.tolist(), strict=True))
         return ActiveAttachments(active, frozenset(np.array(self.names)[self._observed].tolist()))
 
     def gaps(self, poses: Array) -> Array:
@@ -99,7 +104,7 @@ class Attachments:
 
     def are_contradicted(self, gaps: Array) -> bool:
         """Whether most of the attachments that should be active are farther apart than the release distance."""
-        far = self._scheduled & ~self._released & (gaps > self._release_m)
+        far = self._engaged & (gaps > self._release_m)
         return 2 * int((far & self.measured).sum()) > int(self.measured.sum())
 
     def place(self, gaps: Array) -> None:
@@ -119,5 +124,4 @@ class Attachments:
         """Active attachment -> sigmas from which on its joint counts less (B eq. 15)."""
         # Unobserved, it was never released, and may start far apart.
         far = np.where(self._observed, 0.0, self._release_m / self._least_sigma)
-        active = self._scheduled & ~self._released
-        return {self.names[row]: max(_KERNEL, float(far[row])) for row in np.flatnonzero(active)}
+        return {self.names[row]: max(_KERNEL, float(far[row])) for row in np.flatnonzero(self._engaged)}

@@ -192,10 +192,10 @@ class StateFit:
         if kernels.any():
             gaps, J = self._loops.linearised(at.poses, at.jacobians)
             r, J = gaps / self._loops.sigmas, J / self._loops.sigmas[..., None]
-            # With a kernel of zero a loop is open.
-            weights = np.divide(
-                kernels**2, kernels**2 + (r**2).sum(axis=1), out=np.ones(len(kernels)), where=kernels < np.inf
-            )
+            # With a kernel of zero a loop is open, even where it has no gap; an infinite one never counts less.
+            weights, finite = np.isinf(kernels).astype(np.float64), (kernels > 0.0) & (kernels < np.inf)
+            squared = kernels[finite] ** 2
+            weights[finite] = squared / (squared + (r[finite] ** 2).sum(axis=1))
             of_rows = (weights[:, None, None] * J).reshape(-1, K)
             A += of_rows.T @ J.reshape(-1, K)
             b -= of_rows.T @ r.ravel()

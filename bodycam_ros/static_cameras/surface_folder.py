@@ -50,7 +50,7 @@ def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
     surfaces = {}
     for segment in segments:
         path = files[segment]
-        content = read_bytes(path, "mesh", BodyError, _MOST_BYTES)
+        content = read_bytes(path, f"mesh of at most {MOST_FACES} faces", BodyError, _MOST_BYTES)
         try:
             surfaces[segment] = _read_surface(content, path.suffix[1:].lower())
         except BodyError as error:

@@ -88,6 +88,8 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, capsys: pytest.Cap
     distance = ["--known-distance", "thigh_left", "thigh_right"]
     expect_error([BAGS / "reference", *distance, "0.3", *out], capsys, "--known-distance", "--from-bag")
     expect_error([*worn, *distance, "0.3", *out], capsys, "different segments", "rig.yaml")
+    no_camera = ["--known-distance", "left_ear", "right_ear"]
+    expect_error([*worn, *no_camera, "0.2", *out], capsys, "rig.yaml has no camera left_ear", "thigh_left")
     expect_error([*worn[:2], *distance, "wide", *out], capsys, "number of metres")
     expect_error([*worn[:2], *distance, "0", *out], capsys, "from 0.01 to 10")
     expect_error([*worn[:2], "--known-distance", "left_ear", "thigh_left", "0.2", *out], capsys, "no camera left_ear")
