@@ -75,7 +75,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
 
     def pause(self) -> None:
         """Drop the images, and keep the solver's estimate, which goes on meanwhile."""
-        self.images.clear()
+        self.drop_images()
         latest = [*self._latest]
         self.restart()
         for now in latest:
@@ -93,7 +93,7 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
 
     def is_outdated(self) -> bool:
         """Whether the solver is past the next image."""
-        return self.images.oldest.item.image.stamp_ns <= self._solved_ns <= self.images.newest_ns
+        return self.images[0].image.stamp_ns <= self._solved_ns <= self.images[-1].image.stamp_ns
 
     def waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
@@ -101,11 +101,11 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
             return f"no node reads {self.camera}{SEGMENT_POSES}"
         if self.unanswered.must_wait():
             return "the solver has not answered yet"
-        if self._alone.has_pose(self.images.oldest.item.image.stamp_ns):
+        if self._alone.has_pose(self.images[0].image.stamp_ns):
             return ""
         if self._placed is None:
             return f"there is no estimate of the body on {SEGMENTS_NOW}, and no start file"
-        waited_s = time.monotonic() - self.images.oldest.item.arrival_s
+        waited_s = time.monotonic() - self.images[0].arrival_s
         return "" if waited_s >= _START_WAIT_S else "the solver may have an estimate of the body"
 
     def processing_since_s(self) -> float:

@@ -51,7 +51,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
 
     def pause(self) -> None:
         """Drop the images; the first one afterwards has no predecessor."""
-        self.images.clear()
+        self.drop_images()
         self.forget()
 
     def forget(self) -> None:
@@ -62,7 +62,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
             model = self._models.models[self.camera]
             self._tracker = landmark_tracker(model, self._map, self.settings, turn=self._turn)
         self.unanswered.clear()
-        self.images.thinning.forget()
+        self.thinning.forget()
 
     def waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
