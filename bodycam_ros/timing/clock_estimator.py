@@ -185,11 +185,15 @@ class ClockEstimator:
         self._cameras[name].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, DRIFT_SIGMA)]
 
     def _stray(self, names: Iterable[str]) -> None:
-        """The clocks of cameras are not what they were estimated to be, and not that of the others."""
+        """Cameras do not share their stamps with the others any more."""
         assert self.shared is not None
+        self.shared = replace(self.shared, cameras=self.shared.cameras - {*names})
+
+    def _free(self, names: Iterable[str]) -> None:
+        """The clocks of cameras are unknown."""
+        self._stray(names := list(names))
         for name in names:
             self._filter.free(self._filter.cameras.index(name))
-            self.shared = replace(self.shared, cameras=self.shared.cameras - {name})
 
     def _compare_stamps(self, from_ns: int, to_ns: int) -> None:
         """Which cameras left those that they shared stamps with; do cameras that started late share them?"""
@@ -198,7 +202,7 @@ class ClockEstimator:
         several = {name: own for name, own in stamps.items() if len(own) > 1}
         if len(several) > 1:
             together = find_shared_stamps(several).cameras or {self._filter.cameras[self._filter.reference]}
-            self._stray(sorted(set(several) - together))
+            self._free(sorted(set(several) - together))
         for name, camera in self._cameras.items():
             if not camera.clocks and camera.is_long:
                 triggered = any(share_stamps(camera.stamps_ns(), others) for others in several.values())
@@ -216,21 +220,19 @@ class ClockEstimator:
             self._update_clocks(from_ns, self._window_ns)
         for name, camera in self._cameras.items():
             if breaks[name] == self._window_ns and camera.clocks:
-                self._stray([name])
+                self._free([name])
                 camera.clocks.append(replace(camera.clocks[-1], since_ns=self._window_ns, at_ns=self._window_ns))
                 camera.forget(self._window_ns)
             camera.forget(self._window_ns - 2 * MARGIN_NS)
 
     def _update_clocks(self, from_ns: int, to_ns: int) -> None:
-        """Estimate all clocks from a window [ns]; a clock that contradicts its estimate is reset, once."""
+        """Estimate all clocks from a window [ns]."""
         clocks, images = self._filter, {name: camera.images for name, camera in self._cameras.items()}
         clocks.advance(1e-9 * (to_ns - self._filter_ns))
         self._filter_ns = to_ns
         linearise = partial(clock_evidence, self._body, images, floor=self._floor, window_ns=(from_ns, to_ns))
-        if off := clocks.update(linearise):
-            # The intervals are even, so these clocks did not jump: their estimates were wrong.
-            self._stray(off)
-            clocks.update(linearise, is_tested=False)
+        # Their intervals are even, so clocks that were reset did not jump: their estimates were wrong.
+        self._stray(clocks.update(linearise))
         estimates = np.column_stack([clocks.offsets, clocks.drifts, *clocks.sigmas]).tolist()
         for name, estimate in zip(clocks.cameras, estimates, strict=True):
             own = self._cameras[name].clocks

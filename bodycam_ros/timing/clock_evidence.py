@@ -6,7 +6,8 @@ articulated without gaps (A eq. 3-5), is eliminated on its own, as in the refine
 the delays' normal equations, with as many rows as there are cameras.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,25 +29,43 @@ _OUTLIER_SIGMAS = 4.0
 _LEAST_STAMPS = 5
 
 
+@dataclass(frozen=True, eq=False)
+class ClockEvidence:
+    """What a window shows of C clocks, linearised at offsets of these.
+
+    Attributes:
+        hessian: (C, C) by the clocks' delays [1/s^2].
+        gradient: (C) [1/s].
+        distances: (C) each camera's median distance from where the body has it, in its own sigmas; 0 without images.
+    """
+
+    hessian: Array
+    gradient: Array
+    distances: Array
+
+
 def clock_evidence(
     body: BodyModel,
     images: Mapping[str, Iterable[LandmarkMatches]],
     offsets: Mapping[str, float],
+    left_out: Collection[str] = (),
+    *,
     floor: Array,
     window_ns: tuple[int, int],
-) -> tuple[Array, Array] | None:
+) -> ClockEvidence | None:
     """Compare all cameras at the states of a window (A eq. 3-5, 8), linearised at predicted offsets of their clocks.
 
     Args:
         body: calibrated.
         images: camera -> its images, in order of time, some beyond both ends.
         offsets: C cameras -> predicted clock offset [s].
+        left_out: cameras whose images are not used.
         floor: (6, 6) covariance that is added to every registration's.
         window_ns: its two ends [ns].
 
     Returns:
-        Hessian (C, C) [1/s^2] and gradient (C) [1/s] by the delays beyond the prediction; a shift of all clocks
-        together changes nothing. None where too few cameras are registered.
+        By the delays beyond the prediction; a shift of all clocks together changes nothing. None where too few cameras
+        are registered.
     """
     stamps_ns, cameras = np.arange(*window_ns, round(1e9 / _RATE), dtype=np.int64), tuple(offsets)
     shape = len(stamps_ns), len(cameras)
@@ -61,7 +80,7 @@ def clock_evidence(
             and window_ns[0] - MARGIN_NS <= image.stamp_ns - ahead_ns <= window_ns[1] + MARGIN_NS
         ]
         # Equipment moves by itself: it carries no information on the body, nor the body on a camera there.
-        if not near or body.mounts[camera].segment in body.equipment_segments:
+        if not near or camera in left_out or body.mounts[camera].segment in body.equipment_segments:
             continue
         own_ns, own_poses, covariances = map(np.array, zip(*near, strict=True))
         path = CameraPath(own_ns, own_poses)
@@ -76,7 +95,8 @@ def clock_evidence(
     motion = motion_of_cameras(body, cameras, poses, twists, known, np.zeros(len(cameras), bool))
     errors = log_se3(inverse(poses) @ motion.world_T_camera())
     gradients = (information @ errors[..., None])[..., 0]
-    weights = distance_weights(np.einsum("tci,tci->tc", gradients, errors), known, _OUTLIER_SIGMAS) / _CORRELATED
+    squared = np.einsum("tci,tci->tc", gradients, errors)
+    weights = distance_weights(squared, known, _OUTLIER_SIGMAS) / _CORRELATED
     eliminated = eliminate_instants(
         motion.moving_jacobians(),
         motion.delay_jacobians(),
@@ -84,4 +104,7 @@ def clock_evidence(
         weights[..., None] * gradients,
     )
     hessian = eliminated.hessians.sum(axis=0)
-    return 0.5 * (hessian + hessian.T), eliminated.gradients.sum(axis=0)
+    distances = [
+        float(np.sqrt(np.median(own[there]))) if there.any() else 0.0 for own, there in zip(squared.T, known.T)
+    ]
+    return ClockEvidence(0.5 * (hessian + hessian.T), eliminated.gradients.sum(axis=0), np.array(distances))

@@ -1,10 +1,12 @@
 """Offset and drift of every camera's clock: a Kalman filter over windows of evidence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from typing import NamedTuple
 
 import numpy as np
 
 from bodycam_ros.geometry import Array
+from bodycam_ros.timing.clock_evidence import ClockEvidence
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S
 
 _REFERENCE_S = 1e-9  # sigma of the reference: a common offset of all clocks is not observable
@@ -13,7 +15,10 @@ _TRIGGER_DRIFT_SIGMA = 1e-7  # of a camera that triggers with the others
 _DRIFT_WALK = 4e-8  # [1/s per sqrt(s)] 1 ppm in ten minutes as cameras warm
 _SETTLED_S = 0.001  # delays that change by less need no further turn of a window
 _MOST_TURNS = 6  # of a window with clocks that moved; each leaves a fifth of the error
+_FAR_SIGMAS = 60.0  # median distance of a camera in a wrong place; of good ones 1 to 5
 _OFF_S, _OFF_SIGMAS = 0.006, 5.0  # a clock that is off by more, and by five sigmas, is reset; three are not rare
+
+Linearise = Callable[[dict[str, float], Collection[str]], ClockEvidence | None]
 
 
 class ClockFilter:
@@ -63,6 +68,7 @@ class ClockFilter:
 
     def free(self, row: int) -> None:
         """Reset one clock to unknown: it jumped, or its camera is not triggered after all."""
+        self._covariance = self._covariance.copy()
         if row == self.reference:
             others = self.sigmas[0]
             others[row] = np.inf
@@ -81,40 +87,68 @@ class ClockFilter:
         self.reference = row
         self._covariance[row, row] = _REFERENCE_S**2
 
-    def update(
-        self, linearise: Callable[[dict[str, float]], tuple[Array, Array] | None], is_tested: bool = True
-    ) -> list[str]:
+    def update(self, linearise: Linearise) -> list[str]:
         """Add a window's evidence.
 
+        A camera that is far from where the body has it at every delay of its clock, as one that is registered in a
+        wrong place, is no evidence of its clock and is left out of the window.
+
         Args:
-            linearise: Hessian (C, C) and gradient (C) of the delays beyond offsets of the cameras, or None.
-            is_tested: whether a window is left out that contradicts the estimates of some clocks.
+            linearise: evidence of the delays beyond offsets of the cameras, some of them left out, or None.
 
         Returns:
-            The cameras of those clocks: their estimates were wrong, or the reference's, if most are contradicted.
+            The cameras whose clocks contradicted their estimates, and were reset: their estimates were wrong, or the
+            reference's, if most are contradicted.
         """
+        before, left_out = (self._covariance, self.reference), set[str]()
+        while True:
+            fit, reset = self._fit(linearise, left_out), list[int]()
+            if fit is not None and (reset := self._contradicted(fit)):
+                for row in reset:
+                    self.free(row)
+                fit = self._fit(linearise, left_out)
+            if fit is None:
+                return []
+            farthest = int(np.argmax(fit.distances))
+            if fit.distances[farthest] < _FAR_SIGMAS:
+                break
+            left_out.add(self.cameras[farthest])
+            self._covariance, self.reference = before
+        gain = self._covariance[:, : len(self.cameras)] @ np.linalg.inv(fit.prior)
+        self.offsets, self.drifts = np.split(np.append(self.offsets, self.drifts) + gain @ fit.delays, 2)
+        covariance = self._covariance + gain @ (fit.posterior - fit.prior) @ gain.T
+        self._covariance = 0.5 * (covariance + covariance.T)
+        return [self.cameras[row] for row in reset]
+
+    def _fit(self, linearise: Linearise, left_out: Collection[str]) -> "_Fit | None":
         count = len(self.cameras)
         prior = self._covariance[:count, :count] + _REFERENCE_S**2 * np.eye(count)
         information, delays = np.linalg.inv(prior), np.zeros(count)
         for _ in range(_MOST_TURNS):
-            evidence = linearise(dict(zip(self.cameras, (self.offsets + delays).tolist(), strict=True)))
-            if evidence is None:
-                return []
-            posterior = np.linalg.inv(evidence[0] + information)
-            step = -posterior @ (evidence[1] + information @ delays)
+            offsets = dict(zip(self.cameras, (self.offsets + delays).tolist(), strict=True))
+            if (evidence := linearise(offsets, left_out)) is None:
+                return None
+            posterior = np.linalg.inv(evidence.hessian + information)
+            step = -posterior @ (evidence.gradient + information @ delays)
             delays = delays + step
             if np.abs(step).max() < _SETTLED_S:
                 break
+        return _Fit(delays, prior, posterior, evidence.distances)
+
+    def _contradicted(self, fit: "_Fit") -> list[int]:
+        """Rows of the clocks that are not what they were estimated to be."""
         # One measurement of variance v turns the variance b into a = b v / (b + v), and moves by b / (b + v) of itself.
-        before, after = np.diag(prior), np.diag(posterior)
+        before, after = np.diag(fit.prior), np.diag(fit.posterior)
         gained = np.maximum(before - after, 1e-6 * before)
-        alone = np.abs(delays) * before / gained
-        is_off = (alone > _OFF_S) & (alone > _OFF_SIGMAS * np.sqrt(before * after / gained + before))
-        if is_tested and is_off.any():
-            off = np.flatnonzero(is_off) if 2 * is_off.sum() <= count else [self.reference]
-            return [self.cameras[row] for row in off]
-        gain = self._covariance[:, :count] @ information
-        self.offsets, self.drifts = np.split(np.append(self.offsets, self.drifts) + gain @ delays, 2)
-        covariance = self._covariance + gain @ (posterior - prior) @ gain.T
-        self._covariance = 0.5 * (covariance + covariance.T)
-        return []
+        alone = np.abs(fit.delays) * before / gained
+        off = np.flatnonzero((alone > _OFF_S) & (alone > _OFF_SIGMAS * np.sqrt(before * after / gained + before)))
+        return off.tolist() if 2 * len(off) <= len(self.cameras) else [self.reference]
+
+
+class _Fit(NamedTuple):
+    """Delays (C) of a window, their covariance (C, C) before it and after it, and the cameras' distances (C)."""
+
+    delays: Array
+    prior: Array
+    posterior: Array
+    distances: Array

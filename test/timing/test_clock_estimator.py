@@ -1,5 +1,7 @@
 """Clocks of cameras that were started by hand, learned from a body of which everything is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from range_of_motion import START_NS
@@ -14,6 +16,7 @@ from started_by_hand import (
     watched,
 )
 
+from bodycam_ros.geometry import exp_se3
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
 
@@ -119,3 +122,26 @@ def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
             last_ns = image.stamp_ns - passed[-1].stamp_ns if passed else 0
     assert sum(held) == 0 and max(np.cumsum(held)) <= 1.05 * 30 * len(CAMERAS)
     assert 1e-9 * last_ns == pytest.approx(0.02, abs=0.004)
+
+
+@pytest.mark.parametrize("are_free", [False, True])
+@pytest.mark.parametrize("camera", ["waist_left", "forearm_left"])
+def test_a_camera_that_is_registered_in_a_wrong_place_is_no_evidence_of_its_clock(are_free: bool, camera: str) -> None:
+    recording = Recording(duration_s=10.0, runs=free_running() if are_free else {})
+    aside = exp_se3(np.array([0.0, 0.0, 0.0, 0.4, 0.0, 0.0]))
+    images = [
+        replace(image, world_T_camera=aside @ image.world_T_camera) if image.camera == camera else image
+        for image in recording.images()
+        if image.world_T_camera is not None
+    ]
+    watch, _ = watched(images)
+    assert (camera in watch.sharing) == (not are_free)
+    own = watch.clocks[camera]
+    assert abs(own.offset) < 1e-6 and own.offset_sigma >= (0.019 if are_free else 1e-4)
+    assert max(abs(error) for name, error in errors_s(watch, recording).items() if name != camera) < 0.004
+
+
+def test_a_clock_that_is_off_by_a_tenth_of_a_second_is_no_wrong_place() -> None:
+    recording = Recording(runs={"foot_left": CameraRun(ahead_s=0.1)})
+    watch, _ = watched(recording.images(), ClockSettings(sigma=0.1))
+    assert abs(errors_s(watch, recording)["foot_left"]) < 0.002

@@ -22,11 +22,11 @@ def images_of(recording: Recording) -> dict[str, list[LandmarkMatches]]:
 def delays(recording: Recording, prior_s: float = 0.05) -> dict[str, float]:
     """Camera -> the delay that its images show, of a clock that is known to ``prior_s``."""
     window_ns = FROM_NS, FROM_NS + 100_000_000 * INSTANTS
-    evidence = clock_evidence(BODY, images_of(recording), dict.fromkeys(CAMERAS, 0.0), FLOOR, window_ns)
+    evidence = clock_evidence(BODY, images_of(recording), dict.fromkeys(CAMERAS, 0.0), floor=FLOOR, window_ns=window_ns)
     assert evidence is not None
     sigmas = np.full(len(CAMERAS), prior_s)
     sigmas[CAMERAS.index(REFERENCE)] = 1e-9
-    found = -np.linalg.solve(evidence[0] + np.diag(sigmas**-2), evidence[1])
+    found = -np.linalg.solve(evidence.hessian + np.diag(sigmas**-2), evidence.gradient)
     return dict(zip(CAMERAS, found.tolist(), strict=True))
 
 
@@ -59,5 +59,5 @@ def test_a_delay_is_found_however_cameras_are_phased() -> None:
 
 def test_too_few_instants_say_nothing() -> None:
     window_ns = FROM_NS, FROM_NS + 300_000_000
-    few = clock_evidence(BODY, images_of(Recording()), dict.fromkeys(CAMERAS, 0.0), FLOOR, window_ns)
+    few = clock_evidence(BODY, images_of(Recording()), dict.fromkeys(CAMERAS, 0.0), floor=FLOOR, window_ns=window_ns)
     assert few is None
