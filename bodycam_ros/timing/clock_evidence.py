@@ -104,7 +104,6 @@ def clock_evidence(
         weights[..., None] * gradients,
     )
     hessian = eliminated.hessians.sum(axis=0)
-    distances = [
-        float(np.sqrt(np.median(own[there]))) if there.any() else 0.0 for own, there in zip(squared.T, known.T)
-    ]
-    return ClockEvidence(0.5 * (hessian + hessian.T), eliminated.gradients.sum(axis=0), np.array(distances))
+    by_camera = zip(squared.T, known.T, strict=True)
+    distances = np.sqrt([np.median(own[there]) if there.any() else 0.0 for own, there in by_camera])
+    return ClockEvidence(0.5 * (hessian + hessian.T), eliminated.gradients.sum(axis=0), distances)

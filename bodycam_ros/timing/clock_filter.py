@@ -128,12 +128,12 @@ class ClockFilter:
             offsets = dict(zip(self.cameras, (self.offsets + delays).tolist(), strict=True))
             if (evidence := linearise(offsets, left_out)) is None:
                 return None
-            posterior = np.linalg.inv(evidence.hessian + information)
+            posterior, distances = np.linalg.inv(evidence.hessian + information), evidence.distances
             step = -posterior @ (evidence.gradient + information @ delays)
             delays = delays + step
             if np.abs(step).max() < _SETTLED_S:
                 break
-        return _Fit(delays, prior, posterior, evidence.distances)
+        return _Fit(delays, prior, posterior, distances)
 
     def _contradicted(self, fit: "_Fit") -> list[int]:
         """Rows of the clocks that are not what they were estimated to be."""
