@@ -5,7 +5,7 @@ on, landmarks are looked for in all images by the photographs of the map, and on
 images show.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,16 +26,19 @@ _KEYPOINTS = 2000  # of an image; 600 give two thirds of the landmarks, in as go
 _PER_CELL = 20  # landmarks in each cell of an image; in the hall 2 leave 1.3 to 4.8 mm, 20 leave 0.4 to 2.6
 _AGREE_SIGMAS = 6.0  # of one image's pose from that of all; images of a static camera, half covered, stay within 5.2
 _STILL_PX = 1.0  # shift of the picture whatever the sigmas: a tripod gives way where people jump
-
-LEAST_IMAGES = 2
-"""Fewer do not show whether the camera moves, nor what in an image does."""
-
-_FEW = 0.5
-"""An image that shows less than this share of the usual landmarks is dark, or a person stands before it."""
-
+_LEAST_IMAGES = 2  # fewer do not show whether the camera moves, nor what in an image does
+_FEW = 0.5  # of the usual landmarks; an image with fewer is dark, or a person stands before it
 _SURE = 60
 """Landmarks by which an image is registered right, however many others show: those that were wrong by more than 50 mm,
 of 81 with half to three quarters of the picture covered, had 22, 32 and 56."""
+
+_ROUNDS = 2
+"""The first finds landmarks around a pose by descriptors, some pixels off, the second around its own."""
+
+_DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open
+_SHOW_MORE = (
+    "photograph what it sees and build the map again, or turn it to what the map covers (coverage.png in it shows that)"
+)
 
 
 @dataclass(frozen=True)
@@ -45,81 +48,6 @@ class StationsSettings(SettingsGroups):
     registrar: RegistrarSettings = RegistrarSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     direct: DirectSettings = DirectSettings()
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """What one image shows.
-
-    Attributes:
-        camera: that took it.
-        rows: (N,) of landmarks in the map.
-        points_world: (N, 3) where the map has them [m].
-        pixels: (N, 2) where the image has them.
-        fit: the pose by them alone.
-    """
-
-    camera: CameraModel
-    rows: NDArray[np.int64]
-    points_world: Array
-    pixels: Array
-    fit: PoseFit
-
-    @property
-    def count(self) -> int:
-        """Landmarks that agree."""
-        return int(self.fit.inliers.sum())
-
-    def apart(self, world_T_camera: Array) -> Array:
-        """(6,) from a pose to that of the image, rotation [rad] then translation [m]."""
-        return log_se3(inverse(world_T_camera) @ self.fit.world_T_camera)
-
-    def is_at(self, world_T_camera: Array) -> bool:
-        """Whether the image may have been taken from a pose (4, 4), or from so near that it hardly matters."""
-        xi = self.apart(world_T_camera)
-        if xi @ self.fit.information @ xi <= _AGREE_SIGMAS**2:
-            return True
-        points_world = self.points_world[self.fit.inliers]
-        here, there = (
-            self.camera.project(transform_points(inverse(pose), points_world))[0]
-            for pose in (self.fit.world_T_camera, world_T_camera)
-        )
-        # A landmark that is out of view from there is NaN, and so is the median.
-        return bool(np.median(np.linalg.norm(there - here, axis=1)) <= _STILL_PX)
-
-
-Views = Mapping[int, View]
-"""Number of an image -> what it shows."""
-
-
-def common_landmarks(views: Views) -> tuple[NDArray[np.int64], Array]:
-    """Rows (N,) of the landmarks that several views have, and where their medians have them (N, 2).
-
-    A landmark counts once: what is wrong with it, or with the photograph that shows it, is wrong in all images alike.
-    """
-    rows = np.concatenate([view.rows for view in views.values()])
-    pixels = np.concatenate([view.pixels for view in views.values()])
-    order = np.argsort(rows, kind="stable")
-    named, first, count = np.unique(rows[order], return_index=True, return_counts=True)
-    several = np.flatnonzero(count >= LEAST_IMAGES)
-    medians = [np.median(pixels[order[first[at] : first[at] + count[at]]], axis=0) for at in several]
-    return named[several], np.array(medians, np.float64).reshape(-1, 2)
-
-
-def informative(views: Views, sure: float = np.inf) -> dict[int, View]:
-    """The views that show about as many landmarks as the others, or as many as are sure to be right."""
-    usual = np.median([view.count for view in views.values()]) if views else 0.0
-    return {number: view for number, view in views.items() if view.count >= min(sure, _FEW * usual)}
-
-
-_ROUNDS = 2
-"""The first finds landmarks around a pose by descriptors, some pixels off, the second around its own."""
-
-_DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open
-
-_SHOW_MORE = (
-    "photograph what it sees and build the map again, or turn it to what the map covers (coverage.png in it shows that)"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +81,19 @@ class RegisteredStation:
         return float(1e3 * np.sqrt(np.trace(self.covariance[3:, 3:])))
 
 
+@dataclass(frozen=True, eq=False)
+class _View:
+    """What one image shows: landmarks by their rows (N,) in the map, at pixels (N, 2), and the pose by them alone."""
+
+    rows: NDArray[np.int64]
+    pixels: Array
+    fit: PoseFit
+
+    def apart(self, world_T_camera: Array) -> Array:
+        """(6,) from a pose to that of the image, rotation [rad] then translation [m]."""
+        return log_se3(inverse(world_T_camera) @ self.fit.world_T_camera)
+
+
 class StationRegistration:
     """Finds one static camera.
 
@@ -178,42 +119,48 @@ class StationRegistration:
             StationError: too few of the images show enough of the map, or the camera moves; the message has what to
                 do.
         """
-        if len(images) < LEAST_IMAGES:
-            raise self._error(f"{len(images)} of its images can be used, expected {LEAST_IMAGES} or more")
-        alone = self._each_alone(images)
-        if len(alone) < LEAST_IMAGES:
+        if len(images) < _LEAST_IMAGES:
+            raise self._error(f"{len(images)} of its images can be used, expected {_LEAST_IMAGES} or more")
+        alone = self._register_each(images)
+        if len(alone) < _LEAST_IMAGES:
             raise self._error(f"{len(alone)} of its {len(images)} images show where it stands; {_SHOW_MORE}")
         average = robust_average_pose(np.array([view.fit.world_T_camera for view in alone.values()]))
-        agreed = {number: view for number, view in alone.items() if view.is_at(average)}
-        if len(agreed) < LEAST_IMAGES:
-            raise self._moves(alone, average)
-        fit, used = self._together(agreed, average), len(agreed)
-        looked_for, fit_of_those = self._looked_for(images, fit)
-        if fit_of_those is not None and fit_of_those.inliers.sum() > fit.inliers.sum():
-            fit, used = fit_of_those, len(looked_for)
-        self._check_still(alone, looked_for, fit.world_T_camera)
+        agreed = [view for view in alone.values() if self._is_at(view, average)]
+        if len(agreed) < _LEAST_IMAGES:
+            raise self._moves(alone.values(), average)
+        fit, used = self._fit_common(agreed, average), len(agreed)
+        found, by_photographs = self._find_by_photographs(images, fit)
+        if by_photographs.inliers.sum() > fit.inliers.sum():
+            fit, used = by_photographs, len(found)
+        # An image that shows little of the place may be registered wrong by metres. So landmarks that were looked for
+        # from the pose count first, and its own registration only if it shows few of them.
+        telling = _informative(alone, _SURE) | _informative(found)
+        if elsewhere := [view for view in telling.values() if not self._is_at(view, fit.world_T_camera)]:
+            raise self._moves(elsewhere, fit.world_T_camera)
         return self._registered(fit, used, len(images))
 
-    def _each_alone(self, images: Sequence[NDArray[np.uint8]]) -> Views:
-        """The images that can be registered, each without regard to the others."""
-        settings = self._settings
+    def _register_each(self, images: Sequence[NDArray[np.uint8]]) -> dict[int, _View]:
+        """Number -> view of the images that can be registered, each without regard to the others."""
+        settings, views = self._settings, {}
         registration = ImageRegistration(self._camera, self._map, settings.registrar, settings.pose_fit, _KEYPOINTS)
-        views = {}
         for number, image in enumerate(images):
             matches = registration.register(image)
             if matches.world_T_camera is not None:
                 rows, _ = self._map.rows_of(matches.landmark_ids)
-                views[number] = self._view(rows, matches.pixels.astype(np.float64), matches.world_T_camera)
+                pixels = matches.pixels.astype(np.float64)
+                views[number] = _View(rows, pixels, self._fit(rows, pixels, matches.world_T_camera))
         return views
 
-    def _looked_for(self, images: Sequence[NDArray[np.uint8]], fit: PoseFit) -> tuple[Views, PoseFit | None]:
+    def _find_by_photographs(
+        self, images: Sequence[NDArray[np.uint8]], start: PoseFit
+    ) -> tuple[dict[int, _View], PoseFit]:
         """What all images show of the photographs of the map from a pose, and the pose by that.
 
-        None if the map has no photographs, or too few images show something of them.
+        Nothing, and the pose as it was, if the map has no photographs, or too few images show something of them.
         """
-        settings, photographs = self._settings, self._map.photographs
+        settings, photographs, fit, views = self._settings, self._map.photographs, start, dict[int, _View]()
         if photographs is None or not settings.direct.enabled:
-            return {}, None
+            return views, start
         asked = replace(settings.direct, per_cell=_PER_CELL)
         direct = DirectRegistration(self._camera, self._map, photographs, asked, settings.pose_fit)
         for _ in range(_ROUNDS):
@@ -221,57 +168,66 @@ class StationRegistration:
             for number, image in enumerate(images):
                 direct.add_image(image)
                 if (found := direct.find(fit.world_T_camera, None, 0)) is not None:
-                    views[number] = self._view(found.rows, found.pixels, found.world_T_camera)
-            if len(views) < LEAST_IMAGES:
-                return {}, None
-            fit = self._together(views, fit.world_T_camera)
+                    alone = self._fit(found.rows, found.pixels, found.world_T_camera)
+                    views[number] = _View(found.rows, found.pixels, alone)
+            if len(views) < _LEAST_IMAGES:
+                return {}, start
+            fit = self._fit_common(views.values(), fit.world_T_camera)
         return views, fit
 
-    def _check_still(self, alone: Views, looked_for: Views, world_T_camera: Array) -> None:
-        """Refuse a camera whose images show that it was elsewhere than at a pose (4, 4).
+    def _fit_common(self, views: Collection[_View], near: Array) -> PoseFit:
+        """One pose by the landmarks that several views have, where their medians have them (A eq. 8, first term).
 
-        An image that shows little of the place may be registered wrong by metres. So landmarks that were looked for
-        from the pose count first, and its own registration only if it shows few of them.
+        A landmark counts once: what is wrong with it, or with its photograph, is wrong in all images alike.
         """
-        telling = informative(alone, _SURE) | informative(looked_for)
-        elsewhere = {number: view for number, view in telling.items() if not view.is_at(world_T_camera)}
-        if elsewhere:
-            raise self._moves(elsewhere, world_T_camera)
+        rows = np.concatenate([view.rows for view in views])
+        order = np.argsort(rows, kind="stable")
+        pixels = np.concatenate([view.pixels for view in views])[order]
+        named, first, count = np.unique(rows[order], return_index=True, return_counts=True)
+        several = np.flatnonzero(count >= _LEAST_IMAGES)
+        medians = [np.median(pixels[first[at] : first[at] + count[at]], axis=0) for at in several]
+        return self._fit(named[several], np.array(medians, np.float64).reshape(-1, 2), near)
 
-    def _moves(self, views: Views, world_T_camera: Array) -> StationError:
-        apart = np.array([view.apart(world_T_camera) for view in views.values()])
+    def _fit(self, rows: NDArray[np.int64], pixels: Array, near: Array) -> PoseFit:
+        return fit_pose(self._camera, self._map.points_world[rows], pixels, near, self._settings.pose_fit)
+
+    def _is_at(self, view: _View, world_T_camera: Array) -> bool:
+        """Whether an image may have been taken from a pose (4, 4), or from so near that it hardly matters."""
+        xi = view.apart(world_T_camera)
+        if xi @ view.fit.information @ xi <= _AGREE_SIGMAS**2:
+            return True
+        points_world = self._map.points_world[view.rows[view.fit.inliers]]
+        here, there = (
+            self._camera.project(transform_points(inverse(pose), points_world))[0]
+            for pose in (view.fit.world_T_camera, world_T_camera)
+        )
+        # A landmark that is out of view from there is NaN, and so is the median.
+        return bool(np.median(np.linalg.norm(there - here, axis=1)) <= _STILL_PX)
+
+    def _registered(self, fit: PoseFit, images: int, asked: int) -> RegisteredStation:
+        landmarks, covariance = int(fit.inliers.sum()), np.full((6, 6), np.inf)
+        if landmarks >= self._settings.registrar.min_inliers and np.linalg.cond(fit.information) < _DEGENERATE:
+            covariance = np.asarray(np.linalg.inv(fit.information), np.float64)
+        if not np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2:
+            raise self._error(f"its images have {landmarks} landmarks of the map in common, too few; {_SHOW_MORE}")
+        station = Station(self._camera.name, fit.world_T_camera, self._camera)
+        error_px = float(np.sqrt(np.mean(fit.errors_px[fit.inliers] ** 2)))
+        return RegisteredStation(station, images, asked, landmarks, error_px, covariance)
+
+    def _moves(self, views: Collection[_View], world_T_camera: Array) -> StationError:
+        apart = np.array([view.apart(world_T_camera) for view in views])
         turn, shift = (np.linalg.norm(part, axis=1).max() for part in np.split(apart, 2, axis=1))
         return self._error(
             f"it moves, by {1e3 * shift:.0f} mm and {np.degrees(turn):.1f} deg at least; fix it and record again, or "
             "leave it out (--cameras) if it is worn"
         )
 
-    def _together(self, views: Views, near: Array) -> PoseFit:
-        """One pose by the landmarks that several views have (A eq. 8, first term)."""
-        rows, pixels = common_landmarks(views)
-        return self._fit(rows, pixels, near)
-
-    def _registered(self, fit: PoseFit, images: int, asked: int) -> RegisteredStation:
-        registrar, landmarks = self._settings.registrar, int(fit.inliers.sum())
-        covariance = np.full((6, 6), np.inf)
-        if landmarks >= registrar.min_inliers and np.linalg.cond(fit.information) < _DEGENERATE:
-            covariance = np.asarray(np.linalg.inv(fit.information), np.float64)
-        if not np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2:
-            raise self._error(f"its images have {landmarks} landmarks of the map in common, too few; {_SHOW_MORE}")
-        return RegisteredStation(
-            Station(self._camera.name, fit.world_T_camera, self._camera),
-            images,
-            asked,
-            landmarks,
-            float(np.sqrt(np.mean(fit.errors_px[fit.inliers] ** 2))),
-            covariance,
-        )
-
-    def _view(self, rows: NDArray[np.int64], pixels: Array, near: Array) -> View:
-        return View(self._camera, rows, self._map.points_world[rows], pixels, self._fit(rows, pixels, near))
-
-    def _fit(self, rows: NDArray[np.int64], pixels: Array, near: Array) -> PoseFit:
-        return fit_pose(self._camera, self._map.points_world[rows], pixels, near, self._settings.pose_fit)
-
     def _error(self, problem: str) -> StationError:
         return StationError(f"camera {self._camera.name}: {problem}")
+
+
+def _informative(views: dict[int, _View], sure: float = np.inf) -> dict[int, _View]:
+    """The views that show about as many landmarks as the others, or as many as are sure to be right."""
+    counts = {number: int(view.fit.inliers.sum()) for number, view in views.items()}
+    usual = float(np.median([*counts.values()])) if counts else 0.0
+    return {number: view for number, view in views.items() if counts[number] >= min(sure, _FEW * usual)}
