@@ -58,11 +58,6 @@ class LiveMapper(LocalMapper):
         elif selection.is_due(matches):
             self._request_keyframe(camera)
 
-    def clear(self) -> int:
-        """Remove all added landmarks; returns how many there were."""
-        self._pending.clear()
-        return super().clear()
-
     def _add_pending(self) -> None:
         """Process one pending keyframe."""
         if self._pending and self.enabled:

@@ -183,21 +183,11 @@ class LocalMapper:
         """The added landmarks, in the order of their slots."""
         return [point for _, point in sorted(self._landmarks.items())]
 
-    def clear(self) -> int:
-        """Remove all added landmarks; returns how many there were."""
-        removed = self.landmarks
-        for point in list(self._landmarks.values()):
-            self._remove(point)
-        self._kept.clear()
-        self.take_changes()
-        return removed
-
     def restore(self, added: AddedLandmarks) -> int:
-        """Replace the added landmarks by those of an earlier run; returns how many there was room for.
+        """Begin with the added landmarks of an earlier run; returns how many there was room for.
 
         They are the first to be replaced until they are observed again.
         """
-        self.clear()
         count = min(len(added), len(self._free))
         for one in added[:count]:
             saved = one["descriptors"], one["views"], one["sizes"]

@@ -43,15 +43,20 @@ def segment_poses_message(
     )
 
 
-def segment_poses(message: Message) -> SegmentMeasurements:
+def segment_poses(message: Message, station: str = "") -> SegmentMeasurements:
     """Content of a bodycam_msgs/SegmentPoses.
 
+    Args:
+        station: that it must be from, if one is given.
+
     Raises:
-        ValueError: the station is missing, an array does not have one value for each segment, a segment is listed
-            twice, a pose is not finite, a covariance is not one, or a confidence is not from 0 to 1.
+        ValueError: the station is missing or another one, an array does not have one value for each segment, a segment
+            is listed twice, a pose is not finite, a covariance is not one, or a confidence is not from 0 to 1.
     """
     if not message.station:
         raise ValueError("the name of the station is empty")
+    if station and message.station != station:
+        raise ValueError(f"it is from {message.station}")
     segments, candidates = _once(message.segments), _once(message.looked_for)
     for field, values, count in (
         ("poses", message.poses, len(segments)),
@@ -114,7 +119,9 @@ def latest_state(message: Message, body: BodyModel) -> LatestState:
     measured = segment_poses(message)
     segments = tuple(each.segment for each in measured.evidence)
     if segments != body.segments:
-        raise ValueError(f"its segments are {', '.join(segments)}; expected {', '.join(body.segments)}")
+        raise ValueError(
+            f"its segments are {', '.join(segments)}; expected {', '.join(body.segments)}; is it of another body?"
+        )
     observed = body.named(name for name, share in measured.confidence.items() if share and name in body.segments)
     poses = np.array([each.world_T_segment for each in measured.evidence])
     covariances = np.array([each.covariance for each in measured.evidence])

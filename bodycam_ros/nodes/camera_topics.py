@@ -219,17 +219,9 @@ class CameraModels:
 
 def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tuple[float, ...]], object]) -> None:
     """Call a function with each sample of a camera's inertial sensor: its stamp [ns] and reading."""
-    topic = f"{camera}{IMU_TOPIC}"
-
-    def add(cdr: bytes) -> None:
-        try:
-            sample = imu_row_of_cdr(cdr)
-        except ValueError as error:
-            stage.dropped.add("inertial samples dropped", f"{topic}: malformed message ({error})")
-        else:
-            receive(*sample)
-
-    stage.subscription(IMU_TYPE, topic, add, best_effort(_SENSOR_DEPTH), adapts=True, raw=True)
+    sampled = IMU_TYPE, f"{camera}{IMU_TOPIC}", imu_row_of_cdr, lambda sample: receive(*sample)
+    quality = best_effort(_SENSOR_DEPTH)
+    stage.converted_subscription(*sampled, "inertial samples dropped", quality, adapts=True, raw=True)
 
 
 class CameraTimings:

@@ -14,7 +14,6 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import StationError
 from bodycam_ros.live.node_parameters import REGION_GROUPS, RegionTrackerParameters
 from bodycam_ros.messages.diagnostics import Status
-from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
     SEGMENT_POSES_TYPE,
@@ -68,7 +67,8 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
             self._placed = read_start(Path(given.start), file, stations, self._body)
         self._latest: deque[LatestState] = deque(maxlen=2)
         self._poses = self.publisher(SEGMENT_POSES_TYPE, f"{self.camera}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
-        self.subscription(SEGMENT_POSES_TYPE, SEGMENTS_NOW, self._add_body, latched(STAGE_DEPTH), even_inactive=True)
+        solved = SEGMENT_POSES_TYPE, SEGMENTS_NOW, partial(latest_state, body=self._body)
+        self.converted_subscription(*solved, self._add_body, "bodies dropped", latched(STAGE_DEPTH), even_inactive=True)
         self.forget()
         self.subscribe_images()
         self.trigger("~/reset", self._reset)
@@ -133,16 +133,11 @@ class RegionStage(ImageStage[RegionTrackerParameters]):
         tally.segments.update(each.segment for each in measured.evidence)
         tally.confidence += sum(confidence[each.segment] for each in measured.evidence)
 
-    def _reset(self) -> tuple[bool, str]:
+    def _reset(self) -> str:
         self.restart()
-        return True, f"camera {self.camera} restarts: the initial estimate is the solver's, or the start file's"
+        return f"camera {self.camera} restarts: the initial estimate is the solver's, or the start file's"
 
-    def _add_body(self, message: Message) -> None:
-        try:
-            now = latest_state(message, self._body)
-        except ValueError as error:
-            self.dropped.add("bodies dropped", f"{SEGMENTS_NOW}: {error}; is it the solver of another body?")
-            return
+    def _add_body(self, now: LatestState) -> None:
         self._set_body(now)
         self.call_later(self.process_next)
 

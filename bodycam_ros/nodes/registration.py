@@ -5,8 +5,6 @@ from collections import defaultdict
 from functools import partial
 from pathlib import Path
 
-from std_srvs.srv import SetBool
-
 import bodycam_ros.registration.relocalisation  # noqa: F401  it loads pycolmap, which only the main thread may
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
@@ -17,8 +15,7 @@ from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.live.stored_map import StoredMap
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
-from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, camera_timing
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, camera_timing
 from bodycam_ros.messages.tracks import (
     LANDMARKS_TYPE,
     TRACKS_TYPE,
@@ -89,19 +86,16 @@ class RegistrationStage(Stage[RegistrationParameters]):
         points = of.publish_map
         self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched()) if points else None
         for each in cameras:
-            set_timing, add_tracks = partial(self._set_timing, each), partial(self._add_tracks, each)
-            self.subscription(TIMING_TYPE, f"{each}{TIMING}", set_timing, latched(_TIMINGS), even_inactive=True)
-            self.subscription(TRACKS_TYPE, f"{each}/tracks", add_tracks, deep)
+            add, kind = partial(self._set_timing, each), "timing messages dropped"
+            timed = TIMING_TYPE, f"{each}{TIMING}", camera_timing
+            self.converted_subscription(*timed, add, kind, latched(_TIMINGS), even_inactive=True)
+            tracked = TRACKS_TYPE, f"{each}/tracks", partial(track_frame, camera=each)
+            self.converted_subscription(*tracked, partial(self._add_tracks, each), "track messages dropped", deep)
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)
-        grown_map = self._grown_map
-        self.every(_SAVE_POLL_S, lambda: grown_map.poll(self.parameters.save_interval), even_inactive=True)
+        self.every(_SAVE_POLL_S, lambda: self._grown_map.poll(self.parameters.save_interval), even_inactive=True)
         self.trigger("~/reset", self._reset)
-        self.trigger("~/save_map", lambda: (True, grown_map.save()))
-        self.trigger("~/load_map", lambda: (True, grown_map.load()))
-        self.trigger("~/reset_map", lambda: (True, grown_map.reset()))
-        self.service(SetBool, "~/grow", lambda request: (True, grown_map.set_growth(bool(request.data))))
 
     def activate(self) -> None:
         """Publish the map."""
@@ -136,12 +130,9 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._growth.start_camera(camera, model)
         self._described.discard(camera)
 
-    def _reset(self) -> tuple[bool, str]:
+    def _reset(self) -> str:
         self._restart()
-        return (
-            True,
-            f"{len(self.registrars)} cameras restart; added landmarks stay in the map (~/reset_map drops them)",
-        )
+        return f"{len(self.registrars)} cameras restart; added landmarks stay in the map"
 
     def _request_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
@@ -154,24 +145,14 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self.registrars.pop(camera, None)
             self._waiting.pop(camera, None)
 
-    def _set_timing(self, camera: str, message: Message) -> None:
-        try:
-            timing = camera_timing(message)
-        except ValueError as error:
-            self.dropped.add("timing messages dropped", f"{camera}/timing: {error}")
-            return
+    def _set_timing(self, camera: str, timing: CameraTiming) -> None:
         if timing.readout is not None:
             # Of those of several sources the best known counts.
             self._readouts[camera][timing.source] = timing.readout
             if camera in self.registrars:
                 self.registrars[camera].set_readout(timing.readout)
 
-    def _add_tracks(self, camera: str, message: Message) -> None:
-        try:
-            frame = track_frame(message, camera)
-        except ValueError as error:
-            self.dropped.add("track messages dropped", f"{camera}/tracks: malformed message ({error})")
-            return
+    def _add_tracks(self, camera: str, frame: TrackFrame) -> None:
         self.moments.note(Moment.TRACKS_RECEIVED, camera, frame.stamp_ns)
         if camera in self._cameras.rejected:
             return

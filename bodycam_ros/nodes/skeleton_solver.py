@@ -24,7 +24,6 @@ from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics, equipment_status
 from bodycam_ros.live.solver_stations import read_static_cameras, static_measurement
 from bodycam_ros.messages.diagnostics import Status
-from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
     SEGMENT_POSES_TYPE,
@@ -83,8 +82,8 @@ class SolverStage(Stage[SolverParameters]):
         self._now = self.publisher(SEGMENT_POSES_TYPE, SEGMENTS_NOW, latched(2)) if stations else None
         self._now_ns = -1
         for station in stations:
-            add_static = partial(self._add_static, station)
-            self.subscription(SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", add_static, reliable(STAGE_DEPTH))
+            measured = SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", partial(segment_poses, station=station)
+            self.converted_subscription(*measured, self._add_static, "segment poses dropped", reliable(STAGE_DEPTH))
         self._timings = CameraTimings(self, carried)
         self._started = self._is_described = False
         self._waiting: list[LandmarkMatches | SegmentMeasurements] = []
@@ -92,15 +91,16 @@ class SolverStage(Stage[SolverParameters]):
         self._lost = LostMessages()
         self._first_info_s: float | None = None
         for camera in carried:
-            add_landmarks = partial(self._add_landmarks, camera)
-            self.subscription(LANDMARKS_TYPE, f"{camera}/landmarks", add_landmarks, reliable(STAGE_DEPTH))
+            registered = LANDMARKS_TYPE, f"{camera}/landmarks", partial(landmark_matches, camera=camera)
+            self.converted_subscription(
+                *registered, self._add_landmarks, "registrations dropped", reliable(STAGE_DEPTH)
+            )
             subscribe_sensor(self, camera, partial(self._add_sample, camera))
-        self.trigger("~/flush", lambda: (True, f"{self._flush()} frames published"))
+        self.trigger("~/flush", lambda: f"{self._flush()} frames published")
         self.trigger("~/reset", self._reset)
         if self._calibration is not None:
-            calibration = self._calibration
-            self.trigger("~/calibrate", lambda: (True, calibration.make_body()))
-            self.trigger("~/start_calibration", lambda: (True, calibration.restart()))
+            self.trigger("~/calibrate", self._calibration.make_body)
+            self.trigger("~/start_calibration", self._calibration.restart)
             self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model, self._add_image)
@@ -126,13 +126,13 @@ class SolverStage(Stage[SolverParameters]):
         self.pause()
         self._topics.finish()
 
-    def _reset(self) -> tuple[bool, str]:
+    def _reset(self) -> str:
         """Forget the motion, the clocks and the cameras."""
         flushed = self._flush()
         self._forget_waiting()
         if self._pipeline is not None:
             self._solve()
-        return True, f"{flushed} frames published; the body restarts"
+        return f"{flushed} frames published; the body restarts"
 
     def _forget_waiting(self) -> None:
         self._waiting.clear()
@@ -235,12 +235,8 @@ class SolverStage(Stage[SolverParameters]):
             self._solve()
             self._describe(body)
 
-    def _add_landmarks(self, camera: str, message: Message) -> None:
-        try:
-            matches = landmark_matches(message, camera)
-        except ValueError as error:
-            self.dropped.add("registrations dropped", f"{camera}/landmarks: malformed message ({error})")
-            return
+    def _add_landmarks(self, matches: LandmarkMatches) -> None:
+        camera = matches.camera
         self.moments.note(Moment.LANDMARKS_RECEIVED, camera, matches.stamp_ns)
         if self._lost.add(camera, matches.stamp_ns, matches.previous_stamp_ns):
             reason = f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
@@ -255,14 +251,7 @@ class SolverStage(Stage[SolverParameters]):
         if self._pipeline is not None:
             self._pipeline.add_image(stamp_ns)
 
-    def _add_static(self, station: str, message: Message) -> None:
-        try:
-            measured = segment_poses(message)
-            if measured.station != station:
-                raise ValueError(f"it is from {measured.station}")
-        except ValueError as error:
-            self.dropped.add("segment poses dropped", f"{station}{SEGMENT_POSES}: malformed message ({error})")
-            return
+    def _add_static(self, measured: SegmentMeasurements) -> None:
         # The wait for the models of body cameras starts here, too.
         self._first_info_s = self._first_info_s or time.monotonic()
         self._receive(measured)

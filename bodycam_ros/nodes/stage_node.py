@@ -29,6 +29,7 @@ from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.settings import SettingsGroups
 
 P = TypeVar("P", bound=ManagedParameters)
+T = TypeVar("T")
 
 _REPORT_S = 1.0
 _DIAGNOSTICS_DEPTH = 100
@@ -144,26 +145,50 @@ class Stage(Generic[P]):
         )
         return self.node.keep(self.node.destroy_subscription, made)
 
+    def converted_subscription(
+        self,
+        type_name: str,
+        topic: str,
+        convert: Callable[[Any], T],
+        callback: Callable[[T], object],
+        kind: str,
+        quality: QoSProfile,
+        **options: bool,
+    ) -> None:
+        """A subscription whose messages are converted first.
+
+        Args:
+            convert: a message for which it raises ValueError is dropped.
+            kind: name of the count of these ("tracks dropped").
+            options: of ``subscription``.
+        """
+
+        def receive(message: Any) -> None:
+            try:
+                converted = convert(message)
+            except ValueError as error:
+                self.dropped.add(kind, f"{topic}: malformed message ({error})")
+            else:
+                callback(converted)
+
+        self.subscription(type_name, topic, receive, quality, **options)
+
     def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Any:
         """Call back regularly, in real time; see ``guarded``."""
         made = self.node.create_timer(seconds, self.guarded(callback, even_inactive), clock=_STEADY)
         return self.node.keep(self.node.destroy_timer, made)
 
-    def service(self, kind: Any, name: str, callback: Callable[[Message], tuple[bool, str]]) -> Any:
-        """A service whose answer has ``success`` and ``message``; a BodycamError is answered too."""
+    def trigger(self, name: str, callback: Callable[[], str]) -> Any:
+        """A service ``std_srvs/Trigger``, which answers with what was done, or with the text of a BodycamError."""
 
         def answer(request: Message, response: Message) -> Message:
             try:
-                response.success, response.message = callback(request)
+                response.success, response.message = True, callback()
             except BodycamError as error:
                 response.success, response.message = False, str(error)
             return response
 
-        return self.node.keep(self.node.destroy_service, self.node.create_service(kind, name, answer))
-
-    def trigger(self, name: str, callback: Callable[[], tuple[bool, str]]) -> Any:
-        """A service ``std_srvs/Trigger``."""
-        return self.service(Trigger, name, lambda request: callback())
+        return self.node.keep(self.node.destroy_service, self.node.create_service(Trigger, name, answer))
 
     def call_later(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
         """Call back once, after all messages that have arrived by now."""
@@ -211,7 +236,7 @@ class StageNode(LifecycleNode, Generic[P]):
             enable_logger_service=True,
         )
         self._stage_type = stage_type
-        self.stage: Stage[P] | None = None
+        self.stage: Any = None
         self.is_active = False
         self.failure: BodycamError | None = None
         self._error_text = ""
@@ -269,24 +294,23 @@ class StageNode(LifecycleNode, Generic[P]):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make the stage."""
-        return self._step(self._configure, super().on_configure, state)
+        return self._step(self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start the stage."""
-        return self._step(self._activate, super().on_activate, state)
+        return self._step(lambda: self.stage.activate(), is_active=True)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Pause the stage."""
-        return self._step(self._deactivate, super().on_deactivate, state)
+        return self._step(lambda: self.stage.pause())
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy the stage, unless its last step fails."""
-        return self._step(self._cleanup, super().on_cleanup, state)
+        return self._step(self._cleanup)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy the stage. The node stays, finalized, until its process ends."""
-        self.is_active = False
-        self._step(self._cleanup, super().on_shutdown, state)
+        self._step(self._cleanup)
         self._drop()
         return TransitionCallbackReturn.SUCCESS
 
@@ -304,16 +328,6 @@ class StageNode(LifecycleNode, Generic[P]):
             raise
         self.parameters.is_configured = True
 
-    def _activate(self) -> None:
-        assert self.stage is not None
-        self.stage.activate()
-        self.is_active = True
-
-    def _deactivate(self) -> None:
-        assert self.stage is not None
-        self.is_active = False
-        self.stage.pause()
-
     def _cleanup(self) -> None:
         if self.stage is not None:
             self.stage.finish()
@@ -329,13 +343,9 @@ class StageNode(LifecycleNode, Generic[P]):
             # A map is large, and subscriptions are in reference cycles.
             self.executor.create_task(gc.collect)
 
-    def _step(
-        self,
-        step: Callable[[], None],
-        of_rclpy: Callable[[LifecycleState], TransitionCallbackReturn],
-        state: LifecycleState,
-    ) -> TransitionCallbackReturn:
-        """A transition, whose error is logged here, for rclpy drops it."""
+    def _step(self, step: Callable[[], object], is_active: bool = False) -> TransitionCallbackReturn:
+        """A transition; its error is logged here, for rclpy drops it."""
+        self.is_active = False
         if self.failure is not None:
             return TransitionCallbackReturn.ERROR
         try:
@@ -351,8 +361,8 @@ class StageNode(LifecycleNode, Generic[P]):
             self._error_text = traceback.format_exc()
             self.get_logger().error(self._error_text)
             return TransitionCallbackReturn.ERROR
-        self._error_text = ""
-        return of_rclpy(state)
+        self.is_active, self._error_text = is_active, ""
+        return TransitionCallbackReturn.SUCCESS
 
     def _changed(self) -> None:
         if self.stage is not None:

@@ -19,6 +19,7 @@ from bodycam_ros.nodes.camera_topics import CameraModels, subscribe_sensor
 from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
 
@@ -38,7 +39,8 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._tracker: LandmarkTracker | None = None
         self._readers = 0
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
-        self.subscription(LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH))
+        answer = LANDMARKS_TYPE, f"{self.camera}/landmarks", partial(landmark_matches, camera=self.camera)
+        self.converted_subscription(*answer, self._add_landmarks, "landmarks dropped", reliable(STAGE_DEPTH))
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._request_keyframe, reliable(1))
         self._turn: CameraTurn | None = None
         self._sensor = self._read_sensor()
@@ -92,11 +94,11 @@ class TrackerStage(ImageStage[TrackerParameters]):
         tally.add_image(arrival_s)
         tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
 
-    def _reset(self) -> tuple[bool, str]:
+    def _reset(self) -> str:
         if self._tracker is None:
-            return True, f"nothing to reset: there is no {self.camera}/camera_info"
+            return f"nothing to reset: there is no {self.camera}/camera_info"
         self.restart()
-        return True, f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
+        return f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
 
     def _set_model(self, camera: str) -> None:
         self.forget()
@@ -110,13 +112,8 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._readers = readers
         return bool(readers)
 
-    def _add_landmarks(self, message: Message) -> None:
+    def _add_landmarks(self, matches: LandmarkMatches) -> None:
         if self._tracker is None:
-            return
-        try:
-            matches = landmark_matches(message, self.camera)
-        except ValueError as error:
-            self.dropped.add("landmarks dropped", f"{self.camera}/landmarks: malformed message ({error})")
             return
         # Answers to frames before a restart do not concern the current tracks.
         if self.unanswered.answer(matches.stamp_ns):

@@ -1,4 +1,4 @@
-"""A registration whose map grows: after a crash it goes on from what was saved, and its services do as they say.
+"""A registration whose map grows: after a crash it goes on from what was saved.
 
 Beside it one that keeps nothing.
 """
@@ -84,8 +84,6 @@ class Tracker:
 
 
 def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
-    from std_srvs.srv import SetBool, Trigger
-
     small_map().save(tmp_path / "map")
     given = {"map": str(tmp_path / "map"), "cameras": [CAMERA.name], "grown_map": str(tmp_path / "grown")}
     kept = tmp_path / "grown/registration"
@@ -115,36 +113,11 @@ def test_what_has_grown_outlives_a_crash(graph: Any, tmp_path: Path) -> None:
     tracker.inform()
     assert tracker.is_where_it_is(tracker.see_unknown()), "registered by what had grown before the crash"
 
-    def call(service: str, kind: Any = Trigger, **fields: Any) -> tuple[bool, str]:
-        answer = graph.call(f"/registration/{service}", kind, **fields)
-        return answer.success, answer.message
-
-    assert call("grow", SetBool, data=False) == (True, "the map does not grow")
-    assert call("save_map") == (True, f"100 added landmarks saved in {kept}")
-    # A copy, to come back to.
-    ReferenceMap.load(kept).save(tmp_path / "copy")
-    assert call("reset_map") == (True, "100 landmarks dropped")
-    assert tracker.see_unknown().world_T_camera is None, "nothing but photographs is left"
-    empty = ("0", "0")
-    graph.until(lambda: (says("landmarks added"), says("changes not saved")) == empty, _SOON_S, "that is saved at once")
-    assert ReferenceMap.load(kept).grown == 0, "what was dropped does not come back"
-    ReferenceMap.load(tmp_path / "copy").save(kept, force=True)
-    assert call("load_map") == (True, f"100 landmarks loaded from {kept}")
-    assert tracker.is_where_it_is(tracker.see_unknown())
-    small_map(seed=2).save(kept, force=True)
-    refused, text = call("load_map")
-    assert not refused and "extends another one than" in text
-    assert call("save_map")[0]
-    assert call("grow", SetBool, data=True) == (True, "the map grows")
-
     other_half = unknown_points(30, seed=9)
     descriptors = np.concatenate([small_map().descriptors, descriptors_of(len(other_half), 9)])
     for _ in range(5):
         tracker.say(small_map().points_world, other_half, descriptors=descriptors)
     graph.until(lambda: int(says("landmarks added")) > 120, _SOON_S, "the map grows on")
 
-    for service in ("save_map", "load_map"):
-        answer = graph.call(f"/keeps_nothing/{service}", Trigger)
-        assert (answer.success, "'grown_map' names no folder" in answer.message) == (False, True)
     assert second.end() == 0
     assert ReferenceMap.load(kept).grown > 120, "it is saved before the node goes"
