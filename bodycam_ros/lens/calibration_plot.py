@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
+from scipy.stats import binned_statistic
 
 from bodycam_ros.lens.lens_calibration import LensCalibration
 from bodycam_ros.lens.lens_quality import CELLS, TRUSTED_RADIUS
 from bodycam_ros.picture_style import FAINT, GOOD, INK, QUIET, WARNING, light_grid, open_picture, panel_title
 
 _INCHES = (13.0, 5.5)
-_LEAST_IN_BIN = 3
 _LETTERS = 165  # of a line of the verdict
 _BINS = 12
 
@@ -57,20 +57,15 @@ def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
     )
     panel_title(axes, "Errors by distance from the centre", note)
     height, width = calibration.is_lit.shape
-    middle = 0.5 * np.array([width - 1, height - 1])
+    at = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1) / radius
     top = max(0.1, float(np.percentile(validation.errors_px, 98.0)) * 1.3)
-    for pixels, errors, colour, label in (
-        (validation.pixels, validation.errors_px, INK, "pictures left out, median"),
-        (fit.pixels, fit.errors_px, GOOD, "pictures fitted, median"),
+    axes.scatter(at, np.minimum(validation.errors_px, top), s=3.0, c=QUIET, alpha=0.35, linewidths=0.0)
+    for errors, colour, label in (
+        (validation.errors_px, INK, "pictures left out, median"),
+        (fit.errors_px, GOOD, "pictures fitted, median"),
     ):
-        at = np.linalg.norm(pixels - middle, axis=1) / radius
-        if colour == INK:
-            axes.scatter(at, np.minimum(errors, top), s=3.0, c=QUIET, alpha=0.35, linewidths=0.0)
-        edges = np.linspace(0.0, 1.0, _BINS + 1)
-        bins = np.clip(np.digitize(at, edges) - 1, 0, _BINS - 1)
-        full = [k for k in range(_BINS) if (bins == k).sum() >= _LEAST_IN_BIN]
-        medians = [float(np.median(errors[bins == k])) for k in full]
-        axes.plot([0.5 * (edges[k] + edges[k + 1]) for k in full], medians, color=colour, linewidth=1.6, label=label)
+        medians, edges, _ = binned_statistic(at, errors, "median", _BINS, (0.0, 1.0))
+        axes.plot(0.5 * (edges[:-1] + edges[1:]), medians, color=colour, linewidth=1.6, label=label)
     light_grid(axes)
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, top)

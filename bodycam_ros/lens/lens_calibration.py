@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,9 +47,13 @@ _LEAST_GROUP = 4
 class ModelTrial:
     """A camera model that was tried."""
 
-    model: str
     fit: LensFit
     validation: Validation
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.fit.camera.distortion_model
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,7 @@ def calibrate_lens(
     with progress.step("fitting lenses", len(models)) as advance:
         for model in models:
             trial = fit_lens(as_model(model, fit), fit.views, fit.poses)
-            trials.append(ModelTrial(model, trial, validate(trial, ray_grid(is_lit, reach))))
+            trials.append(ModelTrial(trial, validate(trial, ray_grid(is_lit, reach))))
             advance()
     best = _best(trials, ray_grid(is_lit))
     _check_one_camera(best, ray_grid(is_lit))
@@ -159,16 +163,10 @@ def _check_one_camera(best: ModelTrial, grid: Array) -> None:
         return
     gains, errors = [], []
     for rows in large.values():
-        own = validate(fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]), grid)
-        of_group = np.isin(together.pictures, rows)
-        shared = replace(
-            together,
-            errors_px=together.errors_px[of_group],
-            spreads=together.spreads[of_group],
-            pictures=np.searchsorted(rows, together.pictures[of_group]),
-        )
-        gains.append(_gains(own, shared))
-        errors.append(own.median_px)
+        own = fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows])
+        validation = validate(own, grid)
+        gains.append(_gains(own, validation.errors_px, together.errors_px[np.isin(fit.rows, rows)]))
+        errors.append(validation.median_px)
     if _is_beyond_chance(np.concatenate(gains), _TWO_CAMERAS):
         raise LensError(
             f"pictures {' and '.join(large)} were taken by different cameras: pictures left out are off by "
@@ -202,23 +200,18 @@ def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:
     whole = [trial for trial in finite if trial.fit.camera.unproject(grid)[1].all()] or finite
     best = whole[0]
     for trial in whole[1:]:
-        if _is_better(trial.validation, best.validation):
+        gains = _gains(trial.fit, trial.validation.errors_px, best.validation.errors_px)
+        if _is_beyond_chance(gains, _BEYOND_CHANCE):
             best = trial
     return best
 
 
-def _is_better(one: Validation, other: Validation) -> bool:
-    """Whether a lens explains pictures left out better than another."""
-    return _is_beyond_chance(_gains(one, other), _BEYOND_CHANCE)
-
-
-def _gains(one: Validation, other: Validation) -> Array:
-    """By how much better each picture, left out, is explained by one lens than by another; their noise differs."""
-    orders = [np.argsort(validation.pictures, kind="stable") for validation in (one, other)]
-    errors = [(v.errors_px / v.spreads)[order] for v, order in zip((one, other), orders, strict=True)]
-    scale = _TAIL * min(float(np.median(e)) for e in errors)
-    gains = np.log1p((errors[1] / scale) ** 2) - np.log1p((errors[0] / scale) ** 2)
-    return np.asarray(np.bincount(one.pictures[orders[0]], gains), np.float64)
+def _gains(fit: LensFit, one_px: Array, other_px: Array) -> Array:
+    """By how much better each picture (V,), left out, is explained by errors (N,) of one lens than of another."""
+    one, other = one_px / fit.spreads, other_px / fit.spreads
+    scale = _TAIL * min(float(np.median(one)), float(np.median(other)))
+    gains = np.log1p((other / scale) ** 2) - np.log1p((one / scale) ** 2)
+    return np.asarray(np.bincount(fit.rows, gains), np.float64)
 
 
 def _is_beyond_chance(gains: Array, sigmas: float) -> bool:

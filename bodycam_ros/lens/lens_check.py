@@ -125,9 +125,7 @@ def match_lens(camera: CameraModel, pairs: Iterable[PointPair]) -> LensMatch:
 
 def match_images(camera: CameraModel, images: Iterable[Grey], most_images: int = _BAG_IMAGES) -> LensMatch:
     """Compare a calibration with successive images, grey (H, W), until there are enough pairs."""
-    points = _PairTracker()
-    pairs = (pair for image in islice(images, most_images) if (pair := points.add(image)) is not None)
-    return match_lens(camera, islice(pairs, _PAIRS))
+    return match_lens(camera, islice(_point_pairs(islice(images, most_images)), _PAIRS))
 
 
 def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]:
@@ -160,33 +158,26 @@ def warn_of_mismatch(source: "MovingCamera") -> None:
         logger.warning("%s: %s", source.name, match.text)
 
 
-class _PairTracker:
-    """Tracks points from image to image until they have moved far enough for a pair."""
-
-    def __init__(self) -> None:
-        self._previous: Grey | None = None
-        self._first = self._points = np.zeros((0, 2), np.float32)
-        self._age = 0
-
-    def add(self, image: Grey) -> PointPair | None:
-        """The pair of images with common points that this image (H, W) completes, if any."""
+def _point_pairs(images: Iterable[Grey]) -> Iterator[PointPair]:
+    """Common points of pairs of images (H, W), tracked from image to image until they have moved far enough."""
+    previous: Grey | None = None
+    first = points = np.zeros((0, 2), np.float32)
+    age = 0
+    for image in images:
         scale = min(1.0, _WIDTH / image.shape[1])
         small = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
-        pair: PointPair | None = None
-        if self._previous is not None and len(self._points):
-            points, kept = follow(self._previous, small, self._points, self._points)
-            self._first, self._points = self._first[kept], points[kept]
-            self._age += 1
-            shifts = np.linalg.norm(self._points - self._first, axis=1)
+        if previous is not None and len(points):
+            followed, kept = follow(previous, small, points, points)
+            first, points, age = first[kept], followed[kept], age + 1
+            shifts = np.linalg.norm(points - first, axis=1)
             if len(shifts) >= _MIN_POINTS and np.median(shifts) >= _MIN_SHIFT * small.shape[1]:
-                pair = _full_size(self._first, scale), _full_size(self._points, scale)
-                self._points = self._points[:0]
-        if len(self._points) < _MIN_POINTS or self._age >= _MAX_IMAGES:
+                yield _full_size(first, scale), _full_size(points, scale)
+                points = points[:0]
+        if len(points) < _MIN_POINTS or age >= _MAX_IMAGES:
             corners = cv2.goodFeaturesToTrack(small, _POINTS, 0.01, 7.0)
-            self._points = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
-            self._first, self._age = self._points, 0
-        self._previous = small
-        return pair
+            first = points = np.zeros((0, 2), np.float32) if corners is None else corners.reshape(-1, 2)
+            age = 0
+        previous = small
 
 
 def _full_size(pixels: NDArray[np.float32], scale: float) -> Array:

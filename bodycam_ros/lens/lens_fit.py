@@ -21,7 +21,7 @@ from bodycam_ros.lens.board_detector import BoardView, board_pose
 _STEP = 1e-6  # of a coefficient, for its derivative
 
 
-def derivatives_by_lens(camera: CameraModel, points_camera: Array) -> Array:
+def _derivatives_by_lens(camera: CameraModel, points_camera: Array) -> Array:
     """Derivatives (N, 2, 4 + D) of the pixels of points (N, 3) by fx, fy, cx, cy and the D coefficients.
 
     Zero where a lens that differs by a step does not see the point.
@@ -51,44 +51,58 @@ _TAIL = 3.0  # of the errors' scale: what is farther off counts a half or less
 _MAD = 1.4826 / 1.1774  # a median of lengths in the plane to the standard deviation along one axis
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LensFit:
-    """A lens, and where the board was.
+    """A lens, and where the board was; points (N) are those of all pictures, one after the other.
 
     Attributes:
         camera: the lens.
         views: the pictures that it was fitted to.
         poses: (V, 4, 4) camera_T_board of each.
-        residuals: (N, 2) [px] of all points, picture by picture; measured minus projected.
-        rows: (N,) picture of each point.
     """
 
     camera: CameraModel
     views: tuple[BoardView, ...]
     poses: Array
-    residuals: Array
-    rows: NDArray[np.int64]
+
+    @cached_property
+    def pixels(self) -> Array:
+        """(N, 2) where the points are."""
+        return np.concatenate([view.pixels for view in self.views])
+
+    @cached_property
+    def spreads(self) -> Array:
+        """(N,) how uncertain they are."""
+        return np.concatenate([view.spreads for view in self.views])
+
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """(N,) picture of each."""
+        return np.repeat(np.arange(len(self.views)), [len(view.pixels) for view in self.views])
+
+    @cached_property
+    def points_camera(self) -> Array:
+        """(N, 3) in the camera [m]."""
+        points = np.concatenate([view.points_board for view in self.views])
+        turned: Array = np.einsum("nij,nj->ni", self.poses[self.rows, :3, :3], points)
+        return turned + self.poses[self.rows, :3, 3]
+
+    @cached_property
+    def residuals(self) -> Array:
+        """(N, 2) projected minus measured [px], over the point's spread."""
+        projected, valid = self.camera.project(self.points_camera)
+        return np.where(valid[:, None], projected - self.pixels, _LOST_PX) / self.spreads[:, None]
 
     @cached_property
     def errors_px(self) -> Array:
-        """(N,) lengths of the residuals."""
-        errors: Array = np.linalg.norm(self.residuals, axis=1)
+        """(N,) from where a point was measured to where it projects."""
+        errors: Array = np.linalg.norm(self.residuals, axis=1) * self.spreads
         return errors
 
     @property
     def median_px(self) -> float:
         """Median error of a point [px]."""
         return float(np.median(self.errors_px))
-
-    @property
-    def pixels(self) -> Array:
-        """(N, 2) of all points."""
-        return np.concatenate([view.pixels for view in self.views])
-
-    @property
-    def spreads(self) -> Array:
-        """(N,) of all points."""
-        return np.concatenate([view.spreads for view in self.views])
 
 
 def with_lens(camera: CameraModel, lens: Array) -> CameraModel:
@@ -114,73 +128,44 @@ def fit_lens(
         fixed: leave the lens as it is, for pictures that it was not fitted to.
         rounds: how often the weights are found anew.
     """
-    bundle = _Bundle(camera, views, fixed)
-    lens = lens_numbers(camera)
-    errors = bundle.residuals(lens, poses)
-    scale = _FIRST_SCALE_PX
+    fit, scale = LensFit(camera, tuple(views), poses), _FIRST_SCALE_PX
     for _ in range(rounds):
-        median = float(np.median(np.linalg.norm(errors, axis=1)))
+        median = float(np.median(np.linalg.norm(fit.residuals, axis=1)))
         scale = min(scale, _TAIL * max(_LEAST_SCALE_PX, _MAD * median))
-        lens, poses, errors = bundle.descend(lens, poses, errors, scale)
-    return LensFit(with_lens(camera, lens), tuple(views), poses, -errors * bundle.spreads[:, None], bundle.rows)
+        fit = _descend(fit, scale, fixed)
+    return fit
 
 
-class _Bundle:
-    """A lens and poses of a board, and the pictures that they are fitted to."""
-
-    def __init__(self, camera: CameraModel, views: Sequence[BoardView], fixed: bool) -> None:
-        self._camera, self._fixed = camera, fixed
-        self._points = np.concatenate([view.points_board for view in views])
-        self._pixels = np.concatenate([view.pixels for view in views])
-        self.spreads = np.concatenate([view.spreads for view in views])
-        counts = [len(view.pixels) for view in views]
-        self.rows = np.repeat(np.arange(len(views)), counts)
-        self._starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-
-    def residuals(self, lens: Array, poses: Array) -> Array:
-        """(N, 2) projected minus measured [px], over the point's spread."""
-        projected, valid = with_lens(self._camera, lens).project(self._in_camera(poses))
-        errors: Array = np.where(valid[:, None], projected - self._pixels, _LOST_PX) / self.spreads[:, None]
-        return errors
-
-    def descend(self, lens: Array, poses: Array, errors: Array, scale: float) -> tuple[Array, Array, Array]:
-        """Lens, poses and residuals at the least cost."""
-        damping, cost = 1e-3, _cost(errors, scale)
-        for _ in range(_STEPS):
-            equations = self._normal_equations(lens, poses, errors, scale)
-            while damping < 1e8:
-                pose_steps, lens_step = _solve(*equations, damping)
-                new_lens, new_poses = lens + (0.0 if self._fixed else lens_step), _moved(poses, pose_steps)
-                if _possible(new_lens, self._camera):
-                    new_errors = self.residuals(new_lens, new_poses)
-                    new_cost = _cost(new_errors, scale)
-                    if new_cost < cost:
-                        break
-                damping *= 10.0
-            else:
+def _descend(fit: LensFit, scale: float, fixed: bool) -> LensFit:
+    """The fit at the least cost."""
+    damping, cost = 1e-3, _cost(fit, scale)
+    for _ in range(_STEPS):
+        equations = _normal_equations(fit, scale, fixed)
+        while damping < 1e8:
+            new = _moved(fit, *_solve(*equations, damping))
+            new_cost = _cost(new, scale) if new else np.inf
+            if new and new_cost < cost:
                 break
-            gain = (cost - new_cost) / cost
-            lens, poses, errors, cost = new_lens, new_poses, new_errors, new_cost
-            damping = max(1e-12, 0.1 * damping)
-            if gain < _CONVERGED:
-                break
-        return lens, poses, errors
+            damping *= 10.0
+        else:
+            break
+        gain = (cost - new_cost) / cost
+        fit, cost, damping = new, new_cost, max(1e-12, 0.1 * damping)
+        if gain < _CONVERGED:
+            break
+    return fit
 
-    def _in_camera(self, poses: Array) -> Array:
-        turned: Array = np.einsum("nij,nj->ni", poses[self.rows, :3, :3], self._points)
-        return turned + poses[self.rows, :3, 3]
 
-    def _normal_equations(self, lens: Array, poses: Array, errors: Array, scale: float) -> tuple[Array, Array]:
-        """Matrices (V, 6 + L, 6 + L) and right sides (V, 6 + L) of each picture: pose, then lens unless fixed."""
-        camera, points = with_lens(self._camera, lens), self._in_camera(poses)
-        _, by_point, valid = camera.project_with_jacobian(points)
-        parts = [-by_point @ hat(points), by_point]
-        parts += [] if self._fixed else [derivatives_by_lens(camera, points)]
-        J = np.where(valid[:, None, None], np.concatenate(parts, axis=2), 0.0) / self.spreads[:, None, None]
-        weights = 1.0 / (1.0 + np.sum(errors**2, axis=1) / scale**2)
-        weighted = np.swapaxes(J, 1, 2) * weights[:, None, None]
-        right = (weighted @ errors[:, :, None])[..., 0]
-        return np.add.reduceat(weighted @ J, self._starts, axis=0), np.add.reduceat(right, self._starts, axis=0)
+def _normal_equations(fit: LensFit, scale: float, fixed: bool) -> tuple[Array, Array]:
+    """Matrices (V, 6 + L, 6 + L) and right sides (V, 6 + L) of each picture: pose, then lens unless fixed."""
+    _, by_point, valid = fit.camera.project_with_jacobian(fit.points_camera)
+    parts = [-by_point @ hat(fit.points_camera), by_point]
+    parts += [] if fixed else [_derivatives_by_lens(fit.camera, fit.points_camera)]
+    J = np.where(valid[:, None, None], np.concatenate(parts, axis=2), 0.0) / fit.spreads[:, None, None]
+    weights = 1.0 / (1.0 + np.sum(fit.residuals**2, axis=1) / scale**2)
+    weighted = np.swapaxes(J, 1, 2) * weights[:, None, None]
+    right, starts = (weighted @ fit.residuals[:, :, None])[..., 0], np.searchsorted(fit.rows, range(len(fit.views)))
+    return np.add.reduceat(weighted @ J, starts, axis=0), np.add.reduceat(right, starts, axis=0)
 
 
 def _solve(matrices: Array, right: Array, damping: float) -> tuple[Array, Array]:
@@ -200,23 +185,24 @@ def _solve(matrices: Array, right: Array, damping: float) -> tuple[Array, Array]
     return -(along + across @ lens_step), lens_step
 
 
-def _moved(poses: Array, steps: Array) -> Array:
-    """Poses (V, 4, 4) turned and shifted in the camera frame by steps (V, 6)."""
-    moved = exp_so3(steps[:, :3]) @ poses[:, :3]
-    moved[:, :, 3] += steps[:, 3:]
-    return rigid(moved[:, :, :3], moved[:, :, 3])
+def _moved(fit: LensFit, pose_steps: Array, lens_step: Array) -> LensFit | None:
+    """The fit with poses turned and shifted in the camera frame (V, 6), and another lens; None if there is no such."""
+    poses = exp_so3(pose_steps[:, :3]) @ fit.poses[:, :3]
+    poses = rigid(poses[:, :, :3], poses[:, :, 3] + pose_steps[:, 3:])
+    camera = fit.camera
+    if len(lens_step):
+        lens = lens_numbers(camera) + lens_step
+        largest = 20.0 * max(camera.width, camera.height)
+        if not (np.isfinite(lens).all() and (lens[:2] > 1.0).all() and (lens[:2] < largest).all()):
+            return None
+        if camera.distortion_model == "fov" and not 0.0 <= lens[4] < np.pi - 0.01:
+            return None
+        camera = with_lens(camera, lens)
+    return LensFit(camera, fit.views, poses)
 
 
-def _cost(errors: Array, scale: float) -> float:
-    return float(np.log1p(np.sum(errors**2, axis=1) / scale**2).sum())
-
-
-def _possible(lens: Array, camera: CameraModel) -> bool:
-    """Whether a camera may have these numbers."""
-    largest = 20.0 * max(camera.width, camera.height)
-    if not (np.isfinite(lens).all() and (lens[:2] > 1.0).all() and (lens[:2] < largest).all()):
-        return False
-    return camera.distortion_model != "fov" or 0.0 <= lens[4] < np.pi - 0.01
+def _cost(fit: LensFit, scale: float) -> float:
+    return float(np.log1p(np.sum(fit.residuals**2, axis=1) / scale**2).sum())
 
 
 _FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)

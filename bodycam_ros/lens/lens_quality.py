@@ -1,6 +1,7 @@
 """How far a fitted lens is to be trusted, by pictures that were left out of the fit, and what to film to mend it."""
 
 from dataclasses import dataclass
+from itertools import compress
 
 import cv2
 import numpy as np
@@ -36,16 +37,13 @@ class Validation:
     """Errors of pictures that were left out.
 
     Attributes:
-        errors_px: (N,) of all points, each by the lens that was fitted without its picture, where that places it.
-        pixels, spreads, pictures: (N, 2) of them, (N,) how uncertain they are, and (N,) the picture of each.
+        errors_px: (N,) of all points of the fit, each by the lens that was fitted without its picture, where that
+            places it.
         ray_errors_px: (G,) expected error of the ray of each pixel of the grid; infinite where the lens has none.
         lens_sigma: standard deviations of fx, fy, cx, cy [px] and the distortion.
     """
 
     errors_px: Array
-    pixels: Array
-    spreads: Array
-    pictures: NDArray[np.int64]
     ray_errors_px: Array
     lens_sigma: Array
 
@@ -93,28 +91,19 @@ def validate(fit: LensFit, grid: Array) -> Validation:
         fit: the whole.
         grid: (G, 2) pixels at which rays are compared.
     """
-    pictures = np.arange(len(fit.views))
-    folds = min(_FOLDS, len(pictures))
-    tests, rows = [], []
+    folds = min(_FOLDS, len(fit.views))
+    errors_px = np.empty(len(fit.rows))
     squares, lens_squares = np.zeros(len(grid)), np.zeros(len(lens_numbers(fit.camera)))
     for fold in range(folds):
-        left_out = pictures[pictures % folds == fold]
-        used = np.setdiff1d(pictures, left_out)
-        part = fit_lens(fit.camera, [fit.views[row] for row in used], fit.poses[used], rounds=_FOLD_ROUNDS)
-        test = fit_lens(part.camera, [fit.views[row] for row in left_out], fit.poses[left_out], True, _FOLD_ROUNDS)
-        tests.append(test)
-        rows.append(left_out[test.rows])
+        is_out = np.arange(len(fit.views)) % folds == fold
+        used, left_out = (list(compress(fit.views, rows)) for rows in (~is_out, is_out))
+        part = fit_lens(fit.camera, used, fit.poses[~is_out], rounds=_FOLD_ROUNDS)
+        test = fit_lens(part.camera, left_out, fit.poses[is_out], True, _FOLD_ROUNDS)
+        errors_px[is_out[fit.rows]] = test.errors_px
         squares += ray_difference_px(fit.camera, part.camera, grid) ** 2
         lens_squares += (lens_numbers(part.camera) - lens_numbers(fit.camera)) ** 2
     share = (folds - 1) / folds
-    return Validation(
-        errors_px=np.concatenate([test.errors_px for test in tests]),
-        pixels=np.concatenate([test.pixels for test in tests]),
-        spreads=np.concatenate([test.spreads for test in tests]),
-        pictures=np.concatenate(rows),
-        ray_errors_px=np.sqrt(share * squares),
-        lens_sigma=np.sqrt(share * lens_squares),
-    )
+    return Validation(errors_px, np.sqrt(share * squares), np.sqrt(share * lens_squares))
 
 
 def ray_difference_px(camera: CameraModel, other: CameraModel, grid: Array) -> Array:
