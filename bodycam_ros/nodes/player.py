@@ -6,7 +6,9 @@ It starts once all readers have subscribed, so that the graph gets the first ima
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
+from heapq import merge
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +20,11 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
-from bodycam_ros.live.playback import IMAGES, LATCHED, Playback, camera_of
-from bodycam_ros.messages.diagnostics import few
+from bodycam_ros.live.played_video import IMAGES, LATCHED, PlayedVideo, camera_of
+from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.factory import time_message
-from bodycam_ros.messages.images import COMPRESSED_VIDEO
+from bodycam_ros.messages.images import COMPRESSED_VIDEO, INFO, image_stamp_ns
+from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
 from bodycam_ros.moments import Moment, Moments
 from bodycam_ros.nodes.parameters import (
     STAGE_DEPTH,
@@ -34,6 +37,8 @@ from bodycam_ros.nodes.parameters import (
 )
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_reader import sensor_topics
 
 _CLOCK = "rosgraph_msgs/msg/Clock"
 
@@ -68,38 +73,71 @@ class Player(Node):
         self._make = node_messages(self._prefix)
         self._diagnostics = Diagnostics(self, self._make)
         self._moments = Moments(Path(given.moments) if given.moments else None)
+        self._dropped = DroppedMessages(self.get_logger().warning)
         self._state, self._wanted = "waiting for readers", given.readers
         self._lacking_since_s: float | None = None
+        self._started_s: float | None = None
+        self._count, self._behind_s = 0, 0.0  # since the start of the bag
 
     def work(self, stopped: Callable[[], bool]) -> None:
-        """Wait for readers, play the bag, and wait until all is acknowledged."""
-        warn, has_video = self.get_logger().warning, is_installed(COMPRESSED_VIDEO)
-        self._playback = Playback(self._path, self._given, self._prefix, has_video, DroppedMessages(warn), warn)
-        self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._playback.played.items()}
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_REPORT_S, self._report, clock=steady)
-        if self._given.clock > 0.0:
-            clock = self.create_publisher(message_class(_CLOCK), "/clock", reliable(1))
-            self.create_timer(1.0 / self._given.clock, lambda: clock.publish(self._clock_message()), clock=steady)
-        is_over = threading.Event()
-        server = threading.Thread(target=spin, args=(self, is_over.is_set))
-        server.start()
-        try:
-            with self._playback:
-                self._wait_for_readers(stopped)
-                self._state, self._wanted = "playing", 1
-                while not stopped():
-                    self._play(stopped)
-                    if not self._given.loop or not self._playback.count:
-                        break
+        """Wait for readers, play the bag, and wait until all is acknowledged.
+
+        Raises:
+            RecordingError: a bag cannot be read, has none of the cameras or of their inertial sensors, or is not read.
+        """
+        with ExitStack() as opened:
+            self._open(opened)
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self.create_timer(_REPORT_S, self._report, clock=steady)
+            if self._given.clock > 0.0:
+                clock = self.create_publisher(message_class(_CLOCK), "/clock", reliable(1))
+                self.create_timer(1.0 / self._given.clock, lambda: clock.publish(self._clock_message()), clock=steady)
+            is_over = threading.Event()
+            server = threading.Thread(target=spin, args=(self, is_over.is_set))
+            server.start()
+            opened.callback(server.join)
+            opened.callback(is_over.set)
+            self._wait_for_readers(stopped)
+            self._state, self._wanted = "playing", 1
+            while not stopped():
+                self._play(stopped)
+                if not self._given.loop or not self._count:
+                    break
             self._wait_until_received(stopped)
-        finally:
-            is_over.set()
-            server.join()
 
     def finish(self) -> None:
         """Write the times at which frames were published."""
         self._moments.write()
+
+    def _open(self, opened: ExitStack) -> None:
+        """Open the bags; choose what is played of them."""
+        given, bag = self._given, opened.enter_context(BagFile(self._path))
+        self._start_ns = bag.start_ns
+        self._sources = {bag: self._choose_topics(bag.topics)}
+        if given.imu:
+            sensors = opened.enter_context(BagFile(Path(given.imu)))
+            own = {camera_of(topic) for topic in self._sources[bag] if topic.endswith(IMU_TOPIC)}
+            others = {*map(camera_of, self._sources[bag])} - own
+            self._sources[sensors] = dict.fromkeys(sensor_topics(sensors, others), IMU_TYPE)
+        chosen = {topic: kind for topics in self._sources.values() for topic, kind in topics.items()}
+        drop = partial(self._dropped.add, "frames dropped")
+        self._video = PlayedVideo(chosen, drop, self._prefix, is_installed(COMPRESSED_VIDEO))
+        self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._video.played.items()}
+
+    def _choose_topics(self, there: dict[str, str]) -> dict[str, str]:
+        """Topic -> type of what is played."""
+        asked = self._given.cameras
+        topics = {topic: kind for topic, kind in there.items() if camera_of(topic)}
+        cameras = dict.fromkeys(camera_of(topic) for topic in topics if topic.endswith(IMAGES))
+        if not cameras:
+            raise RecordingError(f"{self._path}: no camera to play; expected topics such as /head{IMAGES[0]}")
+        if not asked:
+            return topics
+        if not {*asked} & {*cameras}:
+            raise RecordingError(f"{self._path}: has no images of {', '.join(asked)}; it has {', '.join(cameras)}")
+        if lacking := [camera for camera in asked if camera not in cameras]:
+            self.get_logger().warning(f"{self._path} has no images of {', '.join(lacking)}")
+        return {topic: kind for topic, kind in topics.items() if camera_of(topic) in asked}
 
     def _publisher(self, topic: str, kind: str) -> Any:
         quality = latched() if topic.endswith(LATCHED) else reliable(STAGE_DEPTH)
@@ -108,8 +146,32 @@ class Player(Node):
         name = topic.lstrip("/")
         return self.create_publisher(message_class(kind), name, quality, qos_overriding_options=options)
 
+    @property
+    def _now_ns(self) -> int:
+        """Time of the recording that is played now [ns]; just before its start until then."""
+        if self._started_s is None:
+            return self._start_ns - 1
+        return self._start_ns + round(1e9 * self._given.rate * (time.monotonic() - self._started_s))
+
+    def _left_s(self, due_ns: int) -> float:
+        """Time until a message is due [s]."""
+        return 1e-9 * (due_ns - self._now_ns) / self._given.rate
+
     def _clock_message(self) -> Any:
-        return self._make(_CLOCK, clock=time_message(self._make, self._playback.now_ns))
+        return self._make(_CLOCK, clock=time_message(self._make, self._now_ns))
+
+    def _lacking(self) -> list[str]:
+        """Topics that too few nodes read, with the number of nodes; of images one reader is enough."""
+        lacking, played, wanted = [], self._video.played, self._wanted
+        for camera in dict.fromkeys(map(camera_of, played)):
+            of_images = [f"/{camera}{ending}" for ending in IMAGES if f"/{camera}{ending}" in played]
+            # A bag may have them raw and compressed; one of the two is enough.
+            if of_images and not any(map(self._count_readers, of_images)):
+                lacking.append(f"{of_images[0]} (no node)")
+            info = f"/{camera}{INFO}"
+            if camera not in self._given.image_only and info in played and (n := self._count_readers(info)) < wanted:
+                lacking.append(f"{info} ({n} of {wanted} nodes)")
+        return lacking
 
     def _count_readers(self, topic: str) -> int:
         """Number of connected nodes; a node may have several subscriptions."""
@@ -122,7 +184,7 @@ class Player(Node):
         given, started_s = self._given, time.monotonic()
         if not given.readers:
             return
-        while not stopped() and (lacking := self._playback.lacking(given.readers, self._count_readers)):
+        while not stopped() and (lacking := self._lacking()):
             if time.monotonic() - started_s > given.reader_wait:
                 raise RecordingError(
                     f"after {given.reader_wait:g} s too few nodes read {few(lacking)}; start the other "
@@ -133,19 +195,30 @@ class Player(Node):
         _wait(lambda: settled_s - time.monotonic(), stopped)
 
     def _play(self, stopped: Callable[[], bool]) -> None:
-        started_s = time.monotonic()
-        playback = self._playback
-        for due_ns, topic, stamp_ns, serialized in playback.messages():
-            _wait(partial(playback.left_s, due_ns), stopped)
-            if stopped():
-                return
-            if topic.endswith(IMAGES):
-                self._moments.note(Moment.PLAYED, camera_of(topic), stamp_ns)
-            self._outputs[topic].publish(serialized)
+        """Play the bag from its start to its end."""
+        self._count, self._behind_s, self._started_s = 0, 0.0, time.monotonic()
+        started_s, video = self._started_s, self._video
+        video.restart()
+        recorded = (bag.messages([*({*topics} & {*video.sources})]) for bag, topics in self._sources.items())
+        for topic, due_ns, message in merge(*recorded, key=lambda each: each[1]):
+            self._behind_s = max(self._behind_s, -self._left_s(due_ns))
+            for played, serialized in video.serialized(topic, message):
+                _wait(partial(self._left_s, due_ns), stopped)
+                if stopped():
+                    return
+                if played.endswith(IMAGES):
+                    self._moments.note(Moment.PLAYED, camera_of(played), image_stamp_ns(message))
+                self._publish(played, serialized)
+        for played, serialized in video.rest():
+            self._publish(played, serialized)
         elapsed_s = time.monotonic() - started_s
         self.get_logger().info(
-            f"played {playback.count} messages in {elapsed_s:.1f} s, at most {playback.behind_s:.2f} s behind"
+            f"played {self._count} messages in {elapsed_s:.1f} s, at most {self._behind_s:.2f} s behind"
         )
+
+    def _publish(self, topic: str, serialized: bytes) -> None:
+        self._count += 1
+        self._outputs[topic].publish(serialized)
 
     def _wait_until_received(self, stopped: Callable[[], bool]) -> None:
         deadline_s = time.monotonic() + _LAST_READERS_S
@@ -156,12 +229,20 @@ class Player(Node):
 
     def _report(self) -> None:
         """Publish the state; warn of missing readers after a while in which a reader may restart."""
-        now_s, lacking = time.monotonic(), self._playback.lacking(self._wanted, self._count_readers)
+        now_s, lacking = time.monotonic(), self._lacking()
         self._lacking_since_s = (self._lacking_since_s or now_s) if lacking else None
         if self._lacking_since_s is not None and now_s - self._lacking_since_s > _COMPLAINT_S:
             text = f"{self._state}; too few nodes read {few(lacking)}"
             self.get_logger().warning(text, throttle_duration_sec=_COMPLAINT_S)
-        self._diagnostics.publish([self._playback.report(self.get_name(), self._state, lacking)])
+        values: dict[str, object] = {
+            "messages played": self._count,
+            "time [s]": round(1e-9 * self._now_ns, 1),
+            "largest delay [s]": round(self._behind_s, 2),
+            "readers lacking": few(lacking) or "none",
+            **self._dropped.values,
+        }
+        level = StatusLevel.WARN if lacking else StatusLevel.OK
+        self._diagnostics.publish([Status(self.get_name(), level, self._state, values)])
 
 
 def _wait(left_s: Callable[[], float], stopped: Callable[[], bool]) -> None:

@@ -34,7 +34,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_frames_are_played_as_a_replay_decodes_them(bag: Path) -> None:
-    from bodycam_ros.live.playback import PlayedVideo
+    from bodycam_ros.live.played_video import PlayedVideo
 
     with open_recording(bag) as recording:
         expected = {image.stamp_ns: decode_grey(image) for image in recording.images(["left"])}
