@@ -1,14 +1,23 @@
-"""Map extension while cameras are registered live: keyframes are requested, and processed when no image waits."""
+"""Map extension while cameras are registered live.
 
+Keyframes are requested, and processed when no image waits; the map that grows is kept in a folder.
+"""
+
+import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.errors import BodycamError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
-from bodycam_ros.mapping.extendable_map import make_extendable
+from bodycam_ros.mapping.extendable_map import load_added_landmarks, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
+from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 
@@ -20,10 +29,7 @@ class LiveMapper(LocalMapper):
         settings: whether, and by how much at most.
         request_keyframe: requests new features from a camera's tracker.
         defer: calls back once, after the images that wait by now have been registered.
-
-    Attributes:
-        enabled: whether landmarks are added and removed.
-        dropped: keyframes that were replaced by a newer one of their camera before they were processed.
+        on_error: called with each new reason why the map could not be written.
     """
 
     def __init__(
@@ -32,13 +38,18 @@ class LiveMapper(LocalMapper):
         settings: GrowthSettings,
         request_keyframe: Callable[[str], None],
         defer: Callable[[Callable[[], None]], None],
+        on_error: Callable[[str], object] = lambda reason: None,
     ) -> None:
         super().__init__(make_extendable(reference_map, settings.capacity))
-        self.enabled = settings.enabled
-        self.dropped = 0
-        self._request_keyframe, self._defer = request_keyframe, defer
+        self._reference_map, self._enabled = reference_map, settings.enabled
+        self._request_keyframe, self._defer, self._on_error = request_keyframe, defer, on_error
         self._selections: dict[str, KeyframeSelection] = {}
         self._pending: dict[str, BodyKeyframe] = {}
+        self._replaced = 0  # keyframes, by a newer one of their camera before they were processed
+        self._folder: Path | None = None
+        self._saved_changes, self._saved_s, self._failure = 0, time.monotonic(), ""
+        self._writer = ThreadPoolExecutor(1, "grown map")
+        self._writing: Future[int] | None = None
 
     def start_camera(self, camera: str, model: CameraModel) -> None:
         """Start, or restart, the tracks of a camera."""
@@ -46,13 +57,13 @@ class LiveMapper(LocalMapper):
 
     def add_image(self, frame: TrackFrame, matches: LandmarkMatches) -> None:
         """Process one registered image of a camera that was started."""
-        if not self.enabled:
+        if not self._enabled:
             return
         camera, selection = matches.camera, self._selections[matches.camera]
         self.update(matches)
         keyframe = selection.take_keyframe(frame, matches)
         if keyframe is not None:
-            self.dropped += camera in self._pending
+            self._replaced += camera in self._pending
             self._pending[camera] = keyframe
             self._defer(self._add_pending)
         elif selection.is_due(matches):
@@ -60,6 +71,74 @@ class LiveMapper(LocalMapper):
 
     def _add_pending(self) -> None:
         """Process one pending keyframe."""
-        if self._pending and self.enabled:
+        if self._pending:
             self.add_keyframe(self._pending.pop(next(iter(self._pending))))
             self.take_changes()
+
+    def keep_in(self, folder: Path, map_path: Path) -> None:
+        """Load the landmarks of a folder, if it has any, and write it from now on.
+
+        Args:
+            folder: of this registration alone.
+            map_path: folder of the reference map.
+
+        Raises:
+            BodycamError: the folder belongs to another map, is damaged, or cannot be replaced.
+        """
+        check_output(folder, [map_path])
+        if folder.exists():
+            check_replaceable(folder, force=True)
+            if any(folder.iterdir()):
+                added = load_added_landmarks(folder, self._reference_map, map_path)
+                if left_out := len(added) - self.restore(added):
+                    self._on_error(f"{folder}: there is no room for {left_out} of its landmarks; raise growth.capacity")
+        self._folder, self._saved_changes = folder, self.map.changes
+
+    def poll(self, save_interval_s: float) -> None:
+        """Start writing on a thread if it is due, and take the result of the thread; call it regularly."""
+        if self._writing is not None and self._writing.done():
+            writing, self._writing, self._saved_s = self._writing, None, time.monotonic()
+            try:
+                self._saved_changes, failure = writing.result(), ""
+            except BodycamError as error:
+                failure = str(error)
+                if failure != self._failure:
+                    self._on_error(failure)
+            self._failure = failure
+        is_due = time.monotonic() - self._saved_s > save_interval_s
+        if self._writing is None and is_due and (write := self._prepare_write()) is not None:
+            self._writing = self._writer.submit(write)
+
+    def close(self) -> None:
+        """Save the changes before the node ends; raises BodycamError."""
+        self._writer.shutdown()
+        self.poll(float("inf"))
+        if (write := self._prepare_write()) is not None:
+            write()
+
+    def _prepare_write(self) -> Callable[[], int] | None:
+        """Function that writes the map as it is now, and returns the number of changes in it; None if it is saved."""
+        folder, changes = self._folder, self.map.changes
+        if folder is None or changes == self._saved_changes:
+            return None
+        snapshot = self.map.compact()
+
+        def write() -> int:
+            snapshot.save(folder, force=True)
+            return changes
+
+        return write
+
+    def report(self) -> Status:
+        """Status of the growth and of its folder."""
+        values: dict[str, object] = {
+            "growing": self._enabled,
+            "landmarks added": self.landmarks,
+            "keyframes stored": self.keyframes,
+            "keyframes dropped": self._replaced,
+            "folder": self._folder or "none",
+        }
+        if self._folder is not None:
+            values["changes not saved"] = self.map.changes - self._saved_changes
+        level, text = StatusLevel.OK, "growing" if self._enabled else "growth is off"
+        return Status("grown map", StatusLevel.WARN if self._failure else level, self._failure or text, values)

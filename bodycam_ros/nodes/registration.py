@@ -13,7 +13,6 @@ from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
 from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
-from bodycam_ros.live.stored_map import StoredMap
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, camera_timing
 from bodycam_ros.messages.tracks import (
@@ -63,12 +62,13 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if not self.map.gravity_aligned:
             self.log.warning(f"{map_path}: {ASSUMED_VERTICAL}")
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
-        # Each registration grows a map of its own; several may have the same parameters.
-        stored = Path(of.grown_map, node.get_fully_qualified_name().strip("/")) if of.grown_map else None
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
-        self._growth = LiveMapper(self.map, self.settings.growth, self._request_keyframe, defer)
-        self._grown_map = StoredMap(self._growth, self.map, map_path, stored, self.log.error)
+        growing = self.settings.growth
+        self._growth = LiveMapper(self.map, growing, self._request_keyframe, defer, self.log.error)
+        if of.grown_map:
+            # Each registration grows a map of its own; several may have the same parameters.
+            self._growth.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
         self.registrars: dict[str, Registrar] = {}
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._described: set[str] = set()
@@ -94,7 +94,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)
-        self.every(_SAVE_POLL_S, lambda: self._grown_map.poll(self.parameters.save_interval), even_inactive=True)
+        self.every(_SAVE_POLL_S, lambda: self._growth.poll(self.parameters.save_interval), even_inactive=True)
         self.trigger("~/reset", self._reset)
 
     def activate(self) -> None:
@@ -110,7 +110,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def finish(self) -> None:
         """Save the grown map."""
-        self._grown_map.close()
+        self._growth.close()
 
     def settings_changed(self) -> None:
         """Use the current thresholds for the next frames."""
@@ -244,7 +244,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             level, text = StatusLevel.OK, "registering"
         else:
             level, text = StatusLevel.STALE, "no tracks arrive"
-        return [Status("all cameras", level, text, values), self._grown_map.report(), *self._diagnostics.report()]
+        return [Status("all cameras", level, text, values), self._growth.report(), *self._diagnostics.report()]
 
 
 make = partial(StageNode, RegistrationStage)

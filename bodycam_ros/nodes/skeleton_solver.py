@@ -17,12 +17,11 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput, LatestState, SegmentMeasurements
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.live.camera_diagnostics import verdict_status
 from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics, equipment_status
-from bodycam_ros.live.solver_stations import read_static_cameras, static_measurement
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.segment_poses import (
     SEGMENT_POSES,
@@ -40,6 +39,10 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import load_map
+from bodycam_ros.static_cameras.static_measurement import ReportedMeasurement
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.stations_file import read_stations
 
 if TYPE_CHECKING:
     from bodycam_ros.live.live_calibration import LiveCalibration
@@ -63,7 +66,7 @@ class SolverStage(Stage[SolverParameters]):
         self.required("body")
         self.settings.smoother.check_live()
         equipment = read_equipment(given.equipment) if given.equipment else None
-        self._static = stations = read_static_cameras(given)
+        self._static = stations = _read_static_cameras(given)
         self._person: BodyModel | None = None
         self._body: BodyModel | None = None  # with the part of the equipment that fits it
         self._equipment: Equipment | None = None
@@ -207,12 +210,23 @@ class SolverStage(Stage[SolverParameters]):
             live=True,
             on_corrected=self._judge_registration,
             equipment=self._equipment,
-            static_cameras=static_measurement(self.parameters, self._static, body, self.settings.motion),
+            static_cameras=self._static_measurement(body),
             stations=self._static,
             placed=bool(self.parameters.start),
         )
         self._restart_verdict()
         self._timings.set_body(body)
+
+    def _static_measurement(self, body: BodyModel) -> ReportedMeasurement | None:
+        """The measurement of a body by what region trackers report; None without static cameras."""
+        start, placed = self.parameters.start, None
+        if not self._static:
+            return None
+        if start:
+            from bodycam_ros.formats.read_captured import read_start  # it loads SciPy, which few nodes need
+
+            placed = read_start(Path(start), Path(self.parameters.stations), self._static, body).world_T_segment
+        return ReportedMeasurement(body, placed, self.settings.motion)
 
     def _restart_verdict(self) -> None:
         if self._body is not None:
@@ -329,6 +343,33 @@ class SolverStage(Stage[SolverParameters]):
         statuses += [] if self._coupling is None else [equipment_status(self._coupling)]
         statuses += [] if self._verdict is None else [verdict_status(self._verdict.verdict())]
         return statuses if self._calibration is None else [*statuses, self._calibration.report()]
+
+
+def _read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
+    """Static cameras of the solver in the frame of its map, or of their file without one; empty without ``stations``.
+
+    Raises:
+        StationError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
+            estimate of the body, or a parameter of static cameras is given without any.
+    """
+    stations, start, worn = parameters.stations, parameters.start, parameters.worn
+    if not stations:
+        if start or not worn:
+            given = f"start {start}" if start else "worn false"
+            raise StationError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
+        return {}
+    if parameters.rig:
+        raise StationError(
+            f"{stations}: static cameras are not used in a range of motion; make the body first, then start again "
+            "with 'stations' and without 'rig'"
+        )
+    if not worn and not start:
+        raise StationError(
+            f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a "
+            "recording with 'bodycam view --place', and give that as the parameter 'start'"
+        )
+    reference_map = load_map(Path(parameters.map)) if parameters.map else None
+    return read_stations(Path(stations), reference_map)
 
 
 make = partial(StageNode, SolverStage)

@@ -183,14 +183,11 @@ def _drifts(clock: ClockState) -> bool:
     return abs(clock.drift) > 2.0 * clock.drift_sigma
 
 
-_EARLY_S = 1.0  # [s] by which a camera may begin after, or end before, the others
-
-
 class CameraSpans:
     """First and last stamps by camera.
 
     Args:
-        cameras: that are expected to speak.
+        cameras: that are expected to have images.
     """
 
     def __init__(self, cameras: Collection[str]) -> None:
@@ -202,27 +199,14 @@ class CameraSpans:
         self._spans_ns[camera] = min(first, stamp_ns), max(last, stamp_ns)
 
     def remarks(self) -> tuple[str, ...]:
-        """A line for every camera that is silent, absent for a part, or not there when the others are."""
+        """A line for every camera without images, or with none at the time of the others."""
         lines = []
-        for camera, span in self._spans_ns.items():
-            if span is None:
+        for camera, own in self._spans_ns.items():
+            others = [span for name, span in self._spans_ns.items() if span is not None and name != camera]
+            if own is None:
                 lines.append(f"camera {camera}: no image of it could be used")
-                continue
-            others = [other for name, other in self._spans_ns.items() if other is not None and name != camera]
-            if others:
-                lines += [f"camera {camera}: {remark}" for remark in _against(span, others)]
+            elif others and (own[0] > np.median([s[1] for s in others]) or own[1] < np.median([s[0] for s in others])):
+                off_s = 1e-9 * (own[0] - float(np.median([span[0] for span in others])))
+                side = "ahead of" if off_s > 0 else "behind"
+                lines.append(f"camera {camera}: its stamps are {abs(off_s):.1f} s {side} the others'; set its clock")
         return tuple(lines)
-
-
-def _against(own: tuple[int, int], others: list[tuple[int, int]]) -> list[str]:
-    """What sets a camera's first and last stamp apart from those of the others [ns]."""
-    first, last = np.median(others, axis=0).tolist()
-    if own[0] > last or own[1] < first:
-        off_s = 1e-9 * (own[0] - first)
-        return [f"its stamps are {abs(off_s):.1f} s {'ahead of' if off_s > 0 else 'behind'} the others'; set its clock"]
-    remarks = []
-    if (late_s := 1e-9 * (own[0] - first)) > _EARLY_S:
-        remarks.append(f"begins {late_s:.1f} s after the others")
-    if (early_s := 1e-9 * (last - own[1])) > _EARLY_S:
-        remarks.append(f"ends {early_s:.1f} s before the others")
-    return remarks
