@@ -24,6 +24,7 @@ _WITHIN = 1.96  # standard deviations on either side that 95 % lie within
 _ORDER = tuple(JOINT_ABOVE)
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
+_LIMBS = (("torso", "upper_arm", "forearm", "hand"), ("pelvis", "thigh", "shin", "foot"))
 
 
 def planes_of(segment: str, parent_R_child: Array) -> Array:
@@ -32,7 +33,7 @@ def planes_of(segment: str, parent_R_child: Array) -> Array:
     Limbs point along -z in the N-pose, x forward, y left; the trunk's segments along z, which swings by the same.
     """
     swing = _swing(-parent_R_child[:, :, 2])
-    twist = log_so3(np.swapaxes(exp_so3(swing), 1, 2) @ parent_R_child)[:, 2]
+    twist = log_so3(_transposed(exp_so3(swing)) @ parent_R_child)[:, 2]
     return _signed(segment, swing, twist)
 
 
@@ -65,21 +66,19 @@ def angles_of_centres(centres: Mapping[str, Array]) -> dict[str, Array]:
     Args:
         centres: segment -> its joint to the parent (T, 3).
     """
-    frames = _trunk_frames(centres)
+    frames = {trunk: frame for trunk, pair, *_ in _LIMBS if (frame := _trunk_frame(centres, pair)) is not None}
     found: dict[str, Array] = {}
-    if {"pelvis", "torso"} <= set(frames):
-        found["torso"] = planes_of("torso", np.swapaxes(frames["pelvis"], 1, 2) @ frames["torso"])
+    if len(frames) == len(_LIMBS):
+        found["torso"] = planes_of("torso", _transposed(frames["pelvis"]) @ frames["torso"])
     for side in ("left", "right"):
-        for trunk, upper, lower, last in (
-            ("torso", f"upper_arm_{side}", f"forearm_{side}", f"hand_{side}"),
-            ("pelvis", f"thigh_{side}", f"shin_{side}", f"foot_{side}"),
-        ):
+        for trunk, *limb in _LIMBS:
+            upper, lower, last = (f"{kind}_{side}" for kind in limb)
             if not {upper, lower} <= set(centres):
                 continue
             bone = centres[lower] - centres[upper]
             unknown = np.full(len(bone), np.nan)
             if trunk in frames:
-                direction = (np.swapaxes(frames[trunk], 1, 2) @ bone[..., None])[..., 0]
+                direction = (_transposed(frames[trunk]) @ bone[..., None])[..., 0]
                 found[upper] = _signed(upper, _swing(direction), unknown)
             if last in centres:
                 next_bone = centres[last] - centres[lower]
@@ -88,42 +87,23 @@ def angles_of_centres(centres: Mapping[str, Array]) -> dict[str, Array]:
     return found
 
 
-def _trunk_frames(centres: Mapping[str, Array]) -> dict[str, Array]:
-    """Axes (T, 3, 3) of pelvis and torso, forward left up, by hips and shoulders; of those with both."""
+def _trunk_frame(centres: Mapping[str, Array], kind: str) -> Array | None:
+    """Axes (T, 3, 3) of pelvis or torso, forward left up, by both hips or both shoulders, and the middles of both."""
 
     def middle(kind: str, *others: str) -> Array | None:
-        pair = [centres[f"{kind}_{side}"] for side in ("left", "right") if f"{kind}_{side}" in centres]
+        pair = [centres[name] for name in (f"{kind}_left", f"{kind}_right") if name in centres]
         if len(pair) == 2:
             return np.asarray((pair[0] + pair[1]) / 2.0)
         return next((centres[other] for other in others if other in centres), None)
 
     below, above = middle("thigh", "pelvis"), middle("upper_arm", "head", "torso")
-    frames: dict[str, Array] = {}
-    for segment, kind in (("pelvis", "thigh"), ("torso", "upper_arm")):
-        if below is not None and above is not None and {f"{kind}_left", f"{kind}_right"} <= set(centres):
-            y = centres[f"{kind}_left"] - centres[f"{kind}_right"]
-            y = y / np.linalg.norm(y, axis=1, keepdims=True)
-            x = np.cross(y, above - below)
-            x /= np.linalg.norm(x, axis=1, keepdims=True)
-            frames[segment] = np.stack([x, y, np.cross(x, y)], axis=2)
-    return frames
-
-
-def fit_constant_frames(estimated: Array, true: Array) -> tuple[Array, Array]:
-    """Constant rotations A, B (3, 3) that bring A true_t B closest to estimated_t, in the chordal sense.
-
-    The axes of a segment are a convention: A is that of the parent, B that of the child. Alternating least squares:
-    given one, the other is the mean of the rotations that remain.
-
-    Args:
-        estimated: (T, 3, 3) rotation of child in parent.
-        true: (T, 3, 3) the same.
-    """
-    A, B = np.eye(3), np.eye(3)
-    for _ in range(_ALTERNATIONS):
-        A = nearest_rotation(np.mean(estimated @ _transposed(true @ B), axis=0))
-        B = nearest_rotation(np.mean(_transposed(A @ true) @ estimated, axis=0))
-    return A, B
+    if below is None or above is None or not {f"{kind}_left", f"{kind}_right"} <= set(centres):
+        return None
+    y = centres[f"{kind}_left"] - centres[f"{kind}_right"]
+    y = y / np.linalg.norm(y, axis=1, keepdims=True)
+    x = np.cross(y, above - below)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, y, np.cross(x, y)], axis=2)
 
 
 def angle_between(first: Array, second: Array) -> Array:
@@ -138,29 +118,21 @@ def _transposed(R: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class AngleAgreement:
-    """A joint over T frames.
+    """A joint over T frames; NaN where it is unknown.
 
     Attributes:
         segment: below it.
-        ours, theirs: (T, 3) angles [rad] in the anatomical planes; NaN where unknown.
-        ours_turned, theirs_turned: (T,) [rad] turn since the first frame (A figure 7a).
+        ours, theirs: (T, 3) angles [rad] in the anatomical planes.
+        turn_errors: (T,) [rad] | |log(E_0' E_t)| - |log(T_0' T_t)| | (A figure 7a): of the turn since the first known
+            frame. It is blind to the axis, and wrong as a whole if the first frame is.
         rotation_errors: (T,) [rad] geodesic, with constant frames fitted; None by joint centres alone.
     """
 
     segment: str
     ours: Array
     theirs: Array
-    ours_turned: Array
-    theirs_turned: Array
+    turn_errors: Array
     rotation_errors: Array | None = None
-
-    @property
-    def turn_errors(self) -> Array:
-        """(T,) [rad] | |log(E_0' E_t)| - |log(T_0' T_t)| | (A figure 7a).
-
-        It is blind to the axis, and wrong as a whole if the first frame is.
-        """
-        return np.asarray(np.abs(self.ours_turned - self.theirs_turned))
 
     def figures(self) -> dict[str, Any]:
         """Figures by name, the unit at the end of the name."""
@@ -196,47 +168,42 @@ def compare_rotations(segment: str, ours: Array, theirs: Array, *, shares_axes: 
         shares_axes: axes of bones are about the same, as in a truth: the fit starts with theirs.
     """
     known = np.isfinite(theirs).all(axis=(1, 2))
-    planes, turns = np.full((2, len(ours), 3), np.nan), np.full((2, len(ours)), np.nan)
-    fitted, errors = _in_our_axes(ours[known], theirs[known], shares_axes), np.full(len(ours), np.nan)
-    errors[known] = angle_between(fitted, ours[known])
-    for row, rotations in enumerate((ours[known], fitted)):
-        planes[row, known], turns[row, known] = planes_of(segment, rotations), angle_between(rotations[:1], rotations)
-    planes[1] -= 2.0 * np.pi * np.round((planes[1] - planes[0]) / (2.0 * np.pi))
-    return AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1], errors)
+    A, B = _fit_constant_frames(ours[known], theirs[known], shares_axes)
+    fitted = A @ theirs @ B
+    our_planes, their_planes = planes_of(segment, ours), planes_of(segment, fitted)
+    their_planes -= 2.0 * np.pi * np.round((their_planes - our_planes) / (2.0 * np.pi))
+    turned, true = (angle_between(each[known][:1], each) for each in (ours, fitted))
+    return AngleAgreement(segment, our_planes, their_planes, np.abs(turned - true), angle_between(fitted, ours))
 
 
-def _in_our_axes(ours: Array, theirs: Array, shares_axes: bool) -> Array:
-    """Their rotations (T, 3, 3) with constant frames that bring them closest to ours.
+def _fit_constant_frames(ours: Array, theirs: Array, shares_axes: bool) -> tuple[Array, Array]:
+    """Constant rotations A, B (3, 3) of parent and child that bring A theirs_t B closest to ours_t (T, 3, 3).
 
-    Axes of bones may differ by right angles, from where the alternating fit may not converge. Rotation vectors since
-    the first frame differ by the child's frame alone, so the fit starts from there, too.
+    Alternating least squares, in the chordal sense: given one, the other is the mean of the rotations that remain. Axes
+    of bones may differ by right angles, from where it may not converge. Rotation vectors since the first frame differ
+    by the child's frame alone, so the fit starts from there, too.
     """
-    if shares_axes:
-        A, B = fit_constant_frames(ours, theirs)
-        return np.asarray(A @ theirs @ B)
-    ours_since, theirs_since = (log_so3(np.swapaxes(R[:1], 1, 2) @ R) for R in (ours, theirs))
+    starts = [np.eye(3)]
+    if not shares_axes:
+        ours_since, theirs_since = (log_so3(_transposed(R[:1]) @ R) for R in (ours, theirs))
+        starts.append(nearest_rotation(theirs_since.T @ ours_since))
     tried = []
-    for child in (np.eye(3), nearest_rotation(theirs_since.T @ ours_since)):
-        parent = nearest_rotation(np.mean(ours @ np.swapaxes(theirs @ child, 1, 2), axis=0))
-        start = parent @ theirs @ child
-        A, B = fit_constant_frames(ours, start)
-        tried.append((float(angle_between(A @ start @ B, ours).mean()), A @ start @ B))
-    return min(tried, key=lambda pair: pair[0])[1]
+    for B in starts:
+        for _ in range(_ALTERNATIONS):
+            A = nearest_rotation(np.mean(ours @ _transposed(theirs @ B), axis=0))
+            B = nearest_rotation(np.mean(_transposed(A @ theirs) @ ours, axis=0))
+        tried.append((A, B))
+    return min(tried, key=lambda frames: float(angle_between(frames[0] @ theirs @ frames[1], ours).mean()))
 
 
 def compare_centre_angles(ours: Mapping[str, Array], theirs: Mapping[str, Array]) -> tuple[AngleAgreement, ...]:
     """Compare angles between joint centres, segment -> (T, 3) [m]; theirs NaN where unknown."""
-    if not ours:
-        return ()
-    known = np.all([np.isfinite(points).all(axis=1) for points in theirs.values()], axis=0)
-    if not known.any():
-        return ()
-    both = [angles_of_centres({name: points[known] for name, points in each.items()}) for each in (ours, theirs)]
+    our_angles, their_angles = angles_of_centres(ours), angles_of_centres(theirs)
     found = []
-    for segment in sorted(both[0], key=lambda segment: (_ORDER.index(SegmentName(segment).kind), segment)):
-        planes = np.full((2, len(known), 3), np.nan)
-        planes[:, known] = both[0][segment], both[1][segment]
-        turns = np.sqrt(np.nansum((planes - planes[:, known][:, :1]) ** 2, axis=2))
-        turns[:, ~known] = np.nan
-        found.append(AngleAgreement(segment, planes[0], planes[1], turns[0], turns[1]))
+    for segment in sorted(our_angles, key=lambda segment: (_ORDER.index(SegmentName(segment).kind), segment)):
+        planes = np.stack([our_angles[segment], their_angles[segment]])
+        known = np.isfinite(planes[:, :, 0]).all(axis=0)
+        if known.any():
+            turned, true = np.sqrt(np.nansum((planes - planes[:, known][:, :1]) ** 2, axis=2))
+            found.append(AngleAgreement(segment, *planes, np.where(known, np.abs(turned - true), np.nan)))
     return tuple(found)
