@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.quality.camera_poses import CameraPoses
 from bodycam_ros.quality.contradiction import (
     DOUBTFUL_GAP_M,
@@ -143,14 +143,12 @@ class JointView:
 
     def __init__(self, poses: CameraPoses, link: CameraLink, camera: str) -> None:
         other = link.other(camera)
-        pose, other_pose = poses.registered[camera], poses.registered[other]
-        camera_R_world = np.swapaxes(pose[:, :3, :3], -1, -2)
-        offset = link.place(other, other_pose) - link.place(camera, pose)
-        places = link.ends[camera] + (camera_R_world @ offset[:, :, None])[:, :, 0]
+        camera_T_other = inverse(poses.registered[camera]) @ poses.registered[other]
+        places = link.place(other, camera_T_other)
         # By the other camera: one whose poses are wrong would move with its own errors.
         twist = poses.twists[other]
         moving = np.cross(twist[:, :3], link.ends[other]) + twist[:, 3:]
-        velocities = (camera_R_world @ other_pose[:, :3, :3] @ moving[:, :, None])[:, :, 0]
+        velocities = (camera_T_other[:, :3, :3] @ moving[:, :, None])[:, :, 0]
         known = np.isfinite(places).all(axis=1)
         self.expected: Array = link.ends[camera]
         self.places, self.velocities, self.seconds = places[known], velocities[known], poses.seconds[known]
@@ -192,12 +190,7 @@ class JointView:
         With a clock that is ahead, an image with stamp t was taken before t: the joint lies ahead by its velocity times
         the clock's error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
         """
-        gaps, velocities = self.places - self.places.mean(axis=0), self.velocities - self.velocities.mean(axis=0)
-        moving, total = float((velocities**2).sum()), float((gaps**2).sum())
-        if moving == 0.0 or total == 0.0:
-            return 0.0, 0.0
-        error_s = float((velocities * gaps).sum()) / moving
-        return error_s, 1.0 - float(((gaps - error_s * velocities) ** 2).sum()) / total
+        return _proportion(*(each - each.mean(axis=0) for each in (self.velocities, self.places)))
 
     def gap_with_clock(self, error_s: float) -> float:
         """Root mean square of the offset if the camera's clock is ahead by so much [m]."""
@@ -224,25 +217,25 @@ def _map_scale(poses: CameraPoses, cameras: Sequence[str]) -> float | None:
     The vector from one camera to another over the joint between them has the length of the body; that of their
     registered positions has the map's.
     """
-    by_body, by_map = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    vectors = [np.zeros((2, 0, 3))]
     for link in camera_links(poses.body, cameras):
         if link.is_exact:
-            first, second = (poses.registered[camera] for camera in link.pair)
-            first_arm, second_arm = (
-                link.place(camera, poses.registered[camera]) - poses.registered[camera][:, :3, 3]
-                for camera in link.pair
-            )
-            by_body.append(first_arm - second_arm)
-            by_map.append(second[:, :3, 3] - first[:, :3, 3])
-    lengths, distances = np.concatenate(by_body), np.concatenate(by_map)
-    known = np.isfinite(lengths).all(axis=1) & np.isfinite(distances).all(axis=1)
-    lengths, distances = lengths[known], distances[known]
-    squared, total = float((lengths**2).sum()), float((distances**2).sum())
+            registered = [poses.registered[camera] for camera in link.pair]
+            by_map = registered[1][:, :3, 3] - registered[0][:, :3, 3]
+            vectors.append(np.stack([by_map + np.subtract(*map(link.place, link.pair, registered)), by_map]))
+    by_body, by_map = np.concatenate(vectors, axis=1)
+    known = np.isfinite(by_body).all(axis=1)
+    scale, explained = _proportion(by_body[known], by_map[known])
+    return scale if scale > 0.0 and explained > _SCALE_EXPLAINS else None
+
+
+def _proportion(x: Array, y: Array) -> tuple[float, float]:
+    """The factor of x (N, 3) that is closest to y (N, 3), and which share of y's squares it explains; 0 of nothing."""
+    squared, total = float((x**2).sum()), float((y**2).sum())
     if squared == 0.0 or total == 0.0:
-        return None
-    scale = float((lengths * distances).sum()) / squared
-    rest = float(((distances - scale * lengths) ** 2).sum())
-    return scale if scale > 0.0 and rest < (1.0 - _SCALE_EXPLAINS) * total else None
+        return 0.0, 0.0
+    factor = float((x * y).sum()) / squared
+    return factor, 1.0 - float(((y - factor * x) ** 2).sum()) / total
 
 
 def _exchanged_places(poses: CameraPoses, found: Contradiction) -> dict[str, str]:

@@ -14,7 +14,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
-from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.geometry import Array, inverse, log_so3, transform_points
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.quality.camera_poses import CameraPoses
 
@@ -62,19 +62,16 @@ class CameraLink:
     @cached_property
     def ends(self) -> dict[str, Array]:
         """Camera -> (3,) the joint nearest to it in its own frame [m]; without joints the middle of both cameras."""
-        middle = sum((mount.segment_T_camera[:3, 3] for mount in self.mounts.values()), np.zeros(3)) / 2.0
-        nearest = (self.joints[0], self.joints[-1]) if self.joints else (None, None)
-        ends = {}
-        for (camera, mount), joint in zip(self.mounts.items(), nearest, strict=True):
-            point = middle if joint is None else _joint_on(joint, mount.segment)
-            camera_T_segment = inverse(mount.segment_T_camera)
-            ends[camera] = camera_T_segment[:3, :3] @ point + camera_T_segment[:3, 3]
-        return ends
+        first, second = self.mounts.values()
+        points = [(first.segment_T_camera + second.segment_T_camera)[:3, 3] / 2.0] * 2
+        if self.joints:
+            points = [_joint_on(self.joints[0], first.segment), _joint_on(self.joints[-1], second.segment)]
+        poses = inverse(np.array([mount.segment_T_camera for mount in (first, second)]))
+        return dict(zip(self.pair, transform_points(poses, np.array(points)[:, None])[:, 0], strict=True))
 
     def place(self, camera: str, world_T_camera: Array) -> Array:
         """(T, 3) its end in the world [m] by poses (T, 4, 4) of one of the two."""
-        place: Array = world_T_camera[..., :3, :3] @ self.ends[camera] + world_T_camera[..., :3, 3]
-        return place
+        return transform_points(world_T_camera, self.ends[camera][None])[..., 0, :]
 
     def gap(self, poses: CameraPoses) -> Array:
         """(T,) by how much the two registrations contradict the body [m]; NaN where one is unknown.
@@ -82,20 +79,16 @@ class CameraLink:
         Cameras on one segment that turned against each other are as wrong as the turn moves a point at an arm's length,
         the next joint of a limb.
         """
-        first, second = (poses.registered[camera] for camera in self.pair)
-        places = (self.place(camera, poses.registered[camera]) for camera in self.pair)
-        distance = np.linalg.norm(np.subtract(*places), axis=-1)
+        registered = [poses.registered[camera] for camera in self.pair]
+        distance = np.linalg.norm(np.subtract(*map(self.place, self.pair, registered)), axis=-1)
         longest, total = float(self.lengths.max(initial=0.0)), float(self.lengths.sum())
         outside: Array = np.maximum(np.maximum(max(0.0, 2.0 * longest - total) - distance, distance - total), 0.0)
         if self.joints:
             return outside
-        first_R, second_R = (
-            world_T_camera[..., :3, :3] @ mount.segment_T_camera[:3, :3].T
-            for world_T_camera, mount in zip((first, second), self.mounts.values(), strict=True)
+        first, second = (
+            pose @ inverse(mount.segment_T_camera) for pose, mount in zip(registered, self.mounts.values(), strict=True)
         )
-        known = np.isfinite(outside)
-        turned = np.full(len(outside), np.nan)
-        turned[known] = np.linalg.norm(log_so3(np.swapaxes(first_R[known], -1, -2) @ second_R[known]), axis=-1)
+        turned = np.linalg.norm(log_so3((inverse(first) @ second)[..., :3, :3]), axis=-1)
         return np.maximum(outside, LEVER_M * turned)
 
 

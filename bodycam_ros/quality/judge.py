@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import Array, inverse, log_so3
+from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.quality.camera_poses import CameraPoseLog, CameraPoses
 from bodycam_ros.quality.causes import Cause, clock_causes, find_causes, lens_cause
 from bodycam_ros.quality.contradiction import (
@@ -60,11 +60,8 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
 def _solved_gap(poses: CameraPoses, camera: str) -> float:
     """Lasting gap from a camera's registered to its solved pose [m], a turn counted at the next joint."""
     gap = inverse(poses.solved[camera]) @ poses.registered[camera]
-    gaps: Array = np.linalg.norm(gap[:, :3, 3], axis=1)
-    known = np.isfinite(gaps)
-    turns = np.linalg.norm(log_so3(gap[known, :3, :3]), axis=1)
-    gaps[known] = np.maximum(gaps[known], LEVER_M * turns)
-    return lasting(gaps, poses.seconds)
+    moved, turned = (np.linalg.norm(each, axis=1) for each in (gap[:, :3, 3], log_so3(gap[:, :3, :3])))
+    return lasting(np.maximum(moved, LEVER_M * turned), poses.seconds)
 
 
 def _is_unregistered(poses: CameraPoses, camera: str) -> bool:
