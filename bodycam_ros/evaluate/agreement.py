@@ -13,7 +13,6 @@ from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.alignment import (
-    Alignment,
     BodyPoints,
     align_worlds,
     find_motion_clock,
@@ -246,23 +245,23 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
             f"{clock.start_s:.3f} to {clock.start_s + clock.rate * captured.duration_s:.3f} s of it; without "
             "--clock shared the offset is found"
         )
-    body, theirs = _body_points(solved, captured, places, known), theirs[known]
-    similarity, rigid = (align_worlds(body, theirs, with_scale) for with_scale in (True, False))
-    points = _compare_points(body, theirs, similarity if options.with_scale else rigid)
+    body, theirs = body.at(known), theirs[known]
+    (similar, scale, _), (rigid, *_) = (align_worlds(body, theirs, with_scale) for with_scale in (True, False))
+    points = _compare_points(places, similar if options.with_scale else rigid, theirs)
     agreement = Agreement(
         name=captured.path.resolve().name,
         kind=captured.kind,
         stamps_ns=solved.stamps_ns[known],
         clock=clock,
         with_scale=options.with_scale,
-        scale=similarity.scale,
+        scale=scale,
         unit_m=unit,
         points=points,
-        angles=_compare_angles(solved, captured, clock, places, points, known),
+        angles=_compare_angles(body, clock, solved.parents, points),
         left_out=tuple(name for name in captured.points if name not in places),
         rigid_error=np.nan,
     )
-    errors = replace(agreement, points=_compare_points(body, theirs, rigid)).position_errors
+    errors = replace(agreement, points=_compare_points(places, rigid, theirs)).position_errors
     return replace(agreement, rigid_error=float(np.nanmean(errors)))
 
 
@@ -279,14 +278,9 @@ def rate_same_motion(solved: SolvedRecording, truth: TrueMotion) -> Clock:
     return rate_shared_clock(_body_points(solved, captured, places), solved.start_ns)
 
 
-def _body_points(
-    solved: SolvedRecording,
-    captured: CapturedMotion,
-    places: Mapping[str, PointSite],
-    rows: NDArray[np.bool_] | slice = slice(None),
-) -> BodyPoints:
-    links = {place.link: solved.world_T_link[place.link][rows] for place in places.values()}
-    return BodyPoints(captured, np.asarray(solved.seconds(solved.stamps_ns[rows])), links, places)
+def _body_points(solved: SolvedRecording, captured: CapturedMotion, places: Mapping[str, PointSite]) -> BodyPoints:
+    links = {place.link: solved.world_T_link[place.link] for place in places.values()}
+    return BodyPoints(captured, solved.seconds(solved.stamps_ns), links, places)
 
 
 def _estimate_unit(solved: SolvedRecording, captured: CapturedMotion, places: Mapping[str, PointSite]) -> float:
@@ -304,33 +298,27 @@ def _estimate_unit(solved: SolvedRecording, captured: CapturedMotion, places: Ma
     return min(_UNITS, key=lambda metres: abs(np.log(ratio / metres)))
 
 
-def _compare_points(body: BodyPoints, theirs: Array, world: Alignment) -> tuple[PointAgreement, ...]:
-    ours = world.apply(body.ours(world.offsets))
+def _compare_points(places: Mapping[str, PointSite], ours: Array, theirs: Array) -> tuple[PointAgreement, ...]:
     return tuple(
         PointAgreement(name, place.link, place.is_fitted, ours[:, column], theirs[:, column])
-        for column, (name, place) in enumerate(body.places.items())
+        for column, (name, place) in enumerate(places.items())
     )
 
 
 def _compare_angles(
-    solved: SolvedRecording,
-    captured: CapturedMotion,
-    clock: Clock,
-    places: Mapping[str, PointSite],
-    points: tuple[PointAgreement, ...],
-    known: NDArray[np.bool_],
+    body: BodyPoints, clock: Clock, parents: Mapping[str, str], points: tuple[PointAgreement, ...]
 ) -> tuple[AngleAgreement, ...]:
     """Joints whose bones on both sides the other system has; without any, angles between joint centres."""
-    seconds = clock.theirs(np.asarray(solved.seconds(solved.stamps_ns[known])))
-    theirs = {segment: captured.rotations_at(bone, seconds) for segment, bone in _match_bones(captured, places).items()}
-    ours = {segment: solved.world_T_link[segment][known, :3, :3] for segment in theirs}
-    found = [
+    bones, seconds = _match_bones(body.captured, body.places), clock.theirs(body.seconds)
+    theirs = {segment: body.captured.rotations_at(bone, seconds) for segment, bone in bones.items()}
+    ours = {segment: body.world_T_link[segment][:, :3, :3] for segment in theirs}
+    found = tuple(
         compare_rotations(child, *(np.swapaxes(R[parent], 1, 2) @ R[child] for R in (ours, theirs)))
-        for child, parent in solved.parents.items()
+        for child, parent in parents.items()
         if parent in theirs and child in theirs
-    ]
+    )
     if found:
-        return tuple(found)
+        return found
     centres = [point for point in reversed(points) if not (point.is_fitted or point.is_camera)]
     return compare_centre_angles(
         {point.link: point.ours for point in centres}, {point.link: point.theirs for point in centres}
@@ -343,16 +331,13 @@ def _match_bones(captured: CapturedMotion, places: Mapping[str, PointSite]) -> d
     for name, place in places.items():
         if name in captured.rotations and (place.link not in found or not place.is_fitted):
             found[place.link] = name
-    arms = [found[segment] for segment in ("upper_arm_left", "upper_arm_right") if segment in found]
-    chains = [_ancestors(captured, arm) for arm in arms]
-    if len(chains) == 2 and "torso" in found and (shared := [bone for bone in chains[0] if bone in chains[1]]):
-        found["torso"] = shared[0]
+    if {"torso", "upper_arm_left", "upper_arm_right"} <= set(found):
+        left, right = (_ancestors(captured, found[f"upper_arm_{side}"]) for side in ("left", "right"))
+        found["torso"] = next((bone for bone in left if bone in right), found["torso"])
     return found
 
 
 def _ancestors(captured: CapturedMotion, bone: str) -> list[str]:
     """Bones above a bone, the nearest first."""
-    names = []
-    while (bone := captured.parents.get(bone, "")) != "":
-        names.append(bone)
-    return names
+    parent = captured.parents.get(bone)
+    return [parent, *_ancestors(captured, parent)] if parent else []

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.camera.model import OPTICAL_SUFFIX
 from bodycam_ros.errors import RecordingError
@@ -25,28 +26,6 @@ _MAX_PAIRS, _MIN_CHANGE_M = 30, 1e-3  # of points, by the standard deviation of 
 _MAX_FRAMES = 1500  # that the clock is fitted to, spread over the recording
 _MAX_CHANCE = 0.5  # of a clock that was found
 _MAX_SHARED_CHANCE, _MIN_SHARED_LEAD = 0.02, -1.0  # of a shared clock
-
-
-@dataclass(frozen=True, eq=False)
-class Alignment:
-    """theirs = scale * R ours + t.
-
-    Attributes:
-        scale: 1 unless it is a similarity.
-        R: (3, 3).
-        t: (3,) [m].
-        offsets: name -> position of a point on its link (3,) [m].
-    """
-
-    scale: float
-    R: Array
-    t: Array
-    offsets: Mapping[str, Array]
-
-    def apply(self, points: Array) -> Array:
-        """Our points (..., 3) [m] in their world."""
-        moved: Array = self.scale * points @ self.R.T + self.t
-        return moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +59,10 @@ class BodyPoints:
         """Name -> no offset (3,) on its link, where those of markers are not fitted yet."""
         return {name: np.zeros(3) for name in self.places}
 
-    def thinned(self, count: int) -> "BodyPoints":
-        """At most so many frames, evenly spread."""
-        step = -(-len(self.seconds) // count)
-        links = {link: poses[::step] for link, poses in self.world_T_link.items()}
-        return replace(self, seconds=self.seconds[::step], world_T_link=links)
+    def at(self, rows: NDArray[np.bool_] | slice) -> "BodyPoints":
+        """The same at some frames."""
+        links = {link: poses[rows] for link, poses in self.world_T_link.items()}
+        return replace(self, seconds=self.seconds[rows], world_T_link=links)
 
     def as_captured(self, offsets: Mapping[str, Array]) -> CapturedMotion:
         """Our points as a captured motion."""
@@ -107,14 +85,19 @@ class BodyPoints:
             ) from error
 
 
-def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps: int = _STEPS) -> Alignment:
-    """Align our world with theirs, and fit the offsets of markers on the body.
+def align_worlds(
+    body: BodyPoints, theirs: Array, with_scale: bool = True, steps: int = _STEPS
+) -> tuple[Array, float, dict[str, Array]]:
+    """Align our world with theirs, theirs = scale * R ours + t, and fit the offsets of markers on the body.
 
     Args:
         body: our links.
         theirs: (T, N, 3) [m] of the points; NaN where unknown.
-        with_scale: by a similarity (A section 5.1); else rigidly.
+        with_scale: by a similarity (A section 5.1); else rigidly, and the scale is 1.
         steps: at most, of fitting in turn.
+
+    Returns:
+        Our points (T, N, 3) in their world [m], the scale, and name -> offset (3,) of the point on its link [m].
 
     Raises:
         RecordingError: the points share too little to be aligned.
@@ -123,15 +106,13 @@ def align_worlds(body: BodyPoints, theirs: Array, with_scale: bool = True, steps
     cameras = np.array([place.link.endswith(OPTICAL_SUFFIX) for place in body.places.values()])
     used = next((rows for rows in (exact & ~cameras, exact) if rows.sum() >= _MIN_EXACT), np.ones(len(exact), bool))
     offsets = body.origins
-    scale, R, t = 1.0, np.eye(3), np.zeros(3)
     for _ in range(steps):
         before = offsets
         scale, R, t = body.fit_world(body.ours(offsets)[:, used], theirs[:, used], with_scale)
         offsets = _fit_offsets(body, (theirs - t) @ R / scale, offsets)
-        moved_m = max(float(np.abs(offsets[name] - before[name]).max()) for name in offsets)
-        if moved_m < _CONVERGED_M:
+        if max(float(np.abs(offsets[name] - before[name]).max()) for name in offsets) < _CONVERGED_M:
             break
-    return Alignment(scale, R, t, offsets)
+    return scale * body.ours(offsets) @ R.T + t, scale, offsets
 
 
 def _fit_offsets(body: BodyPoints, theirs_in_ours: Array, offsets: Mapping[str, Array]) -> dict[str, Array]:
@@ -172,10 +153,15 @@ def find_motion_clock(body: BodyPoints) -> Clock:
             "points to the body, --clock shared takes its stamps as they are"
         )
     if not has_centres:
-        clock = _scan_clock(used.thinned(_SCAN_FRAMES), clock)
+        clock = _scan_clock(used.at(_thinned(used, _SCAN_FRAMES)), clock)
     for _ in range(1 if has_centres else _ROUNDS):
         clock = fit_clock(clock, _clock_residuals(used, clock))
     return clock
+
+
+def _thinned(body: BodyPoints, count: int) -> slice:
+    """At most so many frames, evenly spread."""
+    return slice(None, None, -(-len(body.seconds) // count))
 
 
 def _scan_clock(body: BodyPoints, around: Clock) -> Clock:
@@ -185,20 +171,20 @@ def _scan_clock(body: BodyPoints, around: Clock) -> Clock:
         clock = replace(around, start_s=around.start_s + shift)
         theirs = body.theirs(clock)
         if np.isfinite(theirs).any():
-            world = align_worlds(body, theirs, steps=_SCAN_STEPS)
-            errors = np.linalg.norm(world.apply(body.ours(world.offsets)) - theirs, axis=2)
-            tried.append((float(np.nanmean(errors)) / world.scale, clock))
+            ours, scale, _ = align_worlds(body, theirs, steps=_SCAN_STEPS)
+            tried.append((float(np.nanmean(np.linalg.norm(ours - theirs, axis=2))) / scale, clock))
     return min(tried, key=lambda pair: pair[0])[1]
 
 
 def _clock_residuals(body: BodyPoints, clock: Clock) -> Callable[[Clock], Array]:
     """Clock -> distances (T, N, 3) [m] after alignment, of equally smooth motions, offsets fitted by a first clock."""
-    thinned = body.thinned(_MAX_FRAMES)
-    motion = body.as_captured(align_worlds(thinned, thinned.theirs(clock)).offsets)
+    rows = _thinned(body, _MAX_FRAMES)
+    thinned = body.at(rows)
+    *_, offsets = align_worlds(thinned, thinned.theirs(clock))
+    motion = body.as_captured(offsets)
     sigma_s = _smoothing_s(motion, body.captured)
     motion, smooth = motion.smoothed(sigma_s), replace(thinned, captured=body.captured.smoothed(sigma_s))
-    step = -(-len(body.seconds) // _MAX_FRAMES)
-    ours = np.stack([motion.points[name][::step] for name in body.places], axis=1)
+    ours = np.stack([motion.points[name][rows] for name in body.places], axis=1)
 
     def residuals(clock: Clock) -> Array:
         theirs = np.where(np.isfinite(ours), smooth.theirs(clock), np.nan)

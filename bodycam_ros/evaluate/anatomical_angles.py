@@ -205,5 +205,6 @@ def compare_centre_angles(ours: Mapping[str, Array], theirs: Mapping[str, Array]
         known = np.isfinite(planes[:, :, 0]).all(axis=0)
         if known.any():
             turned, true = np.sqrt(np.nansum((planes - planes[:, known][:, :1]) ** 2, axis=2))
-            found.append(AngleAgreement(segment, *planes, np.where(known, np.abs(turned - true), np.nan)))
+            errors = np.where(known, np.abs(turned - true), np.nan)
+            found.append(AngleAgreement(segment, planes[0], planes[1], errors))
     return tuple(found)

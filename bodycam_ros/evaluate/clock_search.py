@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
@@ -66,33 +65,6 @@ Signals = Callable[[Array], Array]
 """Times (N,) [s] -> (F, N) values that do not depend on the frame of reference; NaN where unknown."""
 
 
-@dataclass(frozen=True, eq=False)
-class _OffsetScores:
-    """Mean correlation at S offsets.
-
-    Attributes:
-        scores: (S,) mean correlation; -1 with too little overlap.
-        overlaps: (S,) whether enough overlaps.
-        zero: row at which both recordings start together.
-    """
-
-    scores: Array
-    overlaps: NDArray[np.bool_]
-    zero: int
-
-    def others(self, row: int) -> NDArray[np.bool_]:
-        """(S,) offsets that are matches other than the one at a row."""
-        return self.overlaps & (np.abs(np.arange(len(self.scores)) - row) > _APART_S / _STEP_S)
-
-    def lead(self, row: int) -> float:
-        """Lead of a row over all other matches (``Clock.lead``); NaN without any."""
-        others = self.others(row)
-        if not others.any():
-            return np.nan
-        fisher = np.arctanh(np.clip(self.scores, -_MAX_CORRELATION, _MAX_CORRELATION))
-        return float((fisher[row] - fisher[others].max()) / max(fisher[others].std(), _MIN_SPREAD))
-
-
 def find_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, theirs_s: float) -> Clock | None:
     """Search for the clock at which signals correlate best, to some hundredths of a second; None if they never do.
 
@@ -107,13 +79,12 @@ def find_clock(ours: Signals, ours_span: tuple[float, float], theirs: Signals, t
     for rate in RATES:
         if rate != 1.0 and abs(rate - 1.0) * theirs_s < _STEP_S:
             continue
-        found = _score_offsets(sampled, theirs, theirs_s, rate)
-        row = int(np.argmax(found.scores))
-        if found.overlaps.any() and (best is None or found.scores[row] > best.likeness + _CLEARLY):
-            lead = found.lead(row)
+        scores, zero = _score_offsets(sampled, theirs, theirs_s, rate)
+        row = int(np.argmax(scores))
+        if scores[row] > (-1.0 if best is None else best.likeness + _CLEARLY):
+            lead, _ = _compare_with_others(scores, row)
             chance = float(np.minimum(1.0, len(RATES) * np.exp(-lead / _LEAD_BY_CHANCE)))
-            start_s = ours_span[0] + (row - found.zero) * _STEP_S
-            best = Clock(start_s, rate, likeness=float(found.scores[row]), lead=lead, chance=chance)
+            best = Clock(ours_span[0] + (row - zero) * _STEP_S, rate, 0.0, 0.0, float(scores[row]), lead, chance)
     return best if best is not None and best.likeness >= _MIN_LIKENESS else None
 
 
@@ -122,26 +93,42 @@ def rate_clock(clock: Clock, ours: Signals, ours_span: tuple[float, float], thei
 
     Args: as of ``find_clock``.
     """
-    found = _score_offsets(ours(np.arange(*ours_span, _STEP_S)), theirs, theirs_s, clock.rate)
-    row = round((clock.start_s - ours_span[0]) / _STEP_S) + found.zero
-    if not 0 <= row < len(found.scores) or not found.overlaps[row]:
+    scores, zero = _score_offsets(ours(np.arange(*ours_span, _STEP_S)), theirs, theirs_s, clock.rate)
+    row = round((clock.start_s - ours_span[0]) / _STEP_S) + zero
+    if not 0 <= row < len(scores) or scores[row] == -1.0:
         return clock
     first = max(row - 1, 0)  # the given start lies between two offsets
-    row = first + int(np.argmax(found.scores[first : row + 2]))
-    others = found.others(row)
-    chance = float(np.mean(found.scores[others] >= found.scores[row])) if others.any() else np.nan
-    return replace(clock, likeness=float(found.scores[row]), lead=found.lead(row), chance=chance)
+    row = first + int(np.argmax(scores[first : row + 2]))
+    lead, chance = _compare_with_others(scores, row)
+    return replace(clock, likeness=float(scores[row]), lead=lead, chance=chance)
 
 
-def _score_offsets(ours: Array, theirs: Signals, theirs_s: float, rate: float) -> _OffsetScores:
+def _compare_with_others(scores: Array, row: int) -> tuple[float, float]:
+    """Lead of an offset over all other matches (``Clock.lead``), and the share of these that are as good; NaN without.
+
+    Args:
+        scores: (S,) of ``_score_offsets``.
+        row: of the offset.
+    """
+    others = scores[(scores > -1.0) & (np.abs(np.arange(len(scores)) - row) > _APART_S / _STEP_S)]
+    if not others.size:
+        return np.nan, np.nan
+    fisher, *others_fisher = np.arctanh(np.clip([scores[row], *others], -_MAX_CORRELATION, _MAX_CORRELATION))
+    lead = float((fisher - max(others_fisher)) / max(np.std(others_fisher), _MIN_SPREAD))
+    return lead, float(np.mean(others >= scores[row]))
+
+
+def _score_offsets(ours: Array, theirs: Signals, theirs_s: float, rate: float) -> tuple[Array, int]:
     """Correlate our samples (F, N) with theirs, resampled by a rate, at all offsets.
 
-    The sums over what overlaps are convolutions.
+    Returns:
+        (S,) mean correlation, -1 with too little overlap; and the row at which both recordings start together.
     """
     count = int(rate * theirs_s / _STEP_S) + 1
     sampled = theirs(np.linspace(0.0, (count - 1) * _STEP_S / rate, count))
     a, known_a = _standardise(ours)
     b, known_b = (values[:, ::-1] for values in _standardise(sampled))
+    # The sums over what overlaps are convolutions.
     n, sum_a, sum_b, sum_aa, sum_bb, sum_ab = (
         fftconvolve(x, y, axes=1)
         for x, y in ((known_a, known_b), (a, known_b), (known_a, b), (a * a, known_b), (known_a, b * b), (a, b))
@@ -153,7 +140,7 @@ def _score_offsets(ours: Array, theirs: Signals, theirs_s: float, rate: float) -
     correlation = np.where(counts, (n * sum_ab - sum_a * sum_b) / np.maximum(spread, 1e-12), 0.0)
     overlaps = counts.sum(axis=0) >= max(1, int(counts.any(axis=1).sum() * 0.5))
     mean = correlation.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
-    return _OffsetScores(np.where(overlaps, mean, -1.0), overlaps, zero=count - 1)
+    return np.where(overlaps, mean, -1.0), count - 1
 
 
 def _standardise(values: Array) -> tuple[Array, Array]:

@@ -71,7 +71,8 @@ class CameraLink:
 
     def place(self, camera: str, world_T_camera: Array) -> Array:
         """(T, 3) its end in the world [m] by poses (T, 4, 4) of one of the two."""
-        return transform_points(world_T_camera, self.ends[camera][None])[..., 0, :]
+        place: Array = transform_points(world_T_camera, self.ends[camera][None])[..., 0, :]
+        return place
 
     def gap(self, poses: CameraPoses) -> Array:
         """(T,) by how much the two registrations contradict the body [m]; NaN where one is unknown.
@@ -89,7 +90,8 @@ class CameraLink:
             pose @ inverse(mount.segment_T_camera) for pose, mount in zip(registered, self.mounts.values(), strict=True)
         )
         turned = np.linalg.norm(log_so3((inverse(first) @ second)[..., :3, :3]), axis=-1)
-        return np.maximum(outside, LEVER_M * turned)
+        gap: Array = np.maximum(outside, LEVER_M * turned)
+        return gap
 
 
 def camera_links(
