@@ -5,7 +5,7 @@ slowest reader may be.
 """
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
@@ -20,11 +20,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.live.node_parameters import ALL, GROUPS
 from bodycam_ros.messages.factory import MessageFactory, live_messages
-from bodycam_ros.settings import SettingDescription, SettingsGroups, describe, settings_from_mapping
+from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.settings import SettingDescription, describe
 from bodycam_ros.shown import shown
 
 P = TypeVar("P")
-S = TypeVar("S", bound=SettingsGroups)
 
 _SOURCE = "parameters"
 _FIXED_AT_START = ("autostart", "frame_prefix", "moments")
@@ -37,58 +37,43 @@ class NodeParameters(Generic[P]):
     Args:
         node: made with ``automatically_declare_parameters_from_overrides``.
         own_type: dataclass of the node's own parameters.
-        settings_types: types of groups of settings, of which ``groups`` are used.
         groups: names of these groups.
 
     Attributes:
+        own: the node's own parameters, as they are now.
+        settings: of all stages, as they are now; groups that are not used have their defaults.
+        on_change: called after values have changed.
         is_configured: whether a configuration has read those that cannot change any more.
 
     Raises:
         SettingsError: a value of the wrong type, or out of its range.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        own_type: type[P],
-        settings_types: Sequence[type[SettingsGroups]] = (),
-        groups: Collection[str] = (),
-    ) -> None:
+    def __init__(self, node: Node, own_type: type[P], groups: Collection[str] = ()) -> None:
         self.is_configured = False
-        self._on_change: Callable[[], None] = lambda: None
-        self._types = settings_types
-        # Group -> its settings; without a name the node's own.
-        values: dict[str, Any] = {_OWN: own_type()}
-        for each in settings_types:
-            values |= {name: kind() for name, kind in each.groups().items() if name in groups}
-        plain, known_groups = {f.name for each in ALL for f in fields(each)}, GROUPS | {_OWN}
-        for full_name, value in _given(node).items():
-            group, _, name = full_name.rpartition(".")
-            if group in values and hasattr(values[group], name):
-                values[group] = _replaced(values[group], group, name, value)
-            elif group in values and not (group == _OWN and name in plain) or group not in known_groups:
-                node.get_logger().warning(f"there is no parameter '{full_name}'; it changes nothing")
+        self.on_change: Callable[[], None] = lambda: None
+        of_groups = {name: kind for name, kind in PipelineSettings.groups().items() if name in groups}
+        # Without the name of a group the node's own.
+        self._kinds: dict[str, Any] = {"": own_type, **of_groups}
+        self._described = {
+            _full_name(group, each.name): each for group, kind in self._kinds.items() for each in describe(kind)
+        }
+        values = {name: each.default for name, each in self._described.items()}
+        of_others = {f.name for each in ALL for f in fields(each)}
+        for name, value in _given(node).items():
+            group = name.rpartition(".")[0]
+            if name in values:
+                values[name] = self._checked(name, value)
+            elif group in of_groups or (group not in GROUPS and name not in of_others):
+                node.get_logger().warning(f"there is no parameter '{name}'; it changes nothing")
         self._use(values)
-        for group, settings in values.items():
-            _declare(node, settings, f"{group}." if group else "")
+        for name, value in values.items():
+            # ROS takes an empty list for a list of bytes.
+            value = list(value) or [""] if isinstance(value, tuple) else value
+            node.declare_parameter(name, value, _descriptor(self._described[name]), ignore_override=True)
         self._pending: dict[str, Any] | None = None
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
-
-    @property
-    def own(self) -> P:
-        """The node's own parameters, as they are now."""
-        own: P = self._values[_OWN]
-        return own
-
-    def of(self, settings_type: type[S]) -> S:
-        """The settings of one type, as they are now."""
-        settings: S = self._settings[settings_type]  # type: ignore[assignment]  # keyed by its type
-        return settings
-
-    def on_change(self, changed: Callable[[], None]) -> None:
-        """Call back after values have changed."""
-        self._on_change = changed
 
     def required(self, name: str) -> str:
         """The value of an own parameter that has no default.
@@ -98,34 +83,41 @@ class NodeParameters(Generic[P]):
         """
         value: str = getattr(self.own, name)
         if not value:
-            reason = next(each.reason for each in describe(type(self.own)) if each.name == name)
+            reason = self._described[name].reason
             raise SettingsError(f"the parameter '{name}' is missing ({reason}); give it with --ros-args -p {name}:=...")
         return value
 
     def _use(self, values: dict[str, Any]) -> None:
         self._values = values
-        self._settings: dict[type[SettingsGroups], SettingsGroups] = {
-            each: each(**{name: values[name] for name in each.groups() if name in values}) for each in self._types
+        made = {
+            group: kind(**{f.name: values[_full_name(group, f.name)] for f in fields(kind)})
+            for group, kind in self._kinds.items()
         }
+        self.own: P = made.pop("")
+        self.settings = PipelineSettings(**made)
+
+    def _checked(self, full_name: str, value: Any) -> Any:
+        """A value in the type of its setting; an empty list of ROS comes as one of an empty word."""
+        value = tuple(each for each in value if each != "") if isinstance(value, (list, tuple)) else value
+        group = full_name.rpartition(".")[0]
+        return self._described[full_name].check(value, f"{_SOURCE}: {group}" if group else _SOURCE)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Reject what cannot change now, or not to this; names that are not of the node are rclpy's."""
         values = dict(self._values)
         try:
             for each in parameters:
-                group, _, name = each.name.rpartition(".")
-                if group in values and hasattr(values[group], name):
-                    self._check_changeable(values[group], each.name, name)
-                    values[group] = _replaced(values[group], group, name, each.value)
+                if each.name in values:
+                    self._check_changeable(each.name)
+                    values[each.name] = self._checked(each.name, each.value)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._pending = values
         return SetParametersResult(successful=True)
 
-    def _check_changeable(self, settings: Any, full_name: str, name: str) -> None:
-        description = next(each for each in describe(type(settings)) if each.name == name)
+    def _check_changeable(self, full_name: str) -> None:
         at_start = full_name in _FIXED_AT_START
-        if not description.is_live and (self.is_configured or at_start):
+        if not self._described[full_name].is_live and (self.is_configured or at_start):
             raise SettingsError(
                 f"{_SOURCE}: {full_name} is read when the node is {'started' if at_start else 'configured'}; "
                 f"restart it with -p {full_name}:=VALUE"
@@ -135,18 +127,11 @@ class NodeParameters(Generic[P]):
         if self._pending is not None:
             self._use(self._pending)
             self._pending = None
-            self._on_change()
+            self.on_change()
 
 
-_OWN = ""
-"""In place of a group: the node's own parameters."""
-
-
-def _replaced(settings: Any, group: str, name: str, value: Any) -> Any:
-    """Settings with another value; an empty list of ROS comes as one of an empty word."""
-    value = tuple(each for each in value if each != "") if isinstance(value, (list, tuple)) else value
-    values = {f.name: getattr(settings, f.name) for f in fields(settings)} | {name: value}
-    return settings_from_mapping(type(settings), values, f"{_SOURCE}: {group}" if group else _SOURCE)
+def _full_name(group: str, name: str) -> str:
+    return f"{group}.{name}" if group else name
 
 
 def _given(node: Node) -> dict[str, Any]:
@@ -161,14 +146,6 @@ def _given(node: Node) -> dict[str, Any]:
         if not name.startswith("qos_overrides."):
             given[name] = parameter.value
     return given
-
-
-def _declare(node: Node, settings: object, prefix: str = "") -> None:
-    for description in describe(type(settings)):
-        value = getattr(settings, description.name)
-        # ROS takes an empty list for a list of bytes.
-        value = list(value) or [""] if isinstance(value, tuple) else value
-        node.declare_parameter(prefix + description.name, value, _descriptor(description), ignore_override=True)
 
 
 def _descriptor(description: SettingDescription) -> ParameterDescriptor:

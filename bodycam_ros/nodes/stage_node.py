@@ -26,7 +26,6 @@ from bodycam_ros.moments import Moments
 from bodycam_ros.nodes.parameters import NodeParameters, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.settings import SettingsGroups
 
 P = TypeVar("P", bound=ManagedParameters)
 T = TypeVar("T")
@@ -70,7 +69,6 @@ class Stage(Generic[P]):
     Attributes:
         name, parameters_type, groups: of the node: its name unless it is remapped, its own parameters, its groups of
             settings.
-        settings_types: types of these groups.
         make: makes messages.
         dropped: counts messages that could not be used.
         moments: times at which frames arrived and left, if the parameter ``moments`` names a file.
@@ -82,7 +80,6 @@ class Stage(Generic[P]):
     name: ClassVar[str]
     parameters_type: ClassVar[type[Any]]
     groups: ClassVar[tuple[str, ...]] = ()
-    settings_types: ClassVar[tuple[type[SettingsGroups], ...]] = (PipelineSettings,)
 
     def __init__(self, node: "StageNode[P]") -> None:
         self.node, self.make, self.moments = node, node.make, node.moments
@@ -113,7 +110,7 @@ class Stage(Generic[P]):
     @property
     def settings(self) -> PipelineSettings:
         """Settings of all stages."""
-        return self.node.parameters.of(PipelineSettings)
+        return self.node.parameters.settings
 
     def publisher(self, type_name: str, topic: str, quality: QoSProfile, overridable: bool = False) -> Any:
         """A publisher of a message type by its name; users can override its quality of service if it is overridable."""
@@ -249,8 +246,8 @@ class StageNode(LifecycleNode, Generic[P]):
             BodycamError: a parameter is of the wrong type or out of its range, or the stage cannot start.
         """
         of = self._stage_type
-        self.parameters: NodeParameters[P] = NodeParameters(self, of.parameters_type, of.settings_types, of.groups)
-        self.parameters.on_change(self._changed)
+        self.parameters: NodeParameters[P] = NodeParameters(self, of.parameters_type, of.groups)
+        self.parameters.on_change = self._changed
         own = self.parameters.own
         self.make = node_messages(frame_prefix(self, own.frame_prefix))
         self.moments = Moments(Path(own.moments) if own.moments else None)

@@ -128,7 +128,7 @@ def test_what_is_in_config_and_then_dumped_loads_back(make: Callable[..., Any], 
     values = _values(node)
     assert own.items() <= values.items()
     if name == "skeleton_solver":
-        assert node.parameters.of(PipelineSettings) == PipelineSettings()
+        assert node.parameters.settings == PipelineSettings()
     assert _same(_values(make(name, {}, _dump(values, name, tmp_path / f"{name}.yaml"))), values)
 
 
