@@ -12,22 +12,25 @@ or more weld.
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.checked_fields import Entry
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, nearest_rotation, rigid, transform_points
-from bodycam_ros.kinematics.joint import LOOSE_RAD, Joint, JointType
+from bodycam_ros.kinematics.joint import LOOSE_RAD, Joint
 
+_Acceleration = Annotated[float, msgspec.Meta(ge=0.01, le=1e4)]
 Interval = tuple[float, float]
 """From and until, seconds since the recording's first image; the end may be infinite."""
 
 
-@dataclass(frozen=True)
-class SegmentMotion:
-    """How a segment of the equipment moves.
+class SegmentMotion(Entry, frozen=True):
+    """How a segment of the equipment moves, as its file has it.
 
     Attributes:
         stands: it does not move in the world at all (a bicycle on a roller); the sigmas then mean nothing.
@@ -39,8 +42,8 @@ class SegmentMotion:
 
     stands: bool = False
     keeps_speed: bool = False
-    angular_acceleration_sigma: float | None = None
-    acceleration_sigma: float | None = None
+    angular_acceleration_sigma: _Acceleration | None = msgspec.field(default=None, name="angular_acceleration")
+    acceleration_sigma: _Acceleration | None = msgspec.field(default=None, name="acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +82,8 @@ class Attachment:
     def distances(self, world_T_body: Array, world_T_equipment: Array) -> NDArray[np.float64]:
         """(N) distances [m] between the points of its pairs, of the poses (4, 4) of its two segments (B eq. 15)."""
         body = transform_points(world_T_body, self.on_body)
-        distances: NDArray[np.float64] = np.linalg.norm(
-            body - transform_points(world_T_equipment, self.on_equipment), axis=1
-        )
-        return distances
+        apart = body - transform_points(world_T_equipment, self.on_equipment)
+        return np.asarray(np.linalg.norm(apart, axis=1), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,23 +156,17 @@ def attachment_joint(attachment: Attachment) -> Joint:
     place_m = np.full(3, 1.0 / np.sqrt(weights.sum()))
     # Points beside an axis hold the turn about it: sigma is that of the points over their lever.
     turn_rad = np.minimum(1.0 / np.maximum(levers, 1e-12), LOOSE_RAD)
-    kind = _kind(turn_rad)
-    axis = np.array([1.0, 0.0, 0.0])  # of two points: the line through them, the first principal axis
+    free = int((turn_rad >= LOOSE_RAD).sum())
     return Joint(
         name=attachment.name,
         parent=attachment.equipment_segment,
         child=attachment.body_segment,
-        type=kind,
+        type="ball" if free == 3 else "hinge" if free == 1 else "weld",
         parent_T_joint=equipment_T_joint,
         child_T_joint=body_T_joint,
-        axis=axis,
+        axis=np.array([1.0, 0.0, 0.0]),  # of two points: the line through them, the first principal axis
         sigmas=(*turn_rad.tolist(), *place_m.tolist()),
     )
-
-
-def _kind(turn_rad: Array) -> JointType:
-    free = int((turn_rad >= LOOSE_RAD).sum())
-    return "ball" if free == 3 else "hinge" if free == 1 else "weld"
 
 
 def _principal_frame(points: Array, weights: Array) -> tuple[Array, Array]:

@@ -1,14 +1,13 @@
 """The equipment's pose by the body's attached points, and a posture in which all loops of body and equipment close.
 
-Hinges that turn for ever are searched. Attachments that contradict others are released, not met half-way: graduated
-non-convexity (Yang et al. 2020) with a Geman-McClure kernel per loop.
+Hinges that turn for ever are searched. Attachments that contradict others are released, not met half-way.
 """
 
 from collections.abc import Collection
 
 import numpy as np
 
-from bodycam_ros.body.mechanism import CLOSED_SIGMAS, Configuration, Mechanism, solve
+from bodycam_ros.body.mechanism import Configuration, Mechanism, solve
 from bodycam_ros.geometry import Array, exp_so3, inverse, nearest_rotation, rigid, transform_points
 
 _STARTS = 8  # initial angles of a hinge that turns for ever
@@ -17,7 +16,6 @@ _UNPLACED = np.repeat([0.35, 0.3], 3)  # [rad], [m] a root whose sigmas are larg
 _LEAST_LEVER_M = 0.01  # points nearer to an axis do not determine a rotation about it
 _STEPS = 20  # from each start
 _BENT = 0.6  # of the way to the middle of its limits: a straight knee has no direction in which to bend
-_ANNEALING, _SHORT = 0.2, 6  # of the kernel from stage to stage, and steps of a stage
 _STIFFENING = 1e-6  # added to information, so that it has an inverse
 
 
@@ -134,15 +132,10 @@ def close_loops(mechanism: Mechanism) -> tuple[Configuration, set[str]]:
     best = min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1])[0]
     if not mechanism.open_loops(best):
         return best, set()
-    annealed = []
-    for configuration in (starts[0], best):
-        kernel = max(mechanism.strains(configuration).values())
-        while kernel > CLOSED_SIGMAS:
-            configuration = solve(mechanism, configuration, kernel=kernel, steps=_SHORT)[0]
-            kernel *= _ANNEALING
-        annealed.append(solve(mechanism, configuration, kernel=CLOSED_SIGMAS)[0])
-    best = min(annealed, key=lambda configuration: len(mechanism.open_loops(configuration)))
-    left_open = mechanism.open_loops(best)
+    left_open: set[str] = set()
+    while opened := mechanism.open_loops(best) - left_open:
+        left_open.add(max(opened, key=mechanism.strains(best).__getitem__))
+        best = solve(mechanism, best, without=left_open)[0]
     for name in sorted(left_open, key=lambda name: mechanism.gap(best, name)[0]):
         tried = solve(mechanism, best, without=left_open - {name})[0]
         if mechanism.open_loops(tried) <= left_open - {name}:

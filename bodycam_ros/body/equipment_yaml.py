@@ -46,7 +46,6 @@ _HOLDS = {"detected": True, "always": False}
 _ENDINGS = (".yaml", ".yml")
 
 _Weight = Annotated[float, msgspec.Meta(ge=1e3 * TIGHT_M, le=1000.0)]
-_Acceleration = Annotated[float, msgspec.Meta(ge=0.01, le=1e4)]
 _Millimetres = Annotated[float, msgspec.Meta(ge=0.0, le=_MOST_MM)]
 _Lengths = tuple[_Millimetres, _Millimetres, _Millimetres]
 
@@ -60,13 +59,6 @@ class _EquipmentEntry(Entry):
     upright: Annotated[float, msgspec.Meta(ge=0.01, le=90.0)] | None = None
     joints: dict[Name, Any] | None = None  # each segment but the root hangs on one
     cameras: dict[Name, Any] | None = None
-
-
-class _SegmentEntry(Entry):
-    stands: bool = False  # it does not move in the world at all; the root only
-    keeps_speed: bool = False  # while it is unobserved, as a wheel does; else it comes to rest
-    angular_acceleration: _Acceleration | None = None  # [rad/s^2] how suddenly its turning changes; default: a body's
-    acceleration: _Acceleration | None = None  # [m/s^2] how suddenly its motion changes
 
 
 class _JointEntry(JointEntry):
@@ -229,10 +221,10 @@ def _joint(name: str, entry: _JointEntry) -> Joint:
 
 
 def _motion(entry: Any, where: str) -> SegmentMotion:
-    motion: _SegmentEntry = read_entry(_SegmentEntry, entry, where)
+    motion: SegmentMotion = read_entry(SegmentMotion, entry, where)
     if motion.stands and (idle := [key for key in entry if key != "stands"]):
         raise BodyError(f"{where}: it stands, and so has no {', '.join(idle)}; leave out the one or the other")
-    return SegmentMotion(motion.stands, motion.keeps_speed, motion.angular_acceleration, motion.acceleration)
+    return motion
 
 
 def _check_parts(equipment: Equipment) -> None:
