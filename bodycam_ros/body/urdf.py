@@ -23,7 +23,7 @@ from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
+from bodycam_ros.geometry import Array, exp_se3, rigid, rotation_to_z
 from bodycam_ros.kinematics.joint import FULL_TURN, Joint
 
 BODY = "bodycam_body"
@@ -66,13 +66,14 @@ def urdf_text(body: BodyModel, masses: Mapping[str, Mass] | None = None) -> str:
     for segment in body.segments:
         _add_segment(robot, body, segment, (masses or {}).get(segment))
     for joint in body.tree_joints:
-        _add_joint(robot, joint)
+        for name, ends, origin, motion in _connections(joint):
+            _add_joint(robot, name, ends, origin, motion)
+            if ends[1] != joint.child:
+                ET.SubElement(robot, "link", name=ends[1])
     for camera, mount in body.mounts.items():
-        _add_visual(
-            _add_link(robot, optical_frame(camera)), "box", "camera", np.eye(4), size=xml_numbers(_CAMERA_SIZE_M)
-        )
-        ends = mount.segment, optical_frame(camera)
-        _add_connection(robot, f"{camera}_mount", "fixed", ends, mount.segment_T_camera)
+        link = ET.SubElement(robot, "link", name=optical_frame(camera))
+        _add_visual(link, "box", "camera", np.eye(4), size=xml_numbers(_CAMERA_SIZE_M))
+        _add_joint(robot, f"{camera}_mount", (mount.segment, optical_frame(camera)), mount.segment_T_camera, None)
     check_names(robot, {"links": ["link"], "joints": ["joint"]}, "URDF")
     ET.SubElement(robot, BODY).text = f"\n{yaml_text(replace(body, report={}))}"
     ET.indent(robot)
@@ -137,19 +138,15 @@ def _connections(joint: Joint) -> Iterator[_Connection]:
         yield f"{joint.name}_to_{joint.child}", (last_link, joint.child), joint.joint_T_child, None
 
 
-def _add_joint(robot: ET.Element, joint: Joint) -> None:
-    for name, ends, origin, motion in _connections(joint):
-        if motion is None:
-            _add_connection(robot, name, "fixed", ends, origin)
-        else:
-            _add_moving(robot, name, ends, origin, motion)
-        if ends[1] != joint.child:
-            _add_link(robot, ends[1])
-
-
-def _add_moving(robot: ET.Element, name: str, links: tuple[str, str], origin: Array, motion: _Motion) -> None:
-    kind, axis, limits, range_of_motion = motion
-    element = _add_connection(robot, name, kind, links, origin)
+def _add_joint(robot: ET.Element, name: str, ends: tuple[str, str], origin: Array, motion: _Motion | None) -> None:
+    """A joint between two links; one that does not move is fixed."""
+    kind, axis, limits, range_of_motion = ("fixed", None, None, None) if motion is None else motion
+    element = ET.SubElement(robot, "joint", name=name, type=kind)
+    _add_origin(element, origin)
+    for role, link in zip(("parent", "child"), ends, strict=True):
+        ET.SubElement(element, role, link=link)
+    if axis is None:
+        return
     ET.SubElement(element, "axis", xyz=xml_numbers(axis))
     ET.SubElement(element, "limit", {**_bounds("{}", limits), "effort": _NO_LIMIT, "velocity": _NO_LIMIT})
     if range_of_motion is not None:
@@ -164,44 +161,21 @@ def _bounds(name: str, limits: Sequence[float] | NDArray[np.floating] | None) ->
     return {name.format(end): xml_numbers(np.array([limit])) for end, limit in pairs}
 
 
-def _add_connection(
-    robot: ET.Element, name: str, joint_type: str, links: tuple[str, str], parent_T_child: Array
-) -> ET.Element:
-    element = ET.SubElement(robot, "joint", name=name, type=joint_type)
-    _add_origin(element, parent_T_child)
-    for role, link in zip(("parent", "child"), links, strict=True):
-        ET.SubElement(element, role, link=link)
-    return element
-
-
 def _add_segment(robot: ET.Element, body: BodyModel, segment: str, mass: Mass | None) -> None:
     """A ball at the segment's origin, and bones from there."""
-    link = _add_link(robot, segment)
+    link = ET.SubElement(robot, "link", name=segment)
     if mass is not None:
-        _add_inertial(link, mass)
+        inertial = ET.SubElement(link, "inertial")
+        _add_origin(inertial, rigid(np.eye(3), mass.centre))
+        ET.SubElement(inertial, "mass", value=xml_numbers(np.array([mass.kilograms])))
+        moments = {f"i{a}{b}": xml_numbers(mass.inertia[i, [j]]) for (i, a), (j, b) in _PAIRS_OF_AXES}
+        ET.SubElement(inertial, "inertia", moments)
     bone, ball = ("equipment",) * 2 if segment in body.equipment_segments else ("bone", "joint")
     _add_visual(link, "sphere", ball, np.eye(4), radius=str(JOINT_RADIUS_M))
     for end in bone_ends(body, segment):
-        size = {"radius": str(BONE_RADIUS_M), "length": xml_numbers(np.array([np.linalg.norm(end)]))}
-        _add_visual(link, "cylinder", bone, _halfway_along(end), **size)
-
-
-def _add_inertial(link: ET.Element, mass: Mass) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    _add_origin(inertial, rigid(np.eye(3), mass.centre))
-    ET.SubElement(inertial, "mass", value=xml_numbers(np.array([mass.kilograms])))
-    moments = {f"i{a}{b}": xml_numbers(mass.inertia[i, [j]]) for (i, a), (j, b) in _PAIRS_OF_AXES}
-    ET.SubElement(inertial, "inertia", moments)
-
-
-def _halfway_along(end: Array) -> Array:
-    """(4, 4) pose whose origin is halfway to a point (3,) and whose z axis points to it: a URDF cylinder's."""
-    yaw, pitch = np.arctan2(end[1], end[0]), np.arctan2(np.hypot(end[0], end[1]), end[2])
-    return rigid(exp_so3(np.array([0.0, 0.0, yaw])) @ exp_so3(np.array([0.0, pitch, 0.0])), end / 2.0)
-
-
-def _add_link(robot: ET.Element, name: str) -> ET.Element:
-    return ET.SubElement(robot, "link", name=name)
+        length = float(np.linalg.norm(end))
+        size = {"radius": str(BONE_RADIUS_M), "length": xml_numbers(np.array([length]))}
+        _add_visual(link, "cylinder", bone, rigid(rotation_to_z(end / length).T, end / 2.0), **size)
 
 
 def _add_visual(link: ET.Element, shape: str, colour: str, link_T_shape: Array, **size: str) -> None:
