@@ -29,7 +29,7 @@ Interval = tuple[float, float]
 """From and until, seconds since the recording's first image; the end may be infinite."""
 
 
-class SegmentMotion(Entry, frozen=True):
+class SegmentMotion(Entry):
     """How a segment of the equipment moves, as its file has it.
 
     Attributes:

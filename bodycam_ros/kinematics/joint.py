@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, hat, inverse
+from bodycam_ros.geometry import Array, exp_so3, inverse
 from bodycam_ros.shown import shown
 
 JointType = Literal["ball", "hinge", "weld", "free"]
@@ -25,7 +25,6 @@ FULL_TURN = 2.0 * np.pi  # [rad]
 FARTHEST_M = 100.0  # [m] of a place from its segment's origin; farther, a rotation's rounding tears joints apart
 LONG_AXIS_Z = "yzx"  # a segment that hangs or stands in the N-pose: its long axis, z, in the middle (DESIGN 3)
 
-_IDENTITY = np.eye(3)
 _LOOSE_ROTATIONS: dict[str, int] = {"ball": 3, "hinge": 1, "weld": 0, "free": 3}
 
 
@@ -151,16 +150,7 @@ class Joint:
 
     def hinge_rotation(self, angle: NDArray[np.floating]) -> Array:
         """Joint rotation (..., 3, 3) of a hinge's angle (...) [rad]."""
-        # Rodrigues' formula.
-        K, K_squared = self._axis_generator
-        sine, cosine = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
-        rotation: Array = _IDENTITY + sine * K + (1.0 - cosine) * K_squared
-        return rotation
-
-    @cached_property
-    def _axis_generator(self) -> tuple[Array, Array]:
-        K = hat(self.axis)
-        return K, K @ K
+        return exp_so3(np.asarray(angle)[..., None] * self.axis)
 
     @cached_property
     def axes_of_rotation(self) -> Array:

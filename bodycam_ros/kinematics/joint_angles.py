@@ -8,7 +8,7 @@ order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, exp_so3, hat
+from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.kinematics.joint import FULL_TURN, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
 
@@ -19,7 +19,6 @@ _SINGULAR = 1e-3  # cosine of the middle angle, about, below which the rates of 
 _FROZEN = 1e-4
 
 _PARITY = {"xyz": 1.0, "yzx": 1.0, "zxy": 1.0, "xzy": -1.0, "yxz": -1.0, "zyx": -1.0}
-_GENERATORS = hat(np.eye(3))
 
 
 class EulerOrder:
@@ -37,9 +36,7 @@ class EulerOrder:
 
     def compose(self, angles: NDArray[np.floating]) -> Array:
         """Rotations (..., N, 3, 3) of angles (..., N, 3) [rad]."""
-        K = _GENERATORS[self._axes]
-        sine, versine = np.sin(angles)[..., None, None], 1.0 - np.cos(angles)[..., None, None]
-        R = np.eye(3) + sine * K + versine * (K @ K)
+        R = exp_so3(angles[..., None] * np.eye(3)[self._axes])
         rotations: Array = R[..., 0, :, :] @ R[..., 1, :, :] @ R[..., 2, :, :]
         return rotations
 
@@ -115,8 +112,7 @@ class JointAngles:
         rotations = np.empty((*angles.shape[:-1], len(self.tree.tree_joints), 3, 3))
         rotations[...] = np.eye(3)
         rotations[..., self._balls, :, :] = self._order.compose(angles[..., self._ball_columns])
-        for row, column in zip(self._hinges, self._hinge_columns, strict=True):
-            rotations[..., row, :, :] = self.tree.tree_joints[row].hinge_rotation(angles[..., column])
+        rotations[..., self._hinges, :, :] = exp_so3(angles[..., self._hinge_columns, None] * self._hinge_axes)
         return rotations
 
     def poses(self, angles: NDArray[np.floating]) -> Array:
