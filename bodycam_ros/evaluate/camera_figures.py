@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
@@ -22,7 +23,6 @@ from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.timing.clock_state import ClockHistory
 
-_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 _EVEN_SHARE = 0.2  # by which even steps in time may differ from the usual one
 _ROUNDING_NS = 1.0
 
@@ -53,8 +53,6 @@ def blind(solved: SolvedRecording) -> NDArray[np.bool_]:
     """(T,) states near which no camera was registered and no static one observed the body."""
     worn = [record.stamps_ns[record.registered] for record in solved.cameras]
     known = np.concatenate([*worn, *(record.stamps_ns[record.observes] for record in solved.stations)])
-    if not len(known):
-        return np.ones(len(solved.stamps_ns), dtype=bool)
     far: NDArray[np.bool_] = distance_in_time(solved.stamps_ns, np.sort(known)) > solved.frame_ns / 2.0
     return far
 
@@ -74,14 +72,11 @@ def jitter(solved: SolvedRecording) -> Array:
     nothing. NaN at the ends and beside gaps.
     """
     origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.body_segments], axis=1)
-    noise, width = np.full(origins.shape[:2], np.nan), len(_FOURTH_DIFFERENCE)
-    if len(origins) < width:
-        return noise
-    windows = np.lib.stride_tricks.sliding_window_view(origins, width, axis=0)
-    differences = np.linalg.norm(windows @ _FOURTH_DIFFERENCE, axis=-1) / np.linalg.norm(_FOURTH_DIFFERENCE)
-    even = np.abs(np.diff(solved.stamps_ns) - solved.instant_ns) <= _EVEN_SHARE * solved.instant_ns
-    all_even = np.asarray(np.lib.stride_tricks.sliding_window_view(even, width - 1).all(axis=-1), dtype=np.bool_)
-    noise[width // 2 : -(width // 2)] = np.where(all_even[:, None], differences, np.nan)
+    noise = np.full(origins.shape[:2], np.nan)
+    if len(origins) > 4:
+        odd = np.abs(np.diff(solved.stamps_ns) - solved.instant_ns) > _EVEN_SHARE * solved.instant_ns
+        differences = np.linalg.norm(np.diff(origins, n=4, axis=0), axis=-1) / np.sqrt(70.0)
+        noise[2:-2] = np.where(np.convolve(odd, np.ones(4), "valid")[:, None] > 0.5, np.nan, differences)
     return noise
 
 
@@ -111,9 +106,8 @@ def camera_figures(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
             "landmarks": float(record.landmarks.mean()) if has_landmarks else np.nan,
             "position_gap_mm": spread(position_gap, 1e3),
             "rotation_gap_deg": spread(rotation_gap, np.degrees(1.0)),
+            **({} if record.timing is None else {"clock": _clock_figures(record.timing)}),
         }
-        if record.timing is not None:
-            figures[record.camera]["clock"] = _clock_figures(record.timing)
     for camera, errors in _reprojection_errors(solved, models, poses).items():
         figures[camera]["reprojection_px"] = spread(errors)
     return figures
@@ -206,9 +200,8 @@ def sensor_figures(
     """
     figures, degrees = {}, np.degrees(1.0)
     for camera, samples in sensors.items():
-        quality, rad_s = sensor_quality(samples), np.full((1, 3), np.nan)
-        if camera in residuals:
-            rad_s = residuals[camera].rad_s
+        quality = sensor_quality(samples)
+        rad_s = residuals[camera].rad_s if camera in residuals else np.full((1, 3), np.nan)
         change = np.median(rad_s, axis=0)
         figures[camera] = {
             "rate_hz": quality.rate_hz,
@@ -238,8 +231,7 @@ def _residuals(
 ) -> GyroscopeResiduals:
     R, seconds = world_T_camera[:, :3, :3], solved.seconds(solved.stamps_ns)
     sensor_s, w = solved.seconds(record.time_of(corrected.stamps_ns)), corrected.angular_velocity
-    steps = np.diff(sensor_s)[:, None] * (w[1:] + w[:-1]) / 2.0
-    integral = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    integral = cumulative_trapezoid(w, sensor_s, axis=0, initial=0.0)
     turned = np.stack([np.interp(seconds, sensor_s, column, np.nan, np.nan) for column in integral.T], axis=1)
     solved_turn = log_so3(np.swapaxes(R[:-1], 1, 2) @ R[1:])
     residuals = (np.diff(turned, axis=0) - solved_turn) / np.diff(seconds)[:, None]

@@ -1,6 +1,6 @@
 """One picture that shows at a glance whether a solved recording is any good."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, ListedColormap
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
@@ -18,9 +18,8 @@ from bodycam_ros.body.stick_figure import HEAD, Bone, limb_bones
 from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.time_panels import ERROR_PANELS, draw_errors
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import CameraSight
-from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.verdict import Level, Verdict
 
@@ -139,26 +138,23 @@ def _camera_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
     """A row per camera, darker with more landmarks, or segments; other colours where it is not registered."""
-    records: Sequence[CameraRecord | StationRecord] = solved.cameras or solved.stations
-    names = [record.camera if isinstance(record, CameraRecord) else record.station for record in records]
+    rows = {record.camera: record.registered for record in solved.cameras}
+    rows = rows or {record.station: record.observes for record in solved.stations}
     counts, sights = sight_table(solved, _MAX_COLUMNS)
     known = counts[np.isfinite(counts)]
     most = float(np.percentile(known, 98)) if known.size else 1.0
     most = max(10.0, 10.0 * np.ceil(most / 10.0)) if solved.cameras else max(1.0, most)
     end_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
-    layers: list[tuple[Array, Colormap, float]] = [
-        (np.where(sights == CameraSight.REGISTERED, counts, np.nan), style.LANDMARKS, most)
-    ]
-    layers += [(np.where(sights == sight, 1.0, np.nan), ListedColormap([c]), 1.0) for sight, c in _COLOURS.items()]
-    axes.set_facecolor(_NO_IMAGE)
-    for cells, colours, top in layers:
-        extent = (0.0, end_s, len(names) - 0.5, -0.5)
-        axes.imshow(cells, cmap=colours, vmin=0.0, vmax=top, extent=extent, aspect="auto", interpolation="nearest")
-    axes.hlines(np.arange(len(names) - 1) + 0.5, 0.0, end_s, color="white", linewidth=1.5)
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    for row, (label, name, record) in enumerate(zip(axes.get_yticklabels(), names, records, strict=True)):
+    cells = style.LANDMARKS(np.nan_to_num(counts) / most)
+    cells[np.isnan(counts)] = to_rgba(_NO_IMAGE)
+    for sight, colour in _COLOURS.items():
+        cells[sights == sight] = to_rgba(colour)
+    axes.imshow(cells, extent=(0.0, end_s, len(rows) - 0.5, -0.5), aspect="auto", interpolation="nearest")
+    axes.hlines(np.arange(len(rows) - 1) + 0.5, 0.0, end_s, color="white", linewidth=1.5)
+    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
+    for row, (label, (name, registered)) in enumerate(zip(axes.get_yticklabels(), rows.items(), strict=True)):
         label.set_color(style.side_colour(name))
-        share = float((record.registered if isinstance(record, CameraRecord) else record.observes).mean())
+        share = float(registered.mean())
         axes.annotate(
             "100 %" if share == 1.0 else f"{100.0 * share:.1f} %", (1.0, row), (5, 0),
             xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
@@ -180,11 +176,9 @@ def sight_table(solved: SolvedRecording, max_columns: int) -> tuple[Array, Array
 
     Of static cameras, where there are no others, fewest segments; without any it is ``CameraSight.BLIND``.
     """
-    if solved.cameras:
-        found = [(each.stamps_ns, each.landmarks, each.sights) for each in solved.cameras]
-    else:
-        blind, seen = int(CameraSight.BLIND), int(CameraSight.REGISTERED)
-        found = [(each.stamps_ns, each.segments, np.where(each.observes, seen, blind)) for each in solved.stations]
+    blind, seen = int(CameraSight.BLIND), int(CameraSight.REGISTERED)
+    found = [(each.stamps_ns, each.landmarks, each.sights) for each in solved.cameras]
+    found = found or [(s.stamps_ns, s.segments, np.where(s.observes, seen, blind)) for s in solved.stations]
     frames = round((solved.end_ns - solved.start_ns) / solved.frame_ns) + 1
     columns = min(frames, max_columns)
     counts, sights = np.full((2, len(found), columns), np.nan)
@@ -204,6 +198,7 @@ _AWAY = np.array([-np.sin(_TURN), np.cos(_TURN), 0.0])
 _UP = np.array([0.0, 0.0, np.cos(_ELEVATION)]) + np.sin(_ELEVATION) * _AWAY
 _DEPTH = np.cross(_UP, _RIGHT)
 
+_SIDES = MappingProxyType({"left": style.LEFT, "right": style.RIGHT, "centre": style.CENTRE})
 _TRUTH_STYLE: Any = {"color": style.TRUTH, "linewidth": 5.5, "alpha": 0.55}
 
 
@@ -216,36 +211,42 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     floor_z = min(float(np.minimum(b.start, b.end)[:, 2].min()) for b in body if not b.is_equipment)
     for number, row in enumerate(rows):
         world_T_root = solved.motion.world_T_root[row]
-        ground = np.array([*world_T_root[:2, 3], floor_z])
-        heading = np.arctan2(world_T_root[1, 0], world_T_root[0, 0])
-        cosine, sine = np.cos(heading), np.sin(heading)
-        level_R_world = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        turned = exp_so3(np.array([0.0, 0.0, np.arctan2(world_T_root[1, 0], world_T_root[0, 0])]))
+        world_T_view = rigid(turned, np.array([*world_T_root[:2, 3], floor_z]))
         if comparison is not None:
             nearest = int(np.argmin(np.abs(comparison.stamps_ns - solved.stamps_ns[row])))
-            for line, _ in (_projected(bone, nearest, ground, level_R_world, number) for bone in truth):
+            for bone in truth:
+                line, _ = _projected(bone, nearest, world_T_view, number)
                 axes.plot(*line.T, solid_capstyle="round", zorder=2, **_TRUTH_STYLE)
         shown = [bone for bone in body if solved.placed[row] or not bone.is_equipment]
-        lines = [(*_projected(bone, row, ground, level_R_world, number), bone) for bone in shown]
+        lines = [(*_projected(bone, row, world_T_view, number), bone) for bone in shown]
         for line, _, bone in sorted(lines, key=lambda each: -each[1]):  # the far side first; nearer lines cover it
             _draw_bone(axes, bone, line)
-        seconds = float(solved.seconds(solved.stamps_ns[[row]])[0])
-        place = (_STEP_M * number, 0.0)
-        axes.plot([place[0] - 0.3, place[0] + 0.3], [0.0, 0.0], color=style.FAINT, linewidth=0.8, zorder=0)
+        seconds, x = float(solved.seconds(solved.stamps_ns[[row]])[0]), _STEP_M * number
+        axes.plot([x - 0.3, x + 0.3], [0.0, 0.0], color=style.FAINT, linewidth=0.8, zorder=0)
         axes.annotate(
-            f"{seconds:.1f} s", place, (0, -13), textcoords="offset points", ha="center", va="top", fontsize=8.0,
+            f"{seconds:.1f} s", (x, 0.0), (0, -13), textcoords="offset points", ha="center", va="top", fontsize=8.0,
             color=style.QUIET,
         )  # fmt: skip
     has_equipment = any(bone.is_equipment for bone in body) and bool(solved.placed[rows].any())
-    _draw_key(axes, comparison is not None, has_equipment)
+    key: list[tuple[str, Any]] = [
+        *((name, {"color": colour, "linewidth": 2.4}) for name, colour in _SIDES.items()),
+        *([("equipment", {"color": style.EQUIPMENT, "linewidth": 1.2})] if has_equipment else []),
+        *([("truth", _TRUTH_STYLE)] if comparison is not None else []),
+    ]
+    axes.legend(
+        handles=[Line2D([], [], label=name, **looks) for name, looks in key], loc="lower right",
+        bbox_to_anchor=(1.0, 1.0), ncols=len(key), labelcolor=style.INK, handlelength=1.6, borderaxespad=0.0,
+    )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
     axes.axis("off")
     travelled = np.linalg.norm(np.diff(solved.motion.world_T_root[:, :2, 3], axis=0), axis=1).sum()
     style.panel_title(axes, "Skeleton", f"side by side; the root travels {travelled:.1f} m")
 
 
-def _projected(bone: Bone, row: int, ground: Array, level_R_world: Array, number: int) -> tuple[Array, float]:
+def _projected(bone: Bone, row: int, world_T_view: Array, number: int) -> tuple[Array, float]:
     """Ends (2, 2) of a line on the screen [m] of one of the figures, and its depth."""
-    ends = (np.stack([bone.start[row], bone.end[row]]) - ground) @ level_R_world.T
+    ends = transform_points(inverse(world_T_view), np.stack([bone.start[row], bone.end[row]]))
     screen = np.stack([ends @ _RIGHT + _STEP_M * number, ends @ _UP], axis=1)
     return screen, float((ends @ _DEPTH).sum())
 
@@ -260,17 +261,3 @@ def _draw_bone(axes: Axes, bone: Bone, line: Array) -> None:
         axes.add_patch(head)
     axes.plot(*line.T, color=colour, linewidth=2.4, solid_capstyle="round", zorder=3)
     axes.plot(*line[0], "o", color=colour, markersize=3.6, zorder=3)
-
-
-def _draw_key(axes: Axes, with_truth: bool, with_equipment: bool) -> None:
-    entries: list[tuple[str, Any]] = [
-        (name, {"color": colour, "linewidth": 2.4})
-        for name, colour in (("left", style.LEFT), ("right", style.RIGHT), ("centre", style.CENTRE))
-    ]
-    entries += [("equipment", {"color": style.EQUIPMENT, "linewidth": 1.2})] if with_equipment else []
-    entries += [("truth", _TRUTH_STYLE)] if with_truth else []
-    handles = [Line2D([], [], label=name, **style) for name, style in entries]
-    axes.legend(
-        handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), labelcolor=style.INK,
-        handlelength=1.6, borderaxespad=0.0,
-    )  # fmt: skip

@@ -66,7 +66,9 @@ def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | N
 
 
 def distance_in_time(stamps_ns: NDArray[np.int64], others_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(K,) distance [ns] of each stamp (K,) to the nearest of others (T,), which increase."""
+    """(K,) distance [ns] of each stamp (K,) to the nearest of others (T,), which increase; the largest without any."""
+    if not len(others_ns):
+        return np.full(len(stamps_ns), np.iinfo(np.int64).max)
     after = np.searchsorted(others_ns, stamps_ns)
     next_one = others_ns[np.minimum(after, len(others_ns) - 1)]
     one_before = others_ns[np.maximum(after - 1, 0)]

@@ -1,17 +1,12 @@
 """What the cameras of a solved recording measured, over their images."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.timing.clock_state import ClockHistory
-
-Registration = tuple[int, Array | None, CameraSight]
-"""Landmarks of an image, its pose world_T_camera (4, 4) [m], and its sight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +31,6 @@ class StationRecord:
         observed: NDArray[np.bool_] = self.segments > 0
         return observed
 
-    @classmethod
-    def from_counts(cls, station: str, counts: Mapping[int, tuple[int, float]]) -> "StationRecord":
-        """Of stamp [ns] -> segments and confidence."""
-        segments, confidence = zip(*(counts[stamp] for stamp in sorted(counts)), strict=True)
-        return cls(station, np.array(sorted(counts), np.int64), np.array(segments), np.array(confidence))
-
 
 @dataclass(frozen=True, eq=False)
 class CameraRecord:
@@ -60,7 +49,7 @@ class CameraRecord:
     stamps_ns: NDArray[np.int64]
     landmarks: NDArray[np.int64]
     world_T_camera: Array
-    sights: NDArray[np.int8]
+    sights: NDArray[np.int64]
     timing: ClockHistory | None = None
 
     def time_of(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -72,22 +61,3 @@ class CameraRecord:
         """(K,) whether it has a pose."""
         known: NDArray[np.bool_] = np.isfinite(self.world_T_camera[:, 0, 0])
         return known
-
-    @classmethod
-    def from_registrations(
-        cls,
-        camera: str,
-        registrations: Mapping[int, tuple[int, Array | None, CameraSight]],
-        timing: ClockHistory | None,
-    ) -> "CameraRecord":
-        """Of stamp by the camera's clock [ns] -> registration."""
-        landmarks, poses, sights = zip(*(registrations[stamp] for stamp in sorted(registrations)), strict=True)
-        given_ns, unknown = np.array(sorted(registrations), np.int64), np.full((4, 4), np.nan)
-        return cls(
-            camera=camera,
-            stamps_ns=given_ns if timing is None else timing.corrected_ns(given_ns),
-            landmarks=np.array(landmarks, np.int64),
-            world_T_camera=np.array([unknown if pose is None else pose for pose in poses]),
-            sights=np.array(sights, np.int8),
-            timing=timing,
-        )

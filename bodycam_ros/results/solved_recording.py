@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches, camera_sight
 from bodycam_ros.results.body_motion import between_neighbours
-from bodycam_ros.results.camera_record import CameraRecord, Registration, StationRecord
+from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.solved_body import BodyMessages, SolvedBody, missing_topic
 from bodycam_ros.results.topics import (
     LANDMARKS,
@@ -140,8 +141,8 @@ def read_solved(path: Path) -> SolvedRecording:
             raise missing_topic(bag, f"no topic /<camera>{LANDMARKS} ({LANDMARKS_TYPE}) with messages")
         timing = bag.camera_topics(TIMING, TIMING_TYPE)
         judged = [VERDICT] if bag.topics.get(VERDICT) == VERDICT_TYPE else []
-        registered: dict[str, dict[int, Registration]] = defaultdict(dict)
-        observed: dict[str, dict[int, tuple[int, float]]] = defaultdict(dict)
+        registered: dict[str, _Rows] = defaultdict(dict)
+        observed: dict[str, _Rows] = defaultdict(dict)
         timings: dict[str, list[Message]] = defaultdict(list)
         verdict = None
         for topic, _, message in bag.messages([*messages.topics, *judged, *landmarks, *timing, *static]):
@@ -155,7 +156,8 @@ def read_solved(path: Path) -> SolvedRecording:
                     timings[timing[topic]].append(message)
                 elif topic in landmarks:
                     matches = landmark_matches(message, landmarks[topic])
-                    row = len(matches.landmark_ids), matches.world_T_camera, camera_sight(matches)
+                    pose = _UNKNOWN if matches.world_T_camera is None else matches.world_T_camera
+                    row = len(matches.landmark_ids), pose, camera_sight(matches)
                     registered[matches.camera][matches.stamp_ns] = row
                 else:
                     measured = segment_poses(message)
@@ -163,14 +165,27 @@ def read_solved(path: Path) -> SolvedRecording:
                     observed[measured.station][measured.stamp_ns] = len(measured.evidence), confidence
     solved = messages.solved()
     order = {camera: place for place, camera in enumerate(solved.body.mounts)}
-    cameras = tuple(
-        CameraRecord.from_registrations(camera, registered[camera], clock_history(camera, timings[camera]))
-        for camera in sorted(registered, key=lambda camera: (order.get(camera, len(order)), camera))
-    )
-    stations = tuple(StationRecord.from_counts(station, counts) for station, counts in sorted(observed.items()))
+    cameras = []
+    for camera in sorted(registered, key=lambda camera: (order.get(camera, len(order)), camera)):
+        clock, (given_ns, counts, poses, sights) = clock_history(camera, timings[camera]), _columns(registered[camera])
+        stamps_ns = given_ns if clock is None else clock.corrected_ns(given_ns)
+        cameras.append(CameraRecord(camera, stamps_ns, counts, poses, sights, clock))
+    stations = tuple(StationRecord(station, *_columns(rows)) for station, rows in sorted(observed.items()))
     if not cameras and not stations:
         raise RecordingError(
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "
             "replay the recording again"
         )
-    return SolvedRecording(path, solved.body, solved.motion, solved.equipment, cameras, stations, verdict)
+    return SolvedRecording(path, solved.body, solved.motion, solved.equipment, tuple(cameras), stations, verdict)
+
+
+_Rows = dict[int, tuple[Any, ...]]
+"""Stamp [ns] -> what was measured at it."""
+
+_UNKNOWN = np.full((4, 4), np.nan)
+
+
+def _columns(rows: _Rows) -> "Iterator[NDArray[Any]]":
+    """Stamps (K,), in order of time, and each of what was measured (K, ...)."""
+    stamps_ns = sorted(rows)
+    return map(np.array, (stamps_ns, *zip(*(rows[stamp] for stamp in stamps_ns), strict=True)))
