@@ -32,7 +32,7 @@ class SaidBySolver:
         from bodycam_ros.messages.factory import MAP_FRAME, header_message
         from bodycam_ros.messages.poses import pose_with_covariance_message
 
-        motion = self._solved.motion
+        motion = self._solved
         stamp, root = int(motion.stamps_ns[row]), motion.world_T_root[row]
         known = dict(zip(motion.joint_names, motion.joint_angles[row].tolist(), strict=True)) | angles
         positions = np.array(list(known.values()))

@@ -59,10 +59,10 @@ def blind(solved: SolvedRecording) -> NDArray[np.bool_]:
 
 def angle_ranges_deg(solved: SolvedRecording) -> dict[str, list[float]]:
     """Joint -> least and greatest of its angles [deg]; without places of free joints."""
-    angles = np.degrees(solved.motion.joint_angles)
+    angles = np.degrees(solved.joint_angles)
     slide = {name for joint in solved.body.tree_joints if joint.type == "free" for name in joint.angle_names[:3]}
     ends = np.stack([angles.min(axis=0), angles.max(axis=0)], axis=1).tolist()
-    return {name: pair for name, pair in zip(solved.motion.joint_names, ends, strict=True) if name not in slide}
+    return {name: pair for name, pair in zip(solved.joint_names, ends, strict=True) if name not in slide}
 
 
 def jitter(solved: SolvedRecording) -> Array:

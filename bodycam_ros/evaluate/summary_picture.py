@@ -210,7 +210,7 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     truth = [] if comparison is None else limb_bones(comparison.true_segments, solved.parents)
     floor_z = min(float(np.minimum(b.start, b.end)[:, 2].min()) for b in body if not b.is_equipment)
     for number, row in enumerate(rows):
-        world_T_root = solved.motion.world_T_root[row]
+        world_T_root = solved.world_T_root[row]
         turned = exp_so3(np.array([0.0, 0.0, np.arctan2(world_T_root[1, 0], world_T_root[0, 0])]))
         world_T_view = rigid(turned, np.array([*world_T_root[:2, 3], floor_z]))
         if comparison is not None:
@@ -240,7 +240,7 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
     axes.axis("off")
-    travelled = np.linalg.norm(np.diff(solved.motion.world_T_root[:, :2, 3], axis=0), axis=1).sum()
+    travelled = np.linalg.norm(np.diff(solved.world_T_root[:, :2, 3], axis=0), axis=1).sum()
     style.panel_title(axes, "Skeleton", f"side by side; the root travels {travelled:.1f} m")
 
 

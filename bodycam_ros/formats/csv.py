@@ -31,7 +31,7 @@ def write_csv(motion: SampledMotion, options: MotionOptions) -> str:
     for column, (joint, name) in enumerate(joints):
         slides = joint.type == "free" and name.startswith(f"{joint.name}_at_")
         names.append(f"{name}_{'m' if slides else 'deg'}")
-        angles = motion.motion.joint_angles[:, column] if slides else np.degrees(motion.motion.joint_angles[:, column])
+        angles = motion.joint_angles[:, column] if slides else np.degrees(motion.joint_angles[:, column])
         columns.append(np.where(motion.known_frames(joint.child), angles, np.nan)[:, None])
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")

@@ -32,8 +32,8 @@ def write_npz(motion: SampledMotion, options: MotionOptions) -> bytes:
         world_T_segment=motion.world_T_segment,
         known=np.stack([motion.known_frames(segment) for segment in body.segments], axis=1),
         joints=np.array([joint.name for joint in body.tree_joints]),
-        joint_R=JointAngles(body).rotations(motion.motion.joint_angles),
-        angle_names=np.array(motion.motion.joint_names),
-        angles=motion.motion.joint_angles,
+        joint_R=JointAngles(body).rotations(motion.joint_angles),
+        angle_names=np.array(motion.joint_names),
+        angles=motion.joint_angles,
     )
     return file.getvalue()

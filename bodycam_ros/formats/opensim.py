@@ -46,14 +46,14 @@ def write_mot(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     """The motion as a MOT file, and its model."""
     root = motion.body.root
     joints = {name for j in motion.body.tree_joints if j.child in motion.body_segments for name in j.angle_names}
-    columns = [column for column, name in enumerate(motion.motion.joint_names) if name in joints]
-    rotations = change_axes(OPENSIM_R_OURS, motion.motion.world_T_root[:, None, :3, :3])
+    columns = [column for column, name in enumerate(motion.joint_names) if name in joints]
+    rotations = change_axes(OPENSIM_R_OURS, motion.world_T_root[:, None, :3, :3])
     numbers = np.column_stack(
         [
             motion.seconds,
             np.degrees(continuous_angles((_ROOT_ORDER,), rotations)[:, 0]),
-            motion.motion.world_T_root[:, :3, 3] @ OPENSIM_R_OURS.T,
-            np.degrees(motion.motion.joint_angles[:, columns]),
+            motion.world_T_root[:, :3, 3] @ OPENSIM_R_OURS.T,
+            np.degrees(motion.joint_angles[:, columns]),
         ]
     )
     root_names = [f"{root}_{name}" for name in (*_ROOT_ROTATIONS, *_ROOT_POSITIONS)]
@@ -64,7 +64,7 @@ def write_mot(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
         f"nColumns={numbers.shape[1]}",
         MOTION_MARK,
         "endheader",
-        "\t".join(["time", *root_names, *(motion.motion.joint_names[column] for column in columns)]),
+        "\t".join(["time", *root_names, *(motion.joint_names[column] for column in columns)]),
     ]
     rows = ["\t".join(map("{:.8f}".format, row)) for row in numbers.tolist()]
     return {"": "\n".join([*header, *rows]) + "\n", MODEL_SUFFIX: model_text(motion, place_markers(motion))}

@@ -128,7 +128,7 @@ def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> Sampled
     Raises:
         RecordingError: fewer than two frames were solved, or would be written; or too many would be.
     """
-    motion, stamps = solved.motion, solved.motion.stamps_ns
+    frames, stamps = solved, solved.stamps_ns
     if len(stamps) < 2:
         raise RecordingError(f"{solved.path}: only one frame was solved; a motion has two or more")
     steps = np.diff(stamps)
@@ -138,21 +138,21 @@ def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> Sampled
     at_ns = stamps if as_solved else _even_stamps(solved, 1e9 / rate if rate else step_ns)
     if not as_solved:
         angles = JointAngles(solved.body)
-        poses = angles.poses(motion.joint_angles)
+        poses = angles.poses(solved.joint_angles)
         between = [interpolated(stamps, poses[:, row], at_ns) for row in range(poses.shape[1])]
         joints = np.stack(between, axis=1) if between else np.zeros((len(at_ns), 0, 4, 4))
-        motion = replace(
-            motion,
+        frames = replace(
+            solved,
             stamps_ns=at_ns,
-            joint_angles=angles.angles(joints, motion.joint_angles[_nearest(stamps, at_ns)]),
-            world_T_root=interpolated(stamps, motion.world_T_root, at_ns),
-            root_covariance=motion.root_covariance[_nearest(stamps, at_ns)],
+            joint_angles=angles.angles(joints, solved.joint_angles[_nearest(stamps, at_ns)]),
+            world_T_root=interpolated(stamps, solved.world_T_root, at_ns),
+            root_covariance=solved.root_covariance[_nearest(stamps, at_ns)],
         )
     before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
     known = between_neighbours(stamps, at_ns, GAP_FRAMES * step_ns) | np.isin(at_ns, stamps)
     equipment_known = known & solved.placed[before] & solved.placed[after]
-    rate = rate or 1e9 / step_ns
-    return SampledMotion(solved.path, solved.body, motion, solved.equipment, known, equipment_known, rate)
+    states = {each.name: getattr(frames, each.name) for each in fields(SolvedBody)}
+    return SampledMotion(**states, known=known, equipment_known=equipment_known, rate=rate or 1e9 / step_ns)
 
 
 def change_axes(program_R_world: Array, rotations: Array) -> Array:
@@ -163,7 +163,7 @@ def change_axes(program_R_world: Array, rotations: Array) -> Array:
 
 def _even_stamps(solved: SolvedBody, step_ns: float) -> NDArray[np.int64]:
     """(T,) from the first solved frame on; those within rounding of a solved one are it."""
-    stamps = solved.motion.stamps_ns
+    stamps = solved.stamps_ns
     count = int((stamps[-1] - stamps[0] + _SAME_NS) / step_ns) + 1
     if count < 2:
         raise RecordingError(
@@ -184,7 +184,7 @@ def _nearest(stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.
 
 
 def _warn_of_gaps(solved: SolvedBody, longest_ns: float) -> None:
-    stamps = solved.motion.stamps_ns
+    stamps = solved.stamps_ns
     steps = np.diff(stamps)
     gaps = np.flatnonzero(steps > longest_ns)
     if not len(gaps):

@@ -1,30 +1,9 @@
-"""Motion of a body over time, and trajectories between their stamps."""
-
-from dataclasses import dataclass
+"""Trajectories between their stamps, and the nearest of these."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
-
-
-@dataclass(frozen=True, eq=False)
-class BodyMotion:
-    """The body's motion over T states, apart from its shape.
-
-    Attributes:
-        stamps_ns: (T,) states with joint states and odometry, increasing [ns].
-        joint_names: (A) in the order of ``joint_angles``.
-        joint_angles: (T, A) [rad], [m] of what slides.
-        world_T_root: (T, 4, 4) pose of the root link [m].
-        root_covariance: (T, 6, 6) of that pose, rotation [rad^2] first, then translation [m^2], in the root's axes.
-    """
-
-    stamps_ns: NDArray[np.int64]
-    joint_names: tuple[str, ...]
-    joint_angles: Array
-    world_T_root: Array
-    root_covariance: Array
 
 
 def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:

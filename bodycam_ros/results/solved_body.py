@@ -21,7 +21,7 @@ from bodycam_ros.messages.factory import Message, numbers, stamp_ns
 from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.results.body_motion import BodyMotion, pose_near
+from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.topics import (
     JOINT_STATES,
     MOTION_TOPICS,
@@ -40,19 +40,22 @@ class SolvedBody:
     Attributes:
         path: of the bag.
         body: as ``/robot_description`` has it.
-        motion: of the body; its angles are in the order of ``JointAngles(body).names``.
+        stamps_ns: (T,) states with joint states and odometry, increasing [ns].
+        joint_names: (A) in the order of ``joint_angles``, those of ``JointAngles(body)``.
+        joint_angles: (T, A) [rad], [m] of what slides.
+        world_T_root: (T, 4, 4) pose of the root link [m].
+        root_covariance: (T, 6, 6) of that pose, rotation [rad^2] first, then translation [m^2], in the root's axes.
         equipment: how the body was coupled to it; None without.
     """
 
     path: Path
     body: BodyModel
-    motion: BodyMotion
+    stamps_ns: NDArray[np.int64]
+    joint_names: tuple[str, ...]
+    joint_angles: Array
+    world_T_root: Array
+    root_covariance: Array
     equipment: EquipmentRecord | None
-
-    @property
-    def stamps_ns(self) -> NDArray[np.int64]:
-        """(T,) solved states, increasing [ns]."""
-        return self.motion.stamps_ns
 
     @cached_property
     def placed(self) -> NDArray[np.bool_]:
@@ -64,7 +67,7 @@ class SolvedBody:
     @cached_property
     def world_T_segment(self) -> Array:
         """(T, S, 4, 4) poses of all segments [m], in the order of the body's."""
-        return JointAngles(self.body).forward_kinematics(self.motion.world_T_root, self.motion.joint_angles)
+        return JointAngles(self.body).forward_kinematics(self.world_T_root, self.joint_angles)
 
     def segments_near(self, at_ns: int) -> Array:
         """(S, 4, 4) poses of all segments at a time [m]; outside the recording, at its nearest state."""
@@ -148,8 +151,8 @@ class BodyMessages:
         # Files of motion have angles that count turns.
         turning = angles_within_a_turn(self._body)
         angles[:, turning] = np.unwrap(angles[:, turning], axis=0)
-        motion = BodyMotion(np.array(stamps, np.int64), self._names, angles, np.array(poses), np.array(covariances))
-        return SolvedBody(self._path, self._body, motion, self._coupled.record())
+        states = np.array(stamps, np.int64), self._names, angles, np.array(poses), np.array(covariances)
+        return SolvedBody(self._path, self._body, *states, self._coupled.record())
 
     def _read_angles(self, message: Message) -> Array:
         column = {name: column for column, name in enumerate(message.name)}

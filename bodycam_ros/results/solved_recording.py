@@ -176,7 +176,7 @@ def read_solved(path: Path) -> SolvedRecording:
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "
             "replay the recording again"
         )
-    return SolvedRecording(path, solved.body, solved.motion, solved.equipment, tuple(cameras), stations, verdict)
+    return SolvedRecording(**vars(solved), cameras=tuple(cameras), stations=stations, stored_verdict=verdict)
 
 
 _Rows = dict[int, tuple[Any, ...]]

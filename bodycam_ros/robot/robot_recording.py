@@ -79,9 +79,9 @@ def write_robot(
     robot = Robot(urdf, read_mapping(mapping_path))
     solved = read_solved_body(source, progress)
     following = Retargeting(solved.body, robot)
-    poses = JointAngles(solved.body).forward_kinematics(solved.motion.world_T_root, solved.motion.joint_angles)
+    poses = JointAngles(solved.body).forward_kinematics(solved.world_T_root, solved.joint_angles)
     summary, make = RobotSummary(following.scale), recorded_messages()
-    stamps_ns = solved.motion.stamps_ns.tolist()
+    stamps_ns = solved.stamps_ns.tolist()
     with write_recording(output, force, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
         writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
         for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):

@@ -113,7 +113,7 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         BodyError: the bag is of a body with other joints or another root.
     """
     solved, names = read_solved_body(path), JointAngles(body).names
-    column = {name: column for column, name in enumerate(solved.motion.joint_names)}
+    column = {name: column for column, name in enumerate(solved.joint_names)}
     of_equipment = (joint for joint in solved.body.tree_joints if joint.child in solved.body.equipment_segments)
     beside = {name for joint in of_equipment for name in joint.angle_names} - {*names}
     there, here = ", ".join(sorted(column.keys() - beside - {*names})), ", ".join(sorted({*names} - column.keys()))
@@ -129,9 +129,9 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
             poses[cameras[topic]][stamp_ns(message.header.stamp)] = transform_from_pose(message.pose.pose)
     return Motion(
         stamps_ns=solved.stamps_ns,
-        world_T_root=solved.motion.world_T_root,
+        world_T_root=solved.world_T_root,
         angle_names=names,
-        angles=solved.motion.joint_angles[:, [column[name] for name in names]],
+        angles=solved.joint_angles[:, [column[name] for name in names]],
         # Where some cameras' poses were recorded, a camera without one was never registered.
         registered={camera: in_order(poses[camera]) for camera in body.mounts} if cameras else {},
         equipment=tuple(bone for bone in solved.bones() if bone.is_equipment) if beside else (),

@@ -211,7 +211,7 @@ def test_csv_tum_and_npz_say_what_out_says(sample_exported: Exported) -> None:
     table = np.genfromtxt(sample_exported.file("csv"), delimiter=",", names=True)
     place = np.column_stack([table[f"foot_left_{axis}_m"] for axis in "xyz"])
     np.testing.assert_allclose(place, sample_exported.places("foot_left"), rtol=0.0, atol=1e-6)
-    knee = solved.motion.joint_angles[:, solved.motion.joint_names.index("knee_left_y")]
+    knee = solved.joint_angles[:, solved.joint_names.index("knee_left_y")]
     np.testing.assert_allclose(table["knee_left_y_deg"], np.degrees(knee), rtol=0.0, atol=1e-5)
 
     poses = solved.world_T_link["head"]
@@ -224,8 +224,8 @@ def test_csv_tum_and_npz_say_what_out_says(sample_exported: Exported) -> None:
     np.testing.assert_allclose(lens[:, 1:4], solved.world_T_link["waist_front_optical_frame"][:, :3, 3], atol=1e-6)
 
     with np.load(sample_exported.file("npz")) as arrays:
-        assert arrays["angle_names"].tolist() == list(solved.motion.joint_names)
-        np.testing.assert_array_equal(arrays["angles"], solved.motion.joint_angles)
+        assert arrays["angle_names"].tolist() == list(solved.joint_names)
+        np.testing.assert_array_equal(arrays["angles"], solved.joint_angles)
         for column, segment in enumerate(arrays["segments"].tolist()):
             np.testing.assert_allclose(arrays["world_T_segment"][:, column], solved.world_T_link[segment], atol=1e-9)
         assert arrays["known"].all() and arrays["parents"][0] == -1

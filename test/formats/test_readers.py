@@ -74,7 +74,7 @@ def test_opensim_has_our_joint_angles_and_finds_them_from_the_markers(exported: 
         ours = exported.places(segment) @ OPENSIM_R_OURS.T
         np.testing.assert_allclose(said["moved"]["bodies"][segment], ours, rtol=0.0, atol=JOINT_M)
     assert 50.0 < said["moved"]["mass"] < 110.0
-    motion = exported.solved.motion
+    motion = exported.solved
     for of in ("analysed", "inverse"):
         assert said[of]["inDegrees"] == "yes"
         np.testing.assert_allclose(said[of]["times"], exported.seconds, atol=1e-6)

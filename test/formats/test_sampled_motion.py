@@ -30,7 +30,7 @@ def gappy(walk: Walk, tmp_path_factory: pytest.TempPathFactory) -> SolvedBody:
 
 def turns(motion: SampledMotion) -> np.ndarray:
     """(T, J, 3, 3) rotations of the joints."""
-    return JointAngles(motion.body).rotations(motion.motion.joint_angles)
+    return JointAngles(motion.body).rotations(motion.joint_angles)
 
 
 def test_joints_turn_as_scipy_interpolates_rotations(solved: SolvedBody) -> None:
@@ -40,12 +40,10 @@ def test_joints_turn_as_scipy_interpolates_rotations(solved: SolvedBody) -> None
     for row in range(turns(own).shape[1]):
         between = Slerp(times, Rotation.from_matrix(turns(own)[:, row]))(motion.seconds).as_matrix()
         np.testing.assert_allclose(turns(motion)[:, row], between, atol=1e-7)
-    between = Slerp(times, Rotation.from_matrix(own.motion.world_T_root[:, :3, :3]))(motion.seconds).as_matrix()
-    np.testing.assert_allclose(motion.motion.world_T_root[:, :3, :3], between, atol=1e-7)
-    straight = np.column_stack(
-        [np.interp(motion.seconds, times, place) for place in own.motion.world_T_root[:, :3, 3].T]
-    )
-    np.testing.assert_allclose(motion.motion.world_T_root[:, :3, 3], straight, atol=1e-7)
+    between = Slerp(times, Rotation.from_matrix(own.world_T_root[:, :3, :3]))(motion.seconds).as_matrix()
+    np.testing.assert_allclose(motion.world_T_root[:, :3, :3], between, atol=1e-7)
+    straight = np.column_stack([np.interp(motion.seconds, times, place) for place in own.world_T_root[:, :3, 3].T])
+    np.testing.assert_allclose(motion.world_T_root[:, :3, 3], straight, atol=1e-7)
 
 
 def bone_lengths(motion: SampledMotion) -> np.ndarray:
@@ -56,7 +54,7 @@ def bone_lengths(motion: SampledMotion) -> np.ndarray:
 @pytest.mark.parametrize("rate", [7.3, 30.0, RATE, 240.0])
 def test_nothing_is_extrapolated_and_bones_keep_their_length(solved: SolvedBody, rate: float) -> None:
     motion = sample_motion(solved, rate, even=True)
-    first, last = solved.motion.stamps_ns[[0, -1]]
+    first, last = solved.stamps_ns[[0, -1]]
     assert motion.stamps_ns[0] == first and last - 1e9 / rate < motion.stamps_ns[-1] <= last
     assert motion.known.all()
     np.testing.assert_allclose(np.diff(motion.stamps_ns), 1e9 / rate, atol=2000.0)
@@ -67,20 +65,18 @@ def test_instants_that_were_solved_are_as_they_were(solved: SolvedBody) -> None:
     """The recording's own rate, and one of which every second instant is solved."""
     for rate, every in ((None, 1), (2e9 / FRAME_NS, 2)):
         motion = sample_motion(solved, rate, even=True)
-        assert len(motion.stamps_ns[::every]) == len(solved.motion.stamps_ns)
-        np.testing.assert_array_equal(motion.stamps_ns[::every], solved.motion.stamps_ns)
-        np.testing.assert_allclose(motion.motion.joint_angles[::every], solved.motion.joint_angles, atol=1e-9)
+        assert len(motion.stamps_ns[::every]) == len(solved.stamps_ns)
+        np.testing.assert_array_equal(motion.stamps_ns[::every], solved.stamps_ns)
+        np.testing.assert_allclose(motion.joint_angles[::every], solved.joint_angles, atol=1e-9)
 
 
 def test_angles_stay_near_those_that_were_solved(solved: SolvedBody) -> None:
     """A turn more is the same rotation; angles in between belong to the turn that was published."""
-    angles = solved.motion.joint_angles.copy()
+    angles = solved.joint_angles.copy()
     angles[:, 1] += 4.0 * np.pi
-    turned = replace(solved, motion=replace(solved.motion, joint_angles=angles))
+    turned = replace(solved, joint_angles=angles)
     motion, unturned = sample_motion(turned, RATE, even=True), sample_motion(solved, RATE, even=True)
-    np.testing.assert_allclose(
-        motion.motion.joint_angles[:, 1], unturned.motion.joint_angles[:, 1] + 4.0 * np.pi, atol=1e-6
-    )
+    np.testing.assert_allclose(motion.joint_angles[:, 1], unturned.joint_angles[:, 1] + 4.0 * np.pi, atol=1e-6)
     np.testing.assert_allclose(motion.world_T_segment, unturned.world_T_segment, atol=1e-9)
 
 

@@ -99,8 +99,8 @@ def test_live_joint_states_agree_with_the_replay(
     live = read_solved(graph.write(tmp_path / "live"))
     _, of_live, of_replay = np.intersect1d(live.stamps_ns, replayed.stamps_ns, return_indices=True)
     assert len(of_live) >= enough
-    assert live.motion.joint_names == replayed.motion.joint_names
-    apart_deg = np.degrees(np.abs(live.motion.joint_angles[of_live] - replayed.motion.joint_angles[of_replay]))
+    assert live.joint_names == replayed.joint_names
+    apart_deg = np.degrees(np.abs(live.joint_angles[of_live] - replayed.joint_angles[of_replay]))
     assert np.median(apart_deg) <= ANGLE_DEG
     for link in (f"{camera}_optical_frame" for camera in images):
         world_T_link = replayed.world_T_link[link]

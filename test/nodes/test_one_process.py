@@ -100,8 +100,8 @@ def test_joint_states_agree_with_the_replay(played: Any, sample: Path, tmp_path:
         assert len(replayed.stamps_ns) <= max(map(recording.image_count, recording.cameras)) == FRAMES
     _, of_live, of_replay = np.intersect1d(live.stamps_ns, replayed.stamps_ns, return_indices=True)
     assert len(of_live) >= COVERAGE * len(replayed.stamps_ns)
-    assert live.motion.joint_names == replayed.motion.joint_names
-    apart_deg = np.degrees(np.abs(live.motion.joint_angles[of_live] - replayed.motion.joint_angles[of_replay]))
+    assert live.joint_names == replayed.joint_names
+    apart_deg = np.degrees(np.abs(live.joint_angles[of_live] - replayed.joint_angles[of_replay]))
     assert np.median(apart_deg) <= ANGLE_DEG
     for link, world_T_link in replayed.world_T_link.items():
         apart_m = np.linalg.norm(live.world_T_link[link][of_live, :3, 3] - world_T_link[of_replay, :3, 3], axis=1)

@@ -42,7 +42,7 @@ def robot() -> Robot:
 def states(robot: Robot, solved: SolvedBody) -> list[RobotState]:
     """What the robot does offline."""
     following = Retargeting(solved.body, robot)
-    motion = solved.motion
+    motion = solved
     poses = solved.body.forward_kinematics(
         motion.world_T_root[INSTANTS], JointAngles(solved.body).poses(motion.joint_angles[INSTANTS])
     )
@@ -65,7 +65,7 @@ def test_a_robot_follows_live_as_offline(
     assert not started.is_over and not graph.heard["/robot/joint_states"]
 
     solver.describe(urdf_text(solved.body))
-    rows = range(len(solved.motion.stamps_ns))[INSTANTS]
+    rows = range(len(solved.stamps_ns))[INSTANTS]
     for row in rows:
         solver.tell(row)
     solver.tell(rows[-1])  # once more

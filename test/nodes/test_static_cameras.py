@@ -113,7 +113,7 @@ def test_a_person_is_followed_live_as_in_a_replay(
         assert stamps == [START_NS + frame * FRAME_NS for frame in range(FRAMES)]
     live = read_solved(graph.write(tmp_path / "live"))
     np.testing.assert_array_equal(live.stamps_ns, replayed.stamps_ns)
-    assert live.motion.joint_names == replayed.motion.joint_names
+    assert live.joint_names == replayed.joint_names
     off, off_replayed = (joints_off(solved, dressed, motion) for solved in (live, replayed))
     print(f"joints off [cm]: live {100 * off.mean():.2f}, replay {100 * off_replayed.mean():.2f}")
     apart = np.stack(

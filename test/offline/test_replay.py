@@ -98,7 +98,7 @@ def test_a_camera_that_is_late_is_found_named_and_corrected(sample: Path, tmp_pa
         summary = replay(bag, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs=2)
         assert summary.solved == 60 and not any(timing.jumps for timing in summary.timings.values())
         solved = read_solved(tmp_path / name)
-        angles[name] = solved.motion.joint_angles
+        angles[name] = solved.joint_angles
         (shin,) = (record for record in solved.cameras if record.camera == "shin_left")
         assert shin.timing is not None
         told = summary.timings["shin_left"].latest

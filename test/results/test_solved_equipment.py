@@ -41,7 +41,7 @@ def test_our_segments_are_where_the_solver_had_the_segments(solved: SolvedRecord
 
 
 def test_the_cranks_angle_goes_on_over_whole_turns(solved: SolvedRecording) -> None:
-    angle = solved.motion.joint_angles[:, solved.motion.joint_names.index("crank")]
+    angle = solved.joint_angles[:, solved.joint_names.index("crank")]
     assert angle[-1] - angle[0] == pytest.approx(2.0 * np.pi * TURNS)
     assert np.ptp(np.diff(angle)) < EXACT
 
@@ -50,9 +50,9 @@ def test_yourdfpy_agrees(solved: SolvedRecording, text: str, ride: Walk) -> None
     model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=True)
     assert model.validate() and model.base_link == "pelvis"
     for instant in range(0, len(solved.stamps_ns), 7):
-        model.update_cfg(dict(zip(solved.motion.joint_names, solved.motion.joint_angles[instant], strict=True)))
+        model.update_cfg(dict(zip(solved.joint_names, solved.joint_angles[instant], strict=True)))
         for row, segment in enumerate(ride.body.segments):
-            pose = solved.motion.world_T_root[instant] @ model.get_transform(segment)
+            pose = solved.world_T_root[instant] @ model.get_transform(segment)
             np.testing.assert_allclose(pose, ride.world_T_segment[instant, row], rtol=0.0, atol=EXACT)
 
 
@@ -61,15 +61,14 @@ def test_pinocchio_agrees(solved: SolvedRecording, text: str, ride: Walk) -> Non
     data = model.createData()
     for instant in range(0, len(solved.stamps_ns), 7):
         q = pinocchio.neutral(model)
-        for name, angle in zip(solved.motion.joint_names, solved.motion.joint_angles[instant], strict=True):
+        for name, angle in zip(solved.joint_names, solved.joint_angles[instant], strict=True):
             joint = model.joints[model.getJointId(name)]
             # Pinocchio keeps a joint without limits as cosine and sine.
             q[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
         pinocchio.framesForwardKinematics(model, data, q)
         for row, segment in enumerate(ride.body.segments):
             pose = (
-                solved.motion.world_T_root[instant]
-                @ data.oMf[model.getFrameId(segment, pinocchio.FrameType.BODY)].homogeneous
+                solved.world_T_root[instant] @ data.oMf[model.getFrameId(segment, pinocchio.FrameType.BODY)].homogeneous
             )
             np.testing.assert_allclose(pose, ride.world_T_segment[instant, row], rtol=0.0, atol=EXACT)
 

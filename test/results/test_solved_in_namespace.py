@@ -37,7 +37,7 @@ def test_the_body_of_a_namespace_is_read(sample_out: Path, tmp_path: Path) -> No
     alone = read_solved(sample_out)
     of_anna = read_solved(_recorded(sample_out, tmp_path / "anna", "/team/anna"))
     assert np.array_equal(of_anna.stamps_ns, alone.stamps_ns)
-    assert np.array_equal(of_anna.motion.joint_angles, alone.motion.joint_angles)
+    assert np.array_equal(of_anna.joint_angles, alone.joint_angles)
     assert [each.camera for each in of_anna.cameras] == [each.camera for each in alone.cameras]
     camera = alone.cameras[0].camera
     ours, theirs = (next(iter(each.landmarks([camera]))) for each in (alone, of_anna))

@@ -36,14 +36,14 @@ def solved(sample_out: Path) -> SolvedBody:
 @pytest.fixture(scope="module")
 def poses(solved: SolvedBody) -> Array:
     """(T, S, 4, 4) of the sample's person."""
-    joint_poses = JointAngles(solved.body).poses(solved.motion.joint_angles)
-    return solved.body.forward_kinematics(solved.motion.world_T_root, joint_poses)
+    joint_poses = JointAngles(solved.body).poses(solved.joint_angles)
+    return solved.body.forward_kinematics(solved.world_T_root, joint_poses)
 
 
 @pytest.fixture(scope="module")
 def states(robot: Robot, solved: SolvedBody, poses: Array) -> list[RobotState]:
     following = Retargeting(solved.body, robot)
-    return [following.follow(*each) for each in zip(solved.motion.stamps_ns.tolist(), poses, strict=True)]
+    return [following.follow(*each) for each in zip(solved.stamps_ns.tolist(), poses, strict=True)]
 
 
 def at_rest(body: BodyModel) -> Array:
