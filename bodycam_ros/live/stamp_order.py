@@ -5,8 +5,11 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-_LONGEST_STEP_NS = 1_000_000_000
-"""A larger step may be a stray stamp: the next stamp decides whether the stream continues from there."""
+_SHORTEST_STEP_NS, _LONGEST_STEP_NS = 1_000_000, 10_000_000_000
+"""A step back, or a longer one, may be a stray stamp: the next decides whether the stream continues from there.
+
+Stamps of a stream are no less apart than the shortest step; those of messages that are sent again may be.
+"""
 
 
 class StampOrder(Generic[T]):
@@ -28,7 +31,7 @@ class StampOrder(Generic[T]):
         """Add an item; the items that are in order now, and whether time went back before the first of them."""
         latest_ns, doubtful, self._doubtful = self._latest_ns, self._doubtful, None
         follows = latest_ns is None or _follows(stamp_ns, latest_ns)
-        continues = doubtful is not None and not follows and _follows(stamp_ns, doubtful[0])
+        continues = doubtful is not None and not follows and _follows(stamp_ns, doubtful[0] + _SHORTEST_STEP_NS)
         if doubtful is not None and not continues:
             off_s = 1e-9 * (doubtful[0] - (latest_ns or 0))
             self._on_stray(
