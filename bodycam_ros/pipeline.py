@@ -6,15 +6,14 @@ What happens to one camera is in ``camera_pipeline.py``; ``SkeletonPipeline`` is
 registrations.
 """
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
-from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, LatestState, SegmentMeasurements, moving
+from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, LatestState, moving
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
@@ -24,10 +23,9 @@ from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_estimator import LOOKAHEAD_S
+from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.frame_assembler import FIRST_WAIT_S, FrameAssembler
 from bodycam_ros.timing.silence import Silence
-from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
 from bodycam_ros.timing.timeline import Message, Timeline
 
 
@@ -50,8 +48,8 @@ class SkeletonPipeline:
     Attributes:
         body: with the equipment, if any.
         timeline: admits messages of the time that most cameras agree on.
-        synchronizer: brings the cameras to common stamps.
-        assembler: puts together the registrations of one stamp.
+        clocks: of the cameras on the body.
+        assembler: makes frames of the body of the messages of single cameras.
 
     Raises:
         BodyError: the body carries none of the cameras, and none looks at it.
@@ -79,14 +77,12 @@ class SkeletonPipeline:
         self._cameras = dict(cameras)
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
-        self._static_cameras, self._waits_for_worn = static_cameras, bool(on_body)
-        self._from_stations: deque[CameraImage | SegmentMeasurements] = deque()
+        self._static_cameras = static_cameras
         self._not_awaited = [*stations] if live and on_body and not placed else []
         awaited = on_body if self._not_awaited else [*on_body, *stations]
         self.timeline = Timeline(settings.assembler.max_wait)
-        self.assembler = FrameAssembler(awaited, settings.assembler, live)
-        floor = evidence_floor(settings.evidence)
-        self.synchronizer = TimeSynchronizer(body, self._cameras, settings.clock, floor, live, on_corrected)
+        self.clocks = ClockEstimator(body, on_body, settings.clock, evidence_floor(settings.evidence), live)
+        self.assembler = FrameAssembler(awaited, settings.assembler, live, self.clocks, on_corrected)
         self._root = body.segment_index[body.root]
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
@@ -136,7 +132,7 @@ class SkeletonPipeline:
         """Use one more camera, or another model of one; the body goes on from where it is."""
         self._cameras[camera] = model
         if camera in self.body.mounts:
-            self.synchronizer.join(camera)
+            self.clocks.join(camera)
             self.assembler.join(camera)
             self._smoother.join(camera)
 
@@ -160,32 +156,17 @@ class SkeletonPipeline:
         self._silence.add_image(stamp_ns)
 
     def add(self, message: Message) -> list[BodyOutput]:
-        """Add a registration, or an image or measurements of a static camera; outputs that are ready, in order of time.
-
-        Messages of static cameras wait for registrations as long as clocks take.
-        """
+        """Add a registration, or an image or measurements of a static camera; outputs that are ready, by time."""
         outputs, epoch = list[BodyOutput](), self.timeline.epoch
         for each in self.timeline.admit(message):
             if self.timeline.epoch > epoch:
                 epoch = self.timeline.epoch
-                outputs += self._flush_frames()
-                self.synchronizer.restart()
-                self.assembler.restart()
+                outputs += self._solve(self.assembler.restart())
                 self._silence.restart()
             self._silence.add_message(each.stamp_ns)
             self._is_carried = False
-            if isinstance(each, LandmarkMatches):
-                outputs += self._assemble(self.synchronizer.add(each))
-                continue
-            self._from_stations.append(each)
-            longest_s = 2e-9 * self.assembler.max_wait_ns + (0.0 if self._live else LOOKAHEAD_S)
-            outputs += self._release(each.stamp_ns - round(1e9 * longest_s) if self._holds_stations else None)
+            outputs += self._solve(self.assembler.add(each))
         return outputs
-
-    @property
-    def _holds_stations(self) -> bool:
-        """Whether static cameras wait for worn ones; live only while these speak, but go no further."""
-        return self.synchronizer.clocks.is_initialising if self._live else self._waits_for_worn
 
     def poll(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
@@ -193,25 +174,7 @@ class SkeletonPipeline:
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        return self._flush_frames() + self._outputs(self._smoother.flush())
-
-    def _flush_frames(self) -> list[BodyOutput]:
-        outputs = self._assemble(self.synchronizer.flush()) + self._release(None)
-        return outputs + self._solve(self.assembler.flush())
-
-    def _assemble(self, registered: Iterable[LandmarkMatches]) -> list[BodyOutput]:
-        outputs = []
-        for matches in registered:
-            outputs += self._release(matches.stamp_ns)
-            outputs += self._solve(self.assembler.add(matches))
-        return outputs if self._holds_stations else outputs + self._release(None)
-
-    def _release(self, until_ns: int | None) -> list[BodyOutput]:
-        """Let what is from static cameras go on, up to a stamp [ns]; None: all."""
-        outputs = []
-        while self._from_stations and (until_ns is None or self._from_stations[0].stamp_ns <= until_ns):
-            outputs += self._solve(self.assembler.add(self._from_stations.popleft()))
-        return outputs
+        return self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []
@@ -222,7 +185,7 @@ class SkeletonPipeline:
                 self._interpolated, self._rejected = self.interpolated, self.rejected
                 self._begin()
             self._solved_ns = frame.stamp_ns
-            self.inertial.set_clocks(self.synchronizer.clocks.corrections)
+            self.inertial.set_clocks(self.clocks.corrections)
             outputs += self._outputs(self._smoother.update(frame))
             while self._not_awaited and len(self._smoother.latest_states) > 1:
                 self.assembler.join(self._not_awaited.pop(), FIRST_WAIT_S)
@@ -231,7 +194,7 @@ class SkeletonPipeline:
     def _carry(self, due_ns: float) -> list[BodyOutput]:
         """States without images up to a time [ns], as far as inertial sensors carry the body."""
         period_ns = round(self._smoother.period_ns)
-        outputs = [] if self._is_carried else self._flush_frames()
+        outputs = [] if self._is_carried else self._solve(self.assembler.flush())
         self._is_carried = True
         due_ns = min(due_ns, self._silence.message_ns + 1e9 * CARRIED_S)
         while self._smoother.latest_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:

@@ -13,6 +13,7 @@ from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
+from bodycam_ros.timing.frame_assembler import FrameAssembler
 
 Array = NDArray[np.float64]
 
@@ -124,6 +125,9 @@ def watched(
     cameras: Iterable[str] = CAMERAS,
 ) -> tuple[ClockEstimator, list[LandmarkMatches]]:
     """A watch that has heard all images, and what it let pass."""
-    watch = ClockEstimator(BODY, cameras, settings or ClockSettings(), FLOOR, live)
-    passed = [said for image in images for said in watch.add(image)]
-    return watch, passed + watch.flush()
+    watch, passed = ClockEstimator(BODY, cameras, settings or ClockSettings(), FLOOR, live), list[LandmarkMatches]()
+    assembler = FrameAssembler(cameras, None, live, watch, passed.append)
+    for image in images:
+        assembler.add(image)
+    assembler.flush()
+    return watch, passed

@@ -149,7 +149,7 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:
     """Agreement in time of each camera with the others."""
     if pipeline is None:
         return []
-    assembler, clocks = pipeline.assembler, pipeline.synchronizer.clocks.histories
+    assembler, clocks = pipeline.assembler, pipeline.clocks.histories
     statuses = []
     for camera, share in assembler.shares.items():
         values: dict[str, object] = {

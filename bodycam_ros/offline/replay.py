@@ -139,7 +139,7 @@ def replay(
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
         stack.enter_context(threadpool_limits(1, user_api="blas"))
         writer = stack.enter_context(write_recording(output_path, force))
-        clocks = skeleton.synchronizer.clocks
+        clocks = skeleton.clocks
         out = ReplayOutput(writer, body, RegistrationDiagnostics(cameras), summary, log, clocks, coupling)
         rows = ReadoutLog(cameras)
         spans = CameraSpans([*cameras, *stations])

@@ -22,6 +22,9 @@ from bodycam_ros.timing.stamps import SharedStamps, Stamps, find_break, find_sha
 LOOKAHEAD_S = 8.0
 """How far ahead of the body clocks are estimated offline; four seconds of walking give them to 2 or 3 ms."""
 
+ALL_NS = 2**63 - 1
+"""Later than any stamp [ns]."""
+
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
 _CATCH_UP = 3  # times the pace at which images come; a window passed on at once would keep those who register waiting
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
@@ -29,9 +32,8 @@ _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, 
 
 @dataclass
 class _Camera:
-    """Of one camera: images not passed on yet, images of the window, clocks since the beginning, and stamps."""
+    """Of one camera: images of the window, clocks since the beginning, and the latest stamp, as given and corrected."""
 
-    queue: deque[LandmarkMatches] = field(default_factory=deque)
     images: deque[LandmarkMatches] = field(default_factory=deque)
     clocks: list[ClockState] = field(default_factory=list)
     first_ns: int = -1
@@ -39,7 +41,6 @@ class _Camera:
 
     def add(self, image: LandmarkMatches) -> None:
         self.first_ns = image.stamp_ns if self.first_ns < 0 else self.first_ns
-        self.queue.append(image)
         self.images.append(image)
 
     def restart(self) -> None:
@@ -53,7 +54,7 @@ class _Camera:
         while self.images and self.images[0].stamp_ns < before_ns:
             self.images.popleft()
 
-    def stamps_ns(self, from_ns: int = 0, to_ns: int = 2**63 - 1) -> Stamps:
+    def stamps_ns(self, from_ns: int = 0, to_ns: int = ALL_NS) -> Stamps:
         """Stamps (N) of the latest images [ns]."""
         return np.array([image.stamp_ns for image in self.images if from_ns <= image.stamp_ns < to_ns], np.int64)
 
@@ -75,6 +76,7 @@ class ClockEstimator:
 
     Attributes:
         shared: the cameras that share their stamps, and always did; None before enough images have come.
+        latest_ns: the latest stamp [ns]; -1 before the first.
     """
 
     def __init__(
@@ -88,7 +90,8 @@ class ClockEstimator:
         self._body, self._floor, self._live = body, floor, live
         self._cameras = {camera: _Camera() for camera in cameras}
         self._sigma, self._filter = settings.sigma, ClockFilter(settings.sigma)
-        self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = self._filter_ns = -1
+        self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = self._filter_ns = -1
+        self._is_over = False
         self.shared: SharedStamps | None = None
 
     @property
@@ -115,11 +118,6 @@ class ClockEstimator:
         return histories
 
     @property
-    def is_initialising(self) -> bool:
-        """Whether images have come, but not enough to compare stamps."""
-        return self.shared is None and self._first_ns >= 0
-
-    @property
     def sharing(self) -> frozenset[str]:
         """Cameras that share their stamps with most others, and always did."""
         return self.shared.cameras if self.shared else frozenset()
@@ -128,48 +126,54 @@ class ClockEstimator:
         """Use one more camera."""
         self._cameras.setdefault(camera, _Camera())
 
-    def add(self, matches: LandmarkMatches) -> list[LandmarkMatches]:
-        """Add an image; images that are ready, their stamps corrected, of each camera in order of time."""
+    @property
+    def known_ns(self) -> int:
+        """Images before this stamp can be corrected as well as they ever will [ns]."""
+        if not self._cameras or self._is_over or (self._live and not (self.shared is None and self._first_ns >= 0)):
+            return ALL_NS
+        return -1 if self.shared is None else self._passed_ns
+
+    def has(self, camera: str) -> bool:
+        """Whether the clock of a camera is estimated."""
+        return camera in self._cameras
+
+    def add(self, matches: LandmarkMatches) -> None:
+        """Add an image, later than those of its camera before."""
         camera, stamp_ns = self._cameras.get(matches.camera), matches.stamp_ns
         if camera is None:
-            return []
+            return
         camera.add(matches)
         if self._first_ns < 0:
-            self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = stamp_ns
-        advance_ns, self._latest_ns = max(0, stamp_ns - self._latest_ns), max(self._latest_ns, stamp_ns)
+            self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = stamp_ns
+        advance_ns, self.latest_ns = max(0, stamp_ns - self.latest_ns), max(self.latest_ns, stamp_ns)
         if self.shared is None:
             is_enough = 2 * sum(each.is_long for each in self._cameras.values()) > len(self._cameras)
-            if not is_enough and self._latest_ns - self._first_ns < _FIRST_AT_MOST_NS:
-                return []
+            if not is_enough and self.latest_ns - self._first_ns < _FIRST_AT_MOST_NS:
+                return
             self._initialise()
-        while self._latest_ns > self._window_ns + _WINDOW_NS + MARGIN_NS:
+        while self.latest_ns > self._window_ns + _WINDOW_NS + MARGIN_NS:
             self._estimate_until(self._window_ns + _WINDOW_NS)
-        if self._live:
-            return self._release(None)
         # Shared stamps need no correction, unless the present window shows otherwise.
-        all_share = self.sharing >= {name for name, each in self._cameras.items() if each.queue}
+        all_share = self.sharing >= {name for name, each in self._cameras.items() if each.images}
         known_ns = self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
         self._passed_ns = min(self._passed_ns + _CATCH_UP * advance_ns, known_ns)
-        return self._release(self._passed_ns)
 
-    def flush(self) -> list[LandmarkMatches]:
-        """All that is left: the recording or the epoch is over or, live, no image has come for a while."""
-        if self._first_ns < 0:
-            return []
-        if self.shared is None:
+    def flush(self) -> None:
+        """The recording or the epoch is over or, live, no image has come for a while: nothing will be known better."""
+        if self.shared is None and self._first_ns >= 0:
             self._initialise()
             if self._live and not (self.shared and self.shared.period_ns):
                 self.shared = None  # single images have no period: they are kept
-                return []
-        while self._latest_ns - self._window_ns > _WINDOW_NS // 4:
-            self._estimate_until(self._latest_ns + 1)
-        return self._release(None)
+        while self.shared and self.latest_ns - self._window_ns > _WINDOW_NS // 4:
+            self._estimate_until(self.latest_ns + 1)
+        self._is_over = not self._live
 
     def restart(self) -> None:
         """Begin a new epoch, after ``flush``: clocks are kept."""
         for camera in self._cameras.values():
             camera.restart()
-        self._first_ns = self._latest_ns = self._window_ns = self._passed_ns = -1
+        self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = -1
+        self._is_over = False
 
     def _initialise(self) -> None:
         """Find the cameras that share their stamps, and start to estimate."""
@@ -238,16 +242,12 @@ class ClockEstimator:
             own = self._cameras[name].clocks
             own[-1] = ClockState(own[-1].since_ns, to_ns + round(1e9 * estimate[0]), *estimate)
 
-    def _release(self, until_ns: int | None) -> list[LandmarkMatches]:
-        """Images before a stamp (None: all), in order of corrected stamps."""
-        passed = []
-        sharing = self.sharing
-        for name, camera in self._cameras.items():
-            # Triggered cameras stay together: the estimates of their clocks are noise.
-            clocks = [] if name in sharing else camera.clocks
-            while camera.queue and (until_ns is None or camera.queue[0].stamp_ns < until_ns):
-                given = camera.queue.popleft()
-                image = correct_stamps(given, clocks, camera.passed)
-                camera.passed = given.stamp_ns, image.stamp_ns
-                passed.append(image)
-        return sorted(passed, key=lambda matches: (matches.stamp_ns, matches.camera))
+    def corrected(self, matches: LandmarkMatches) -> LandmarkMatches:
+        """The next image of a camera, with stamps of the body's time."""
+        camera = self._cameras.get(matches.camera)
+        if camera is None:
+            return matches
+        # Triggered cameras stay together: the estimates of their clocks are noise.
+        image = correct_stamps(matches, [] if matches.camera in self.sharing else camera.clocks, camera.passed)
+        camera.passed = matches.stamp_ns, image.stamp_ns
+        return image

@@ -1,16 +1,20 @@
-"""From the streams of single cameras to frames of the whole body."""
+"""From the messages of single cameras to frames of the whole body: which belong to which instant, given the clocks.
+
+Cameras that share their stamps give frames at these, as static cameras do. The others are interpolated to them; where
+no cameras share, frames are equally spaced.
+"""
 
 import time
 from collections import Counter, deque
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from math import inf
-from statistics import median
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 from bodycam_ros.body_state import BodyFrame, SegmentMeasurements
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
+from bodycam_ros.timing.camera_stream import CameraStream
+from bodycam_ros.timing.clock_estimator import ALL_NS, ClockEstimator
 from bodycam_ros.timing.timeline import Message
 
 FIRST_WAIT_S = 10.0
@@ -18,8 +22,9 @@ FIRST_WAIT_S = 10.0
 by so much longer than ``max_wait``."""
 
 _RECENT = 150  # frames by which cameras are judged: some seconds
-_SAME_FRAME = 0.49  # of the time between two images of a camera: within it they are of the same state
-_INTERVALS = 9  # intervals of whose median a camera's rate is made: a lost image now and then does not matter
+_SAME_NS = 1_000_000  # stamps of one trigger differ by less
+_MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, frames are spaced equally
+_LONGEST_GAP_NS = 60_000_000_000  # no frames are spaced over a gap longer than this
 
 
 @dataclass(frozen=True)
@@ -42,29 +47,8 @@ class AssemblerSettings:
     )
 
 
-@dataclass
-class _Stream:
-    """One camera.
-
-    Attributes:
-        queue: messages of frames to come, by stamp.
-        latest_ns: its latest stamp.
-        before_ns: the one before.
-        intervals_ns: times between its latest images.
-        frame_ns: their median.
-        came_s: when its latest message came, on the steady clock.
-    """
-
-    queue: deque[Message] = field(default_factory=deque)
-    latest_ns: int | None = None
-    before_ns: int | None = None
-    intervals_ns: deque[int] = field(default_factory=lambda: deque(maxlen=_INTERVALS))
-    frame_ns: float = inf
-    came_s: float = field(default_factory=time.monotonic)
-
-
 class FrameAssembler:
-    """Merges the messages of all cameras by stamp; those of each camera come in order of time (``Timeline``).
+    """Merges the messages of all cameras; those of each camera come in order of time (``Timeline``).
 
     Frames depend on the stamps alone, not on the order of arrival, as long as no camera is behind the others by more
     than ``max_wait``. A camera that stops is waited for once. From then on a frame is complete without it; offline as
@@ -77,24 +61,38 @@ class FrameAssembler:
         live: whether messages come while images are taken. Then no camera counts as stopped before ``max_wait`` of
             real time, because on a busy machine one process may pause while others go on. Otherwise the stamps alone
             count.
+        clocks: of the body's cameras; others' stamps, and without clocks all, are used as they are.
+        on_corrected: called with every registration, its stamp corrected.
 
     Attributes:
+        clocks: as given.
         assembled: number of frames so far.
         late_of: camera -> messages that came after their frame, and were dropped.
         max_wait_ns: by the settings, or as it is replaced.
     """
 
-    def __init__(self, cameras: Iterable[str], settings: AssemblerSettings | None = None, live: bool = False) -> None:
+    def __init__(
+        self,
+        cameras: Iterable[str],
+        settings: AssemblerSettings | None = None,
+        live: bool = False,
+        clocks: ClockEstimator | None = None,
+        on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+    ) -> None:
         settings = settings or AssemblerSettings()
         self._tolerance_ns = round(1e9 * settings.sync_tolerance)
         self.max_wait_ns = round(1e9 * settings.max_wait)
-        self._live = live
-        self._streams = {camera: _Stream() for camera in cameras}
-        self._first_ns: int | None = None
-        self._assembled_ns = -1
+        self._live, self.clocks, self._on_corrected = live, clocks, on_corrected
         self._recent: deque[frozenset[str]] = deque(maxlen=_RECENT)
         self.assembled = 0
         self.late_of: Counter[str] = Counter()
+        self._begin(cameras)
+
+    def _begin(self, cameras: Iterable[str]) -> None:
+        self._streams = {camera: CameraStream() for camera in cameras}
+        self._first_ns: int | None = None
+        self._came_ns = self._assembled_ns = self._common_ns = self._shared_ns = -1
+        self._common: deque[int] = deque()  # stamps of frames that free-running cameras are interpolated to
 
     @property
     def late(self) -> int:
@@ -104,7 +102,11 @@ class FrameAssembler:
     @property
     def silent(self) -> list[str]:
         """Cameras that are not waited for."""
-        return [camera for camera, stream in self._streams.items() if not stream.queue and self._has_stopped(stream)]
+        return [
+            camera
+            for camera, stream in self._streams.items()
+            if (stream.is_free or not stream.messages) and self._has_stopped(stream)
+        ]
 
     @property
     def shares(self) -> dict[str, float]:
@@ -115,36 +117,25 @@ class FrameAssembler:
 
     def join(self, camera: str, longer_s: float = 0.0) -> None:
         """Wait for one more camera from now on; live, for its first message by so much longer."""
-        if camera not in self._streams:
-            self._streams[camera] = _Stream(came_s=time.monotonic() + longer_s)
+        self._streams.setdefault(camera, CameraStream(came_s=time.monotonic() + longer_s))
 
     def add(self, message: Message) -> list[BodyFrame]:
         """Add a message; frames that are complete now, in order of time."""
         stream = self._streams.get(message.camera)
         if stream is None:
             return []
-        stamp_ns = message.stamp_ns
+        stream.waiting.append(message)
         stream.came_s = time.monotonic()
-        if self._first_ns is None:
-            # No camera has stopped before the first message of any.
-            self._first_ns = stamp_ns
-            for each in self._streams.values():
-                each.came_s = max(each.came_s, stream.came_s)
-        if stream.latest_ns is not None:
-            stream.intervals_ns.append(stamp_ns - stream.latest_ns)
-            stream.frame_ns = median(stream.intervals_ns)
-        stream.before_ns, stream.latest_ns = stream.latest_ns, stamp_ns
-        if stamp_ns > self._assembled_ns:
-            stream.queue.append(message)
-        else:
-            self.late_of[message.camera] += 1
-        return self.complete()
+        self._came_ns = message.stamp_ns if self._came_ns < 0 else self._came_ns
+        if self.clocks and isinstance(message, LandmarkMatches):
+            self.clocks.add(message)
+        return self._release(message.stamp_ns) + self.complete()
 
     def complete(self) -> list[BodyFrame]:
         """Frames that are complete by now, because a camera has stopped for long enough."""
         frames = []
-        while self._is_complete():
-            frames.append(self._take())
+        while (stamp_ns := self._next_ns()) is not None and self._is_complete(stamp_ns):
+            frames += self._take(stamp_ns)
         return frames
 
     def skip(self, stamp_ns: int) -> None:
@@ -153,41 +144,98 @@ class FrameAssembler:
 
     def flush(self) -> list[BodyFrame]:
         """Frames that were still waiting for a camera; the recording is over."""
-        frames = []
-        while self._heads_ns():
-            frames.append(self._take())
+        if self.clocks:
+            self.clocks.flush()
+        frames = self._release(ALL_NS)
+        while (stamp_ns := self._next_ns()) is not None:
+            frames += self._take(stamp_ns)
         return frames
 
-    def restart(self) -> None:
-        """Begin a new epoch, after ``flush``: its time may be earlier."""
-        self._streams = {camera: _Stream() for camera in self._streams}
-        self._first_ns, self._assembled_ns = None, -1
+    def restart(self) -> list[BodyFrame]:
+        """What is left of this epoch; the next one's time may be earlier."""
+        frames = self.flush()
+        if self.clocks:
+            self.clocks.restart()
+        self._begin(self._streams)
+        return frames
 
-    def _within_ns(self, stream: _Stream) -> int:
-        """How far after the earliest stamp [ns] a camera's image is of the same state."""
-        return round(min(self._tolerance_ns, _SAME_FRAME * stream.frame_ns))
+    def _release(self, now_ns: int) -> list[BodyFrame]:
+        """Let messages go on to their frames, as far as clocks are known; static cameras are as far as body cameras."""
+        released, known_ns, clocked = list[Message](), ALL_NS, self.clocks
+        if clocked and now_ns - max(clocked.latest_ns, self._came_ns) <= 2 * self.max_wait_ns:
+            known_ns = clocked.known_ns
+        for camera, stream in self._streams.items():
+            clocks = clocked if clocked and clocked.has(camera) else None
+            stream.set_free(clocks is not None and camera not in clocks.sharing, self._assembled_ns)
+            until_ns = clocks.known_ns if clocks else known_ns
+            while stream.waiting and stream.waiting[0].stamp_ns < until_ns:
+                message = stream.waiting.popleft()
+                if clocks and isinstance(message, LandmarkMatches):
+                    message = clocks.corrected(message)
+                released.append(message)
+        frames = []
+        for message in sorted(released, key=lambda each: (each.stamp_ns, each.camera)):
+            if isinstance(message, LandmarkMatches):
+                self._on_corrected(message)
+            self._receive(message)
+            frames += self.complete()
+        return frames
 
-    def _heads_ns(self) -> list[int]:
-        return [stream.queue[0].stamp_ns for stream in self._streams.values() if stream.queue]
+    def _receive(self, message: Message) -> None:
+        stream, stamp_ns = self._streams[message.camera], message.stamp_ns
+        if self._first_ns is None:
+            # No camera has stopped before the first message of any.
+            self._first_ns = stamp_ns
+            for each in self._streams.values():
+                each.came_s = max(each.came_s, stream.came_s)
+        is_late = stamp_ns <= self._assembled_ns
+        self.late_of[message.camera] += is_late
+        stream.add(message, is_late)
+        if self.clocks and isinstance(message, LandmarkMatches):
+            new = self._new_stamps(stamp_ns, self.clocks, not stream.is_free)
+            self._common += new if any(each.is_free for each in self._streams.values()) else ()
 
-    def _is_complete(self) -> bool:
-        """Whether no camera is to be waited for at the earliest stamp."""
-        heads_ns = self._heads_ns()
-        if not heads_ns:
-            return False
-        first_ns = min(heads_ns)
-        all_there, latest_ns = True, first_ns
+    def _new_stamps(self, stamp_ns: int, clocks: ClockEstimator, shares: bool) -> Iterable[int]:
+        """New stamps for free-running cameras, up to that of a registration."""
+        new: Iterable[int] = ()
+        if shares:
+            self._shared_ns = max(self._shared_ns, stamp_ns)
+            new = [stamp_ns] if stamp_ns > self._common_ns + _SAME_NS else ()
+        elif (period_ns := clocks.shared.period_ns if clocks.shared else 0) and (
+            not clocks.sharing or 0 <= self._shared_ns < stamp_ns - _MISSING_NS
+        ):
+            if self._common_ns < 0 or stamp_ns - self._common_ns > _LONGEST_GAP_NS:
+                new = [stamp_ns // period_ns * period_ns]
+            else:
+                new = range(self._common_ns + period_ns, stamp_ns + 1, period_ns)
+        self._common_ns = max(self._common_ns, *new, -1)
+        return new
+
+    def _next_ns(self) -> int | None:
+        """The earliest stamp of a frame to come."""
+        while self._common and self._common[0] <= self._assembled_ns:
+            self._common.popleft()
+        heads_ns = [s.messages[0].stamp_ns for s in self._streams.values() if s.messages and not s.is_free]
+        return min(heads_ns + ([self._common[0]] if self._common else []), default=None)
+
+    def _common_at(self, stamp_ns: int) -> int | None:
+        """The stamp that free-running cameras are interpolated to in a frame."""
+        within_ns = min((s.within_ns(self._tolerance_ns) for s in self._streams.values() if s.is_free), default=0)
+        return self._common[0] if self._common and self._common[0] <= stamp_ns + within_ns else None
+
+    def _is_complete(self, stamp_ns: int) -> bool:
+        """Whether no camera is to be waited for in the frame at a stamp."""
+        common_ns, tolerance_ns = self._common_at(stamp_ns), self._tolerance_ns
+        all_there, latest_ns = True, stamp_ns
         for stream in self._streams.values():
-            stream_ns = stream.latest_ns or 0
-            latest_ns = max(latest_ns, stream_ns)
-            if stream.queue or stream_ns > first_ns + self._within_ns(stream):
-                continue
-            if not self._has_stopped(stream):
-                return False
-            all_there = False
-        return all_there or self._live or latest_ns > first_ns + self._tolerance_ns
+            latest_ns = max(latest_ns, stream.latest_ns or 0)
+            if not stream.has_passed(stamp_ns, common_ns, tolerance_ns):
+                if not self._has_stopped(stream):
+                    return False
+                all_there = False
+        return all_there or self._live or latest_ns > stamp_ns + tolerance_ns
 
-    def _has_stopped(self, stream: _Stream) -> bool:
+    def _has_stopped(self, stream: CameraStream) -> bool:
         """Whether a camera is not waited for: another has two stamps that are later by ``max_wait``."""
         if self._first_ns is None or (self._live and time.monotonic() - stream.came_s < 1e-9 * self.max_wait_ns):
             return False
@@ -196,19 +244,21 @@ class FrameAssembler:
         others_ns = (other.before_ns for other in self._streams.values() if other.before_ns is not None)
         return any(before_ns > since_ns + self.max_wait_ns for before_ns in others_ns)
 
-    def _take(self) -> BodyFrame:
-        stamp_ns = min(self._heads_ns())
-        taken = {
-            camera: stream.queue.popleft()
-            for camera, stream in self._streams.items()
-            if stream.queue and stream.queue[0].stamp_ns <= stamp_ns + self._within_ns(stream)
-        }
+    def _take(self, stamp_ns: int) -> list[BodyFrame]:
+        """The frame at a stamp; none where free-running cameras have no image near it, and there are no others."""
+        common_ns = self._common_at(stamp_ns)
+        given = {name: s.take(stamp_ns, common_ns, self._tolerance_ns) for name, s in self._streams.items()}
+        taken = {name: each for name, each in given.items() if each is not None}
+        self._assembled_ns = max(self._assembled_ns, stamp_ns, *(each.stamp_ns for each in taken.values()))
+        if not taken:
+            return []
         self.assembled += 1
-        self._assembled_ns = max(self._assembled_ns, *(message.stamp_ns for message in taken.values()))
         self._recent.append(frozenset(taken))
-        return BodyFrame(
-            stamp_ns,
-            {camera: each for camera, each in taken.items() if isinstance(each, LandmarkMatches)},
-            {camera: each for camera, each in taken.items() if isinstance(each, CameraImage)},
-            {camera: each for camera, each in taken.items() if isinstance(each, SegmentMeasurements)},
-        )
+        return [
+            BodyFrame(
+                stamp_ns,
+                {camera: each for camera, each in taken.items() if isinstance(each, LandmarkMatches)},
+                {camera: each for camera, each in taken.items() if isinstance(each, CameraImage)},
+                {camera: each for camera, each in taken.items() if isinstance(each, SegmentMeasurements)},
+            )
+        ]

@@ -17,8 +17,10 @@ from started_by_hand import (
 )
 
 from bodycam_ros.geometry import exp_se3
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
+from bodycam_ros.timing.frame_assembler import FrameAssembler
 
 ONE_FRAME_S = 1.0 / 30.0
 
@@ -113,10 +115,13 @@ def test_offsets_are_as_good_as_they_say() -> None:
 
 def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
     recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
+    passed = list[LandmarkMatches]()
     watch = ClockEstimator(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
+    assembler = FrameAssembler(CAMERAS, None, True, watch, passed.append)
     held, last_ns = [], 0
     for image in recording.images():
-        passed = watch.add(image)
+        passed.clear()
+        assembler.add(image)
         held.append(1 - len(passed))
         if image.camera == "forearm_left":
             last_ns = image.stamp_ns - passed[-1].stamp_ns if passed else 0

@@ -5,7 +5,7 @@ from range_of_motion import START_NS, wide_cameras
 
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.time_synchronizer import CameraInterpolator
+from bodycam_ros.timing.camera_stream import CameraStream
 
 CAMERA = wide_cameras(["head"])["head"]
 FRAME_NS = 33_333_333
@@ -41,16 +41,14 @@ def image(number: int, known: bool = True, offset_px: float = 0.0) -> LandmarkMa
 
 
 def said_of(instants_ns: list[int], images: list[LandmarkMatches]) -> list[LandmarkMatches]:
-    sampler = CameraInterpolator()
-    said = []
-    waiting = sorted(instants_ns)
+    stream, said, waiting = CameraStream(), [], sorted(instants_ns)
+    stream.set_free(True, -1)
     for each in images:
-        while waiting and waiting[0] <= each.stamp_ns:
-            said += sampler.add_stamp(waiting.pop(0))
-        said += sampler.add(each)
-    for instant_ns in waiting:
-        said += sampler.add_stamp(instant_ns)
-    return said + sampler.flush()
+        stream.add(each)
+        while waiting and stream.has_passed(waiting[0], waiting[0], 0):
+            said.append(stream.take(waiting[0], waiting.pop(0), 0))
+    said += [stream.take(instant_ns, instant_ns, 0) for instant_ns in waiting]
+    return [each for each in said if each is not None]
 
 
 def test_a_constant_twist_is_followed_exactly() -> None:

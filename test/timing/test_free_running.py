@@ -6,16 +6,19 @@ from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_run
 
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
-from bodycam_ros.timing.time_synchronizer import TimeSynchronizer
+from bodycam_ros.timing.frame_assembler import FrameAssembler
 
 DURATION_S = 8.0
 
 
-def brought(recording: Recording) -> list[LandmarkMatches]:
-    instants = TimeSynchronizer(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
-    said = [each for image in recording.images() for each in instants.add(image)]
-    return said + instants.flush()
+def brought(images: list[LandmarkMatches]) -> list[LandmarkMatches]:
+    clocks = ClockEstimator(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
+    assembler = FrameAssembler(CAMERAS, clocks=clocks)
+    frames = [frame for image in images for frame in assembler.add(image)] + assembler.flush()
+    assert not assembler.late
+    return [each for frame in frames for each in frame.matches.values()]
 
 
 def stamps_ns(said: list[LandmarkMatches]) -> np.ndarray:
@@ -24,13 +27,11 @@ def stamps_ns(said: list[LandmarkMatches]) -> np.ndarray:
 
 def test_triggered_cameras_are_passed_on_untouched() -> None:
     images = Recording(DURATION_S).images()
-    instants = TimeSynchronizer(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
-    said = [each for image in images for each in instants.add(image)] + instants.flush()
-    assert {id(each) for each in said} == {id(image) for image in images}
+    assert {id(each) for each in brought(images)} == {id(image) for image in images}
 
 
 def test_free_running_cameras_are_all_heard_at_every_instant() -> None:
-    said = brought(Recording(DURATION_S, runs=free_running()))
+    said = brought(Recording(DURATION_S, runs=free_running()).images())
     instants = stamps_ns(said)
     assert abs(len(instants) - DURATION_S * 30.0) <= 2
     assert np.ptp(np.diff(instants)) <= 1
@@ -39,7 +40,7 @@ def test_free_running_cameras_are_all_heard_at_every_instant() -> None:
 
 
 def test_what_they_say_of_an_instant_is_where_they_were_then() -> None:
-    said = brought(Recording(DURATION_S, runs=free_running(foot_left=CameraRun(ahead_s=0.02)), noise=0.02))
+    said = brought(Recording(DURATION_S, runs=free_running(foot_left=CameraRun(ahead_s=0.02)), noise=0.02).images())
     instants = stamps_ns(said)
     truth = range_of_motion(BODY, DURATION_S, 1000.0)
     errors = []
@@ -56,7 +57,7 @@ def test_what_they_say_of_an_instant_is_where_they_were_then() -> None:
 
 def test_one_late_camera_is_brought_to_the_instants_of_the_others() -> None:
     recording = Recording(DURATION_S, runs={"foot_left": CameraRun(ahead_s=0.02)})
-    said = brought(recording)
+    said = brought(recording.images())
     of_others = {each.stamp_ns for each in said if each.camera != "foot_left"}
     own = [each.stamp_ns for each in said if each.camera == "foot_left"]
     assert set(own) <= of_others and len(own) >= len(of_others) - 2
@@ -66,6 +67,6 @@ def test_one_late_camera_is_brought_to_the_instants_of_the_others() -> None:
 def test_the_beat_goes_on_without_those_who_shared_it() -> None:
     alone = CAMERAS[:4]
     runs = free_running() | {camera: CameraRun(on_s=(-1.0, 5.0)) for camera in CAMERAS[4:]}
-    said = brought(Recording(12.0, runs={c: r for c, r in runs.items() if c in alone or c in CAMERAS[4:]}))
+    said = brought(Recording(12.0, runs={c: r for c, r in runs.items() if c in alone or c in CAMERAS[4:]}).images())
     late = [each for each in said if each.stamp_ns > START_NS + 7_000_000_000]
     assert len(late) > 0.9 * len(alone) * 5.0 * 30.0
