@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.camera_path import path_points
 from bodycam_ros.timing.stamps import find_shared_stamps
 
 _SHORTEST_INTERVAL_NS = 1_000_000_000 // 480  # shorter than the time between two images
@@ -122,16 +122,12 @@ def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
     known = np.zeros(shape, dtype=bool)
     nearest: list[dict[str, LandmarkMatches]] = [{} for _ in stamps_ns]
     for column, (log, seen) in enumerate(zip(logs, registered, strict=True)):
-        path = CameraPath(
-            own_stamps_ns[column],
-            np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None]),
-        )
-        rows = np.flatnonzero(path.covers(stamps_ns, _MAX_GAP_S))
-        points = path.interpolate(stamps_ns[rows])
-        world_T_camera[rows, column] = points.poses
-        twists[rows, column] = points.twists
+        poses = np.stack([m.world_T_camera for m in seen if m.world_T_camera is not None])
+        points = path_points(own_stamps_ns[column], poses, stamps_ns, _MAX_GAP_S)
+        rows = points.rows
+        world_T_camera[rows, column], twists[rows, column] = points.poses, points.twists
         known[rows, column] = True
-        instant_T_image[rows, column] = inverse(points.poses) @ path.world_T_camera[points.nearest]
+        instant_T_image[rows, column] = inverse(points.poses) @ poses[points.nearest]
         for row, image in zip(rows, points.nearest, strict=True):
             nearest[row][log.camera] = seen[image]
     return CameraMotion(

@@ -16,7 +16,7 @@ import numpy as np
 
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.camera_path import path_points
 from bodycam_ros.timing.clock_evidence import MAX_GAP_S
 from bodycam_ros.timing.timeline import Message
 
@@ -114,9 +114,8 @@ class CameraStream:
         before, wanted = sum(own_ns <= stamp_ns for own_ns, _ in known), np.array([stamp_ns])
         known = known[max(0, before - 2) : before + 2]
         if nearest.world_T_camera is not None:
-            path = CameraPath(*map(np.array, zip(*known, strict=True)))
-            if path.covers(wanted, MAX_GAP_S)[0]:
-                point = path.interpolate(wanted)
+            point = path_points(*map(np.array, zip(*known, strict=True)), wanted, MAX_GAP_S)
+            if len(point.rows):
                 covariance = nearest.pose_covariance + np.diag(point.variances[0])
                 return self._restamped(nearest, stamp_ns, world_T_camera=point.poses[0], pose_covariance=covariance)
         return self._restamped(nearest, stamp_ns, world_T_camera=None)

@@ -15,7 +15,7 @@ from bodycam_ros.body.articulation import distance_weights, eliminate_instants, 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.camera_path import path_points
 
 MAX_GAP_S = 0.12
 """Longest time between two images of a camera over which its pose is interpolated: beyond, limbs may do anything."""
@@ -83,11 +83,10 @@ def clock_evidence(
         if not near or camera in left_out or body.mounts[camera].segment in body.equipment_segments:
             continue
         own_ns, own_poses, covariances = map(np.array, zip(*near, strict=True))
-        path = CameraPath(own_ns, own_poses)
-        rows = np.flatnonzero(path.covers(stamps_ns, MAX_GAP_S))
-        points = path.interpolate(stamps_ns[rows])
-        poses[rows, column], twists[rows, column], known[rows, column] = points.poses, points.twists, True
-        information[rows, column] = np.linalg.inv(covariances[points.nearest])
+        points = path_points(own_ns, own_poses, stamps_ns, MAX_GAP_S)
+        poses[points.rows, column], twists[points.rows, column] = points.poses, points.twists
+        known[points.rows, column] = True
+        information[points.rows, column] = np.linalg.inv(covariances[points.nearest])
     rows = np.flatnonzero(known.sum(axis=1) >= 2)
     if len(rows) < _LEAST_STAMPS:
         return None

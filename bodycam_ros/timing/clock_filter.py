@@ -22,7 +22,7 @@ Linearise = Callable[[dict[str, float], Collection[str]], ClockEvidence | None]
 
 
 class ClockFilter:
-    """Clocks of C cameras; the first is the reference, as long as it does not jump.
+    """Clocks of C cameras, relative to the first.
 
     Args:
         sigma: of an unknown clock offset [s].
@@ -31,7 +31,6 @@ class ClockFilter:
         cameras: (C) names.
         offsets: (C) by how much the clocks are ahead at the time of the filter [s].
         drifts: (C) growth of the offsets per second.
-        reference: row of the camera whose clock is the body's.
     """
 
     def __init__(self, sigma: float) -> None:
@@ -39,7 +38,6 @@ class ClockFilter:
         self.cameras: list[str] = []
         self.offsets, self.drifts = np.zeros((2, 0))
         self._covariance = np.zeros((0, 0))
-        self.reference = 0
 
     def add_camera(self, camera: str, triggered: bool) -> None:
         """One more camera, which shares its stamps with the reference's group or does not."""
@@ -66,26 +64,17 @@ class ClockFilter:
         walk[self.reference] = 0.0
         self._covariance = F @ self._covariance @ F.T + np.diag(np.append(0.0 * walk, walk))
 
+    @property
+    def reference(self) -> int:
+        """Row of the camera whose clock is the body's: of the first or, after that was reset, of the best known."""
+        return int(np.argmin(self.sigmas[0]))
+
     def free(self, row: int) -> None:
         """Reset one clock to unknown: it jumped, or its camera is not triggered after all."""
         self._covariance = self._covariance.copy()
-        if row == self.reference:
-            others = self.sigmas[0]
-            others[row] = np.inf
-            self._make_reference(int(np.argmin(others)))
         for own, sigma in ((row, self._sigma), (len(self.cameras) + row, DRIFT_SIGMA)):
             self._covariance[own] = self._covariance[:, own] = 0.0
             self._covariance[own, own] = sigma**2
-
-    def _make_reference(self, row: int) -> None:
-        for own in (row, len(self.cameras) + row):
-            column = self._covariance[:, own]
-            if column[own] > 0.0:
-                self._covariance = self._covariance - np.outer(column, column) / column[own]
-                # Exactly zero: rounding may leave a negative variance.
-                self._covariance[own] = self._covariance[:, own] = 0.0
-        self.reference = row
-        self._covariance[row, row] = _REFERENCE_S**2
 
     def update(self, linearise: Linearise) -> list[str]:
         """Add a window's evidence.
@@ -100,7 +89,7 @@ class ClockFilter:
             The cameras whose clocks contradicted their estimates, and were reset: their estimates were wrong, or the
             reference's, if most are contradicted.
         """
-        before, left_out = (self._covariance, self.reference), set[str]()
+        before, left_out = self._covariance, set[str]()
         while True:
             fit, reset = self._fit(linearise, left_out), list[int]()
             if fit is not None and (reset := self._contradicted(fit)):
@@ -113,7 +102,7 @@ class ClockFilter:
             if fit.distances[farthest] < _FAR_SIGMAS:
                 break
             left_out.add(self.cameras[farthest])
-            self._covariance, self.reference = before
+            self._covariance = before
         gain = self._covariance[:, : len(self.cameras)] @ np.linalg.inv(fit.prior)
         self.offsets, self.drifts = np.split(np.append(self.offsets, self.drifts) + gain @ fit.delays, 2)
         covariance = self._covariance + gain @ (fit.posterior - fit.prior) @ gain.T

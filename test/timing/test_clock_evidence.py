@@ -7,7 +7,7 @@ from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recordin
 from bodycam_ros.body.articulation import motion_of_cameras
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.camera_path import CameraPath
+from bodycam_ros.timing.camera_path import path_points
 from bodycam_ros.timing.clock_evidence import clock_evidence
 
 FROM_NS, INSTANTS = START_NS + 4_000_000_000, 30
@@ -35,7 +35,7 @@ def test_delay_columns_are_what_errors_change_by() -> None:
     for images in images_of(Recording(noise=0.1)).values():
         stamps_ns = np.array([image.stamp_ns for image in images])
         poses = np.stack([image.world_T_camera for image in images if image.world_T_camera is not None])
-        points.append(CameraPath(stamps_ns, poses).interpolate(STAMPS_NS))
+        points.append(path_points(stamps_ns, poses, STAMPS_NS, 1.0))
     poses, twists = np.stack([p.poses for p in points], axis=1), np.stack([p.twists for p in points], axis=1)
     motion = motion_of_cameras(
         BODY, CAMERAS, poses, twists, np.ones(poses.shape[:2], bool), np.zeros(len(CAMERAS), bool)
