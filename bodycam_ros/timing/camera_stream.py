@@ -114,7 +114,8 @@ class CameraStream:
         before, wanted = sum(own_ns <= stamp_ns for own_ns, _ in known), np.array([stamp_ns])
         known = known[max(0, before - 2) : before + 2]
         if nearest.world_T_camera is not None:
-            point = path_points(*map(np.array, zip(*known, strict=True)), wanted, MAX_GAP_S)
+            own_ns, poses = map(np.array, zip(*known, strict=True))
+            point = path_points(own_ns, poses, wanted, MAX_GAP_S)
             if len(point.rows):
                 covariance = nearest.pose_covariance + np.diag(point.variances[0])
                 return self._restamped(nearest, stamp_ns, world_T_camera=point.poses[0], pose_covariance=covariance)
