@@ -10,7 +10,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity, KeyframeSelection
 from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -60,6 +60,7 @@ class CameraPipeline:
         readout: as of ``registrar``.
         extendable_map: what it is registered in, if not that map; the same with room for more landmarks.
         turn: as of ``LandmarkTracker``.
+        keyframes: how many images become keyframes; None: as many as extend a map, and none without such a map.
     """
 
     def __init__(
@@ -70,10 +71,12 @@ class CameraPipeline:
         readout: Readout | None = None,
         extendable_map: ExtendableMap | None = None,
         turn: CameraTurn | None = None,
+        keyframes: KeyframeDensity | None = None,
     ) -> None:
         self._tracker = landmark_tracker(camera, reference_map, settings, readout, turn)
         self._registrar = registrar(camera, extendable_map or reference_map, settings, readout)
-        self._keyframes = None if extendable_map is None else KeyframeSelection(camera)
+        is_extended = extendable_map is not None or keyframes is not None
+        self._keyframes = KeyframeSelection(camera, keyframes) if is_extended else None
 
     def process(
         self, image: NDArray[np.uint8], stamp_ns: int

@@ -13,15 +13,15 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.options import add_config, add_option, add_output, given_flags, input_paths, read_settings
 from bodycam_ros.cli.output import ProgressBars, shown_progress
 from bodycam_ros.errors import MapError
-from bodycam_ros.inertial.map_alignment import InertialAlignment
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.lens.lens_check import warn_of_mismatch
-from bodycam_ros.mapping.build import BuiltMap, Registration, build_map
+from bodycam_ros.mapping.build import BuiltMap, build_map
 from bodycam_ros.mapping.frame_choice import keep_sharp_frames
 from bodycam_ros.mapping.known_distance import KnownDistance
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.moving_camera import MovingCamera, open_body_cameras, video_camera
 from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
-from bodycam_ros.offline.align_map import align_map
+from bodycam_ros.offline.align_map import registered_poses
 from bodycam_ros.output_place import check_output
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag
@@ -93,12 +93,13 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.jobs,
             progress,
             known,
-            _inertial_alignment(arguments, photographs),
+            _inertial_samples(arguments, photographs),
+            partial(registered_poses, recording_path=arguments.from_bag, jobs=arguments.jobs),
         )
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
     replace(built, reference_map=reference_map).save(output, force=arguments.force, also=draw)
     lines = (
-        *_registration_lines(built.registrations),
+        *_registration_lines(built.observed),
         f"{len(reference_map.landmark_ids)} landmarks with {len(reference_map.descriptors)} descriptors",
         *_board_lines(built),
         _scale_line(built),
@@ -115,25 +116,26 @@ def add_coverage(
 ) -> tuple[ReferenceMap, Callable[[Path], None], list[str]]:
     """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
     from bodycam_ros.evaluate.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, upright_map, with_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
 
-    upright = upright_map(reference_map)
-    coverage = measure_coverage(upright, progress)
+    if not reference_map.gravity_aligned:
+        return reference_map, lambda folder: None, ["coverage: unknown, as the map does not know what is up"]
+    coverage = measure_coverage(reference_map, progress)
 
     def draw(folder: Path) -> None:
-        draw_coverage(coverage, upright, folder / COVERAGE_FILE, name)
+        draw_coverage(coverage, reference_map, folder / COVERAGE_FILE, name)
 
     lines = [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]
     return with_coverage(reference_map, coverage), draw, lines
 
 
-def _registration_lines(registrations: Sequence[Registration]) -> Iterator[str]:
-    yield f"{sum(each.registered for each in registrations)} of {len(registrations)} photographs registered"
-    if left_out := [each.name for each in registrations if not each.registered]:
+def _registration_lines(observed: Mapping[str, int | None]) -> Iterator[str]:
+    registered = {name: landmarks for name, landmarks in observed.items() if landmarks is not None}
+    yield f"{len(registered)} of {len(observed)} photographs registered"
+    if left_out := [name for name in observed if name not in registered]:
         yield f"NOT registered: {', '.join(left_out)}"
-    weak = [each for each in registrations if each.registered and each.landmarks < _FEW_LANDMARKS]
-    if weak:
-        named = ", ".join(f"{each.name} ({each.landmarks} landmarks)" for each in weak)
+    if weak := {name: landmarks for name, landmarks in registered.items() if landmarks < _FEW_LANDMARKS}:
+        named = ", ".join(f"{name} ({landmarks} landmarks)" for name, landmarks in weak.items())
         yield f"registered by few landmarks, perhaps wrongly: {named}; photograph more between them and the others"
 
 
@@ -227,26 +229,23 @@ def _known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]
     return tuple(distances)
 
 
-def _inertial_alignment(
-    arguments: argparse.Namespace, photographs: Photographs
-) -> Callable[[ReferenceMap], InertialAlignment] | None:
-    """What finds scale and vertical of a map of body cameras by their inertial sensors; None without any.
+def _inertial_samples(arguments: argparse.Namespace, photographs: Photographs) -> dict[str, ImuSamples]:
+    """Body camera -> samples of its inertial sensor, of those that have one.
 
     Raises:
         RecordingError: a bag of --imu has none of these cameras' sensors.
     """
     if arguments.from_bag is None:
-        return None
+        return {}
     cameras = sorted({camera.name for camera in photographs.camera_of_name.values()})
-    imus = read_imus((arguments.from_bag, *arguments.imu), cameras)
-    return partial(align_map, recording_path=arguments.from_bag, imus=imus, jobs=arguments.jobs) if imus else None
+    return read_imus((arguments.from_bag, *arguments.imu), cameras)
 
 
 @contextmanager
 def _opened_photographs(
     arguments: argparse.Namespace, known: Sequence[KnownDistance], settings: MapSettings, progress: Progress
 ) -> Iterator[Photographs]:
-    """The photographs; frames of a recording are removed when the block ends, in pairs where a distance is known.
+    """The photographs; frames of a recording are removed when the block ends.
 
     Raises:
         BodycamError: the source cannot be read, or has no usable images.
@@ -256,11 +255,10 @@ def _opened_photographs(
         yield find_photographs(source, arguments.camera)
         return
     board = source.resolve().parent / BOARD_FILE
-    pairs = [(each.first, each.second) for each in known]
     cameras: Mapping[str, MovingCamera]
     if arguments.from_bag is not None:
         body_cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
-        cameras = open_body_cameras(source, body_cameras, [camera for pair in pairs for camera in pair])
+        cameras = open_body_cameras(source, body_cameras, [each for one in known for each in (one.first, one.second)])
         name = source.resolve().name
     else:
         camera = video_camera(source, arguments.camera)
@@ -275,5 +273,4 @@ def _opened_photographs(
             arguments.jobs,
             progress,
             board if board.is_file() else None,
-            pairs,
         )

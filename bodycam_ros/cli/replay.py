@@ -22,7 +22,7 @@ from bodycam_ros.output_place import check_output
 from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
-    from bodycam_ros.offline.extension_record import ExtensionRound
+    from bodycam_ros.offline.extend import ExtensionRound
     from bodycam_ros.offline.replay_summary import ReplaySummary
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 

@@ -20,6 +20,9 @@ from bodycam_ros.inertial.preintegration import MotionSums
 
 logger = logging.getLogger(__name__)
 
+RegisteredPoses = tuple[NDArray[np.int64], Array]
+"""(T,) stamps [ns] and (T, 4, 4) world_T_camera of a camera's registered images, in order of time."""
+
 _WINDOW_NS = 4_000_000_000  # longer ones carry more scale and more noise: sigma 0.32 % at 2 s, 0.17 at 4, 0.18 at 6
 _MIN_IMAGES = 12  # of a window
 _MAX_ROTATION_RMS = 5e-3  # [rad] between images and gyroscope; with more a sensor is left out
@@ -59,14 +62,11 @@ class _Window:
     right: Array
 
 
-def align_to_gravity(
-    poses: Mapping[str, tuple[NDArray[np.int64], Array]], imus: Mapping[str, ImuSamples]
-) -> InertialAlignment:
+def align_to_gravity(poses: Mapping[str, RegisteredPoses], imus: Mapping[str, ImuSamples]) -> InertialAlignment:
     """Find metres and the vertical of a map.
 
     Args:
-        poses: camera -> (T,) stamps [ns] and (T, 4, 4) world_T_camera of its registered images, in order of time; the
-            unit of the map may be wrong by a third.
+        poses: camera -> its registered images; the unit of the map may be wrong by a third.
         imus: camera -> samples of its sensor.
 
     Raises:

@@ -15,10 +15,8 @@ from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 MAX_SIGMA_M = 0.02
 """Of a keyframe's position: rays from uncertain positions make no points."""
 
-_MAX_COVERED = 0.5  # share of the view that shows landmarks, from which on a camera adds none
 _MIN_STEP_M = 0.12  # of a camera between its keyframes: 2 deg of parallax at 3 m
 _MIN_TURN_COSINE = np.cos(np.radians(20.0))  # of a rotation that makes a keyframe too: SIFT tolerates 30 deg
-_MIN_GAP_NS = 300_000_000  # between keyframes of a camera: SIFT costs as much as ten images of tracking
 _CELLS = 8  # rows and columns of the view's grid
 _USABLE_VIEW = 0.97  # of the lens's cone: at its rim no landmarks are found
 
@@ -40,32 +38,17 @@ class BodyKeyframe(PosedFeatures):
     landmark_ids: NDArray[np.uint32]
 
 
-def make_keyframe(
-    camera: CameraModel,
-    matches: LandmarkMatches,
-    pixels: Array,
-    descriptors: NDArray[np.uint8],
-    scales: NDArray[np.float32],
-    landmark_ids: NDArray[np.uint32],
-) -> BodyKeyframe:
-    """The keyframe of a registered image with these features, without those outside the lens's cone.
+@dataclass(frozen=True)
+class KeyframeDensity:
+    """How many images become keyframes.
 
-    Args:
-        camera: its model.
-        matches: the registration of the image; it has a pose.
-        pixels: (N, 2) of the features, as if all rows were exposed together.
-        descriptors, landmark_ids: (N, 128), (N,) as of ``BodyKeyframe``.
-        scales: (N,) SIFT sigma [px].
+    Attributes:
+        max_covered: share of the view that shows landmarks, from which on an image adds none.
+        min_gap_ns: between keyframes of a camera: SIFT costs as much as ten images of tracking.
     """
-    assert matches.world_T_camera is not None
-    posed, in_view = pose_features(camera, matches.world_T_camera, pixels, scales, descriptors)
-    return BodyKeyframe(
-        **vars(posed),
-        camera=camera.name,
-        stamp_ns=matches.stamp_ns,
-        position_sigma=matches.position_sigma,
-        landmark_ids=landmark_ids[in_view],
-    )
+
+    max_covered: float = 0.5
+    min_gap_ns: int = 300_000_000
 
 
 class KeyframeSelection:
@@ -73,10 +56,11 @@ class KeyframeSelection:
 
     Args:
         camera: its model.
+        density: how many.
     """
 
-    def __init__(self, camera: CameraModel) -> None:
-        self._camera = camera
+    def __init__(self, camera: CameraModel, density: KeyframeDensity | None = None) -> None:
+        self._camera, self._density = camera, density or KeyframeDensity()
         self._cells_per_px = _CELLS / np.array([camera.width, camera.height], np.float64)
         centres = (np.stack(np.meshgrid(*[np.arange(_CELLS)] * 2), axis=-1).reshape(-1, 2) + 0.5) / self._cells_per_px
         bearings, in_view = camera.unproject(centres)
@@ -89,29 +73,36 @@ class KeyframeSelection:
         if not frame.keyframe or matches.world_T_camera is None or not len(frame.described):
             return None
         self._world_T_latest, self._due_ns = matches.world_T_camera, matches.stamp_ns
-        described = frame.described.astype(np.int64)
+        camera, described = self._camera, frame.described.astype(np.int64)
         ids = np.full(len(described), NO_LANDMARK, np.uint32)
         _, features, rows = np.intersect1d(frame.track_ids[described], matches.track_ids, return_indices=True)
         ids[features] = matches.landmark_ids[rows]
-        pixels = steady_pixels(self._camera, frame.pixels[described], matches.turning, matches.readout_in_use)
-        return make_keyframe(self._camera, matches, pixels, frame.descriptors, frame.scales, ids)
+        pixels = steady_pixels(camera, frame.pixels[described], matches.turning, matches.readout_in_use)
+        posed, in_view = pose_features(camera, matches.world_T_camera, pixels, frame.scales, frame.descriptors)
+        return BodyKeyframe(
+            **vars(posed),
+            camera=camera.name,
+            stamp_ns=matches.stamp_ns,
+            position_sigma=matches.position_sigma,
+            landmark_ids=ids[in_view],
+        )
 
     def is_due(self, matches: LandmarkMatches) -> bool:
         """Whether a keyframe is wanted: the camera is registered, sees unmapped parts, and has moved.
 
         It is wanted once; the next one not before some time has passed.
         """
-        pose = matches.world_T_camera
-        if pose is None or (self._due_ns is not None and 0 <= matches.stamp_ns - self._due_ns < _MIN_GAP_NS):
+        pose, density = matches.world_T_camera, self._density
+        if pose is None or (self._due_ns is not None and 0 <= matches.stamp_ns - self._due_ns < density.min_gap_ns):
             return False
-        if self._world_T_latest is not None and not has_moved(self._world_T_latest, pose):
+        if self._world_T_latest is not None and not _has_moved(self._world_T_latest, pose):
             return False
-        if self.coverage(matches) >= _MAX_COVERED:
+        if self._coverage(matches) >= density.max_covered:
             return False
         self._due_ns = matches.stamp_ns
         return True
 
-    def coverage(self, matches: LandmarkMatches) -> float:
+    def _coverage(self, matches: LandmarkMatches) -> float:
         """Share of the view, 0 to 1, in which landmarks were found."""
         cells = (matches.shown * self._cells_per_px).astype(np.int64)
         column, row = np.minimum(np.maximum(cells, 0), _CELLS - 1).T
@@ -120,7 +111,7 @@ class KeyframeSelection:
         return int(np.count_nonzero(found & self._in_view)) / max(1, int(np.count_nonzero(self._in_view)))
 
 
-def has_moved(world_T_before: Array, world_T_camera: Array) -> bool:
+def _has_moved(world_T_before: Array, world_T_camera: Array) -> bool:
     """Whether a camera has moved or turned far enough from its last keyframe (4, 4) for another."""
     step = float(np.linalg.norm(world_T_camera[:3, 3] - world_T_before[:3, 3]))
     cosine = 0.5 * (float(np.trace(world_T_before[:3, :3].T @ world_T_camera[:3, :3])) - 1.0)

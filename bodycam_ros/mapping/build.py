@@ -1,17 +1,19 @@
 """From photographs to a reference map."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from bodycam_ros import __version__
 from bodycam_ros.errors import MapError
-from bodycam_ros.inertial.map_alignment import InertialAlignment
+from bodycam_ros.inertial.imu_samples import ImuSamples
+from bodycam_ros.inertial.map_alignment import InertialAlignment, RegisteredPoses, align_to_gravity
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.apriltag import TagView
 from bodycam_ros.mapping.board import Board, BoardAlignment, BoardResidual, align_to_board, read_board
@@ -35,32 +37,13 @@ _PLY_FILE = "structure.ply"
 
 
 @dataclass(frozen=True)
-class Registration:
-    """The registration of one photograph.
-
-    Attributes:
-        name: its file name.
-        registered: whether its pose is known.
-        landmarks: how many it observes.
-        error_px: mean reprojection error of those; NaN without any.
-        tags: how many tags of the board it shows.
-    """
-
-    name: str
-    registered: bool
-    landmarks: int
-    error_px: float
-    tags: int
-
-
-@dataclass(frozen=True)
 class BuiltMap:
     """A map that is ready to be saved, with its quality.
 
     Attributes:
         reference_map: landmarks, descriptors, poses.
         structure: the same with all observations, in the map frame.
-        registrations: one per readable photograph.
+        observed: readable photograph -> how many landmarks it observes; None of one that is not registered.
         residual: of the board; None without one.
         known_scale: by known distances, or of known distances in a map that the board has scaled; None without any.
         floor: that gives the origin, and the vertical where no sensor does; None with a board, or if there is none.
@@ -69,7 +52,7 @@ class BuiltMap:
 
     reference_map: ReferenceMap
     structure: Structure
-    registrations: tuple[Registration, ...]
+    observed: Mapping[str, int | None]
     residual: BoardResidual | None
     known_scale: KnownScale | None
     floor: Floor | None
@@ -102,7 +85,8 @@ def build_map(
     workers: int,
     progress: Progress,
     known_distances: Sequence[KnownDistance] = (),
-    align: Callable[[ReferenceMap], InertialAlignment] | None = None,
+    imus: Mapping[str, ImuSamples] = MappingProxyType({}),
+    register: Callable[[ReferenceMap, Collection[str]], Mapping[str, RegisteredPoses]] = lambda *of: {},
 ) -> BuiltMap:
     """Build a reference map (A section 4.1), metric and upright if a board is described.
 
@@ -113,7 +97,8 @@ def build_map(
         workers: threads.
         progress: shows the steps.
         known_distances: between body cameras, of which the photographs are; they scale a map where no board does.
-        align: finds scale and vertical of a map by the inertial sensors of body cameras, where no board gives them.
+        imus: body camera -> samples of its inertial sensor; they give scale and vertical where no board does.
+        register: registers all images of some body cameras in a map.
 
     Raises:
         MapError: the photographs do not make a map, or do not show the board.
@@ -130,7 +115,7 @@ def build_map(
             f"{', '.join(map(str, board.corners_board))}) large enough; photograph it from near by, or leave the board "
             "out (--no-board) for a map without scale"
         )
-        if not known_distances and align is None:
+        if not known_distances and not imus:
             raise MapError(problem)
         _LOG.warning("%s. The known distance or inertial sensors scale the map", problem)
         board = None
@@ -149,23 +134,26 @@ def build_map(
                 "the map is metric, but its z is the board's, not up",
                 board_path,
             )
-    if known_distances:
-        known_scale = measure_scale(structure, photographs.seconds_of_name, known_distances)
+    sensors = {} if alignment is not None else imus
+    if known_distances or sensors:
+        if alignment is None:
+            structure = structure.transformed(_BODY_EXTENT_M / body_extent(structure)[1], np.eye(3), np.zeros(3))
+        measuring = {*sensors, *(camera for each in known_distances for camera in (each.first, each.second))}
+        with progress.step("registering images for the scale", 1) as advance:
+            unscaled = _make_map(structure, features, None, metric=True, gravity_aligned=False, summary={})
+            poses = register(unscaled, sorted(measuring))
+            advance()
+        known_scale = measure_scale(poses, known_distances) if known_distances else None
+        inertial = align_to_gravity(poses, sensors) if sensors else None
     if alignment is None:
-        if known_scale is not None or align is not None:
-            scale = _BODY_EXTENT_M / body_extent(structure)[1] if known_scale is None else known_scale.scale
-            structure = structure.transformed(scale, np.eye(3), np.zeros(3))
-        if align is not None:
-            with progress.step("registering images for inertial sensors", 1) as advance:
-                inertial = align(_make_map(structure, features, None, metric=True, gravity_aligned=False, summary={}))
-                advance()
-            scale = inertial.scale if known_scale is None else 1.0
-            structure = structure.transformed(scale, np.eye(3), np.zeros(3))
+        if (scaled := known_scale or inertial) is not None:
+            structure = structure.transformed(scaled.scale, np.eye(3), np.zeros(3))
         structure, floor = stand_on_floor(structure, None if inertial is None else inertial.up)
 
     kept = small_photographs(photographs.folder, structure, workers, progress)
     with progress.step("describing landmarks", 1) as advance:
-        registrations = _registrations([image.name for image in features], structure, tags)
+        counts = np.bincount(structure.observation_views, minlength=len(structure.names)).tolist()
+        observed = dict.fromkeys(image.name for image in features) | dict(zip(structure.names, counts, strict=True))
         reference_map = _make_map(
             structure,
             features,
@@ -178,7 +166,7 @@ def build_map(
         )
         advance()
     residual = None if alignment is None else alignment.residual
-    return BuiltMap(reference_map, structure, registrations, residual, known_scale, floor, inertial)
+    return BuiltMap(reference_map, structure, observed, residual, known_scale, floor, inertial)
 
 
 def _make_map(
@@ -230,22 +218,6 @@ def _features(
             f"are needed; the first that cannot: {skipped[0]}"
         )
     return features, tags
-
-
-def _registrations(
-    names: Sequence[str], structure: Structure, tags: Mapping[str, Sequence[TagView]]
-) -> tuple[Registration, ...]:
-    """The registration of each of the photographs ``names``, in their order."""
-    errors = structure.reprojection_errors()
-    view_of = {name: view for view, name in enumerate(structure.names)}
-    registrations = []
-    for name in names:
-        observed = errors[structure.observation_views == view_of.get(name, -1)]
-        error = float(observed.mean()) if len(observed) else float("nan")
-        is_registered = name in view_of
-        tag_count = len(tags.get(name, ())) if is_registered else 0
-        registrations.append(Registration(name, is_registered, len(observed), error, tag_count))
-    return tuple(registrations)
 
 
 def _summary(

@@ -6,19 +6,16 @@ direction of a photograph. Occlusion is not known.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.geometry import rotation_to_z
+from bodycam_ros.geometry import Array
 from bodycam_ros.progress import Progress
 from bodycam_ros.registration.matching import MAX_VIEW_ANGLE_DEG, MIN_VISIBLE_SCALE_PX
 from bodycam_ros.registration.reference_map import ReferenceMap
-
-Array = NDArray[np.float64]
 
 COVERAGE_FILE = "coverage.png"
 """In a map folder, the picture of ``draw_coverage``."""
@@ -60,9 +57,9 @@ class Coverage:
     visible: NDArray[np.int64]
 
     @cached_property
-    def registers(self) -> NDArray[np.bool_]:
-        """(P, E, A) whether a camera registers."""
-        return self.visible >= _ENOUGH
+    def share_by_direction(self) -> Array:
+        """(E, A) of the places, from which a camera registers in that direction."""
+        return np.asarray((self.visible >= _ENOUGH).mean(axis=0), np.float64)
 
     @cached_property
     def weights(self) -> Array:
@@ -73,61 +70,43 @@ class Coverage:
     @property
     def share(self) -> float:
         """Of all directions at all places, in which a camera registers."""
-        return float(np.einsum("pea,ea->p", self.registers, self.weights).mean())
-
-    @property
-    def share_by_direction(self) -> Array:
-        """(E, A) of the places."""
-        return np.asarray(self.registers.mean(axis=0), np.float64)
-
-
-def upright_map(reference_map: ReferenceMap) -> ReferenceMap:
-    """The map itself if its z is up; else its landmarks and photographs, turned until photographs are upright."""
-    if reference_map.gravity_aligned:
-        return reference_map
-    up = -reference_map.world_T_camera[:, :3, 1].mean(axis=0)
-    R = rotation_to_z(up / max(float(np.linalg.norm(up)), 1e-9))
-    poses = reference_map.world_T_camera.copy()
-    poses[:, :3] = R @ poses[:, :3]
-    return replace(
-        reference_map,
-        points_world=reference_map.points_world @ R.T,
-        world_T_camera=poses,
-        descriptor_view=(reference_map.descriptor_view @ R.T).astype(np.float32),
-    )
+        return float(np.sum(self.weights * self.share_by_direction))
 
 
 def measure_coverage(reference_map: ReferenceMap, progress: Progress) -> Coverage:
-    """Count the landmarks in view from places in a map whose z is up (``upright_map``), in all directions."""
+    """Count the landmarks in view from places in a map whose z is up, in all directions."""
     places = _places(reference_map)
     elevations = np.arange(-_MAX_ELEVATION_DEG, _MAX_ELEVATION_DEG + 1e-6, _STEP_DEG)
     azimuths = np.linspace(-180.0, 180.0, round(360.0 / _STEP_DEG), endpoint=False)
-    world_R_camera = _axes_towards(*np.meshgrid(elevations, azimuths, indexing="ij"))
-    visible = np.zeros((len(places), *world_R_camera.shape[:2]), np.int64)
+    forward = _directions_world(*np.meshgrid(elevations, azimuths, indexing="ij"))
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right, axis=-1, keepdims=True)
+    world_R_camera = np.stack([right, np.cross(forward, right), forward], axis=-1)
+    visible = np.zeros((len(places), *forward.shape[:2]), np.int64)
     with progress.step("checking the coverage", len(places)) as advance:
         for row, place in enumerate(places):
-            visible[row] = _counts(_offsets(reference_map, place), world_R_camera)
+            visible[row] = _count_visible(reference_map, place, world_R_camera)
             advance()
     return Coverage(places, elevations, azimuths, visible)
 
 
-def directions_world(elevations_deg: Array, azimuths_deg: Array) -> Array:
+def _directions_world(elevations_deg: Array, azimuths_deg: Array) -> Array:
     """(..., 3) unit vectors in the map's axes."""
     elevation, azimuth = np.radians(elevations_deg), np.radians(azimuths_deg)
     flat = np.cos(elevation)
-    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation) + 0.0 * azimuth], axis=-1)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
 
 def _places(reference_map: ReferenceMap) -> Array:
     """(P, 3) where a person would stand: around the photographs, at the height of a body's cameras.
 
-    Without metres or a vertical they are those of the photographs.
+    Without metres they are those of the photographs.
     """
     centres = reference_map.world_T_camera[:, :3, 3]
-    if not (reference_map.metric and reference_map.gravity_aligned):
+    if not reference_map.metric:
         return np.asarray(centres[:: -(-len(centres) // _MAX_PLACES)])
-    spacing = _SPACING_M
-    while True:
+    spacing, floor = _SPACING_M, np.zeros((_MAX_PLACES + 1, 2))
+    while len(floor) > _MAX_PLACES:
         first, last = (np.round(edge / spacing) for edge in (centres.min(axis=0), centres.max(axis=0)))
         reach = np.ceil(_REACH_M / spacing)
         x, y = (spacing * np.arange(first[axis] - reach, last[axis] + reach + 1.0) for axis in (0, 1))
@@ -135,39 +114,22 @@ def _places(reference_map: ReferenceMap) -> Array:
         distances = np.linalg.norm(floor[:, None] - centres[None, :, :2], axis=2).min(axis=1)
         # A spacing wider than the reach may miss a photograph that stands alone.
         floor = floor[distances <= max(_REACH_M, np.sqrt(0.5) * spacing)]
-        if len(floor) <= _MAX_PLACES:
-            break
         spacing *= 1.25
     return np.concatenate([np.column_stack([floor, np.full(len(floor), height)]) for height in _HEIGHTS_M])
 
 
-def _axes_towards(elevations_deg: Array, azimuths_deg: Array) -> Array:
-    """(..., 3, 3) world_R_camera of upright cameras that point in directions."""
-    forward = directions_world(elevations_deg, azimuths_deg)
-    azimuth = np.radians(azimuths_deg)
-    right = np.stack([np.sin(azimuth), -np.cos(azimuth), 0.0 * azimuth], axis=-1)
-    return np.stack([right, np.cross(forward, right), forward], axis=-1)
-
-
-def _offsets(reference_map: ReferenceMap, place_world: Array) -> Array:
-    """(V, 3) from a place to the landmarks that can be matched from there, in any direction."""
+def _count_visible(reference_map: ReferenceMap, place_world: Array, world_R_camera: Array) -> NDArray[np.int64]:
+    """(E, A) landmarks that can be matched from a place (3,), in the images of cameras (E, A, 3, 3)."""
     offsets = reference_map.points_world - place_world
     distances = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
     large = reference_map.landmark_sizes * BODY_CAMERA.fx > MIN_VISIBLE_SCALE_PX * distances
     landmark = reference_map.descriptor_landmark
     cosines = -np.einsum("ij,ij->i", reference_map.descriptor_view, offsets[landmark]) / distances[landmark]
-    from_there = cosines > np.cos(np.radians(MAX_VIEW_ANGLE_DEG))
-    alike: NDArray[np.bool_] = np.zeros(len(offsets), bool)
-    alike[landmark[from_there]] = True
-    return np.asarray(offsets[large & alike])
-
-
-def _counts(offsets_world: Array, world_R_camera: Array) -> NDArray[np.int64]:
-    """(E, A) number of the points (V, 3) in the images of cameras (E, A, 3, 3)."""
-    every = max(1, -(-len(offsets_world) // _MAX_COUNTED))
-    if not len(offsets_world):
-        return np.zeros(world_R_camera.shape[:2], np.int64)
-    points = np.einsum("eaij,vi->eavj", world_R_camera, offsets_world[::every])
+    alike = np.zeros(len(offsets), bool)
+    alike[landmark[cosines > np.cos(np.radians(MAX_VIEW_ANGLE_DEG))]] = True
+    offsets = offsets[large & alike]
+    every = max(1, -(-len(offsets) // _MAX_COUNTED))
+    points = np.einsum("eaij,vi->eavj", world_R_camera, offsets[::every])
     pixels, valid = BODY_CAMERA.project(points.reshape(-1, 3))
     shown = (valid & BODY_CAMERA.in_image(pixels)).reshape(points.shape[:3])
     return np.asarray(every * shown.sum(axis=2), np.int64)
@@ -194,6 +156,19 @@ class Gap:
     share: float
     size: float
 
+    @property
+    def line(self) -> str:
+        """What should be photographed, too."""
+        low, high = self.elevations_deg
+        what = "this wall"
+        where = f"towards azimuth {self.azimuth_deg:.0f} deg from the map's x axis, counter-clockwise"
+        if self.all_around:
+            what, where = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more", "all around"
+        return (
+            f"photograph {what} too: {where}, elevation {low:.0f} to {high:.0f} deg; a camera registers there from "
+            f"{100 * self.share:.0f} % of the places"
+        )
+
 
 def find_gaps(coverage: Coverage) -> list[Gap]:
     """Directions that are missing, the largest gap first."""
@@ -207,61 +182,39 @@ def find_gaps(coverage: Coverage) -> list[Gap]:
 
 
 def _gap(coverage: Coverage, cells: NDArray[np.bool_]) -> Gap:
-    elevations, azimuths = np.nonzero(cells)
-    weights = coverage.weights[cells] * (1.0 - coverage.share_by_direction[cells])
-    mean = weights @ directions_world(coverage.elevations_deg[elevations], coverage.azimuths_deg[azimuths])
-    elevation = float(weights @ coverage.elevations_deg[elevations] / weights.sum())
+    rows, columns = np.nonzero(cells)
+    elevations, share = coverage.elevations_deg[rows], coverage.share_by_direction[cells]
+    weights = coverage.weights[cells] * (1.0 - share)
+    x, y, _ = weights @ _directions_world(elevations, coverage.azimuths_deg[columns])
+    elevation = float(np.average(elevations, weights=weights))
     at_middle = cells[int(np.argmin(np.abs(coverage.elevations_deg - elevation)))]
-    covered = at_middle if at_middle.any() else np.any(cells, axis=0)
     return Gap(
         cells=cells,
-        azimuth_deg=float(np.degrees(np.arctan2(mean[1], mean[0]))),
+        azimuth_deg=float(np.degrees(np.arctan2(y, x))),
         elevation_deg=elevation,
-        all_around=bool(covered.all()),
-        elevations_deg=(
-            float(coverage.elevations_deg[elevations].min()),
-            float(coverage.elevations_deg[elevations].max()),
-        ),
-        share=float(coverage.registers[:, cells].mean()),
+        all_around=bool((at_middle if at_middle.any() else cells.any(axis=0)).all()),
+        elevations_deg=(float(elevations.min()), float(elevations.max())),
+        share=float(share.mean()),
         size=float(coverage.weights[cells].sum()),
     )
 
 
 def coverage_lines(coverage: Coverage) -> list[str]:
     """Sentences on what the map covers, and what should be photographed too."""
-    lines = [
+    return [
         f"coverage: a body camera would register in {100 * coverage.share:.0f} % of all directions from "
-        f"{len(coverage.places_world)} places where a person would be ({_ENOUGH} landmarks in view are enough)"
+        f"{len(coverage.places_world)} places where a person would be ({_ENOUGH} landmarks in view are enough)",
+        *[gap.line for gap in find_gaps(coverage)[:_MAX_LINES]],
     ]
-    gaps = find_gaps(coverage)
-    lines += [_gap_line(gap) for gap in gaps[:_MAX_LINES]]
-    return lines
-
-
-def _gap_line(gap: Gap) -> str:
-    low, high = gap.elevations_deg
-    what, where = "this wall", f"towards azimuth {gap.azimuth_deg:.0f} deg from the map's x axis, counter-clockwise"
-    if gap.all_around:
-        what, where = "the ceiling" if low > 0.0 else "the floor" if high < 0.0 else "more", "all around"
-    return (
-        f"photograph {what} too: {where}, elevation {low:.0f} to {high:.0f} deg; a camera registers there from "
-        f"{100 * gap.share:.0f} % of the places"
-    )
 
 
 def with_coverage(reference_map: ReferenceMap, coverage: Coverage) -> ReferenceMap:
     """The same map with the coverage in its summary, as plain values."""
-    document: dict[str, Any] = {
-        "share": round(coverage.share, 3),
-        "places": len(coverage.places_world),
-        "enough_landmarks": _ENOUGH,
-        "gaps": [
-            {
-                "azimuth_deg": round(gap.azimuth_deg),
-                "elevation_deg": round(gap.elevation_deg),
-                "share": round(gap.share, 2),
-            }
-            for gap in find_gaps(coverage)
-        ],
-    }
+    gaps = [
+        dict(azimuth_deg=round(gap.azimuth_deg), elevation_deg=round(gap.elevation_deg), share=round(gap.share, 2))
+        for gap in find_gaps(coverage)
+    ]
+    document = dict(
+        share=round(coverage.share, 3), places=len(coverage.places_world), enough_landmarks=_ENOUGH, gaps=gaps
+    )
     return replace(reference_map, summary={**reference_map.summary, "coverage": document})

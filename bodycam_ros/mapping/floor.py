@@ -64,9 +64,9 @@ def _find_floor(structure: Structure, up: Array | None) -> Floor | None:
         return None
     centres, points, thickness = structure.world_T_camera[:, :3, 3], structure.points_world, _THICKNESS * extent
     floors = []
-    for planes in (_planes(points, along), _planes(points, -along)) if up is None else (_levels(points, up),):
+    for upwards in (along, -along) if up is None else (up,):
         best = None
-        for normal, height in planes:
+        for normal, height in _planes(points, upwards, turned=up is None):
             lowest = float(np.quantile(centres @ normal, 1.0 - _ABOVE)) - height
             if not 0.0 < lowest < _MAX_HEIGHT * extent:
                 continue
@@ -89,22 +89,15 @@ def body_extent(structure: Structure) -> tuple[Array, float]:
     return along, float(np.ptp(places @ along))
 
 
-def _planes(points: Array, upwards: Array) -> Iterator[tuple[Array, float]]:
-    """Unit normals and heights of planes through three points each, roughly across a direction."""
-    random = np.random.default_rng(_SEED)
-    corners = points[random.integers(0, len(points), (_TRIALS, 3))]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    cosines = normals @ upwards / np.maximum(lengths, 1e-12)
-    for row in np.flatnonzero((np.abs(cosines) > _MIN_COSINE) & (lengths > 0.0)):
-        up = normals[row] * np.sign(cosines[row]) / lengths[row]
-        yield up, float(corners[row, 0] @ up)
-
-
-def _levels(points: Array, up: Array) -> Iterator[tuple[Array, float]]:
-    """The same through one point each, with a known normal."""
-    for height in np.random.default_rng(_SEED).choice(points @ up, min(_TRIALS, len(points)), replace=False):
-        yield up, float(height)
+def _planes(points: Array, upwards: Array, *, turned: bool) -> Iterator[tuple[Array, float]]:
+    """Unit normals and heights of planes: level ones through one point each, or ones through three, roughly level."""
+    corners = points[np.random.default_rng(_SEED).integers(0, len(points), (_TRIALS, 3))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) if turned else upwards[None]
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    normals = np.where(normals @ upwards < 0.0, -1.0, 1.0)[:, None] * normals
+    for normal, corner in zip(np.broadcast_to(normals, (_TRIALS, 3)), corners[:, 0], strict=True):
+        if normal @ upwards > _MIN_COSINE:
+            yield normal, float(corner @ normal)
 
 
 def _refined(points: Array, floor: Floor, thickness: float, *, turns: bool) -> Floor:

@@ -1,7 +1,8 @@
 """Sharp frames of moving cameras, carried or on the body, as photographs of a map."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain, groupby
 from pathlib import Path
 
 import cv2
@@ -12,7 +13,6 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.known_distance import MAX_APART_S
 from bodycam_ros.mapping.moving_camera import MovingCamera, picture_file
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.progress import Progress, in_parallel
@@ -37,7 +37,6 @@ def keep_sharp_frames(
     workers: int,
     progress: Progress,
     board_path: Path | None = None,
-    pairs: Collection[tuple[str, str]] = (),
 ) -> Photographs:
     """Write the sharpest frame of each of some equal parts of every recording into a folder.
 
@@ -51,7 +50,6 @@ def keep_sharp_frames(
         workers: threads.
         progress: shows the step.
         board_path: description of the board, if there is one.
-        pairs: cameras whose frames are of the same times, the sharpest in sum.
 
     Raises:
         MapError: no frame of a recording shows anything, or there are fewer than two parts.
@@ -61,44 +59,28 @@ def keep_sharp_frames(
     each = max(most // len(sources), 2)
     with failure_named(folder), progress.step("choosing sharp frames", sum(s.count for s in sources.values())) as step:
 
-        def write(cameras: Sequence[str]) -> dict[str, tuple[str, float]]:
-            together, written = [sources[camera] for camera in cameras], {}
-            part_s = max(_BEYOND_LAST * together[0].duration_s / each, _LEAST_PART_S)
-            for found in _sharpest(together, part_s, step):
-                for camera, candidate in zip(cameras, found, strict=True):
-                    prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
-                    suffix, content = candidate.file(sources[camera])
-                    file = f"{prefix}_{candidate.row:06d}{suffix}"
-                    (folder / file).write_bytes(content)
-                    written[file] = camera, candidate.seconds
+        def write(camera: str) -> list[str]:
+            source, written = sources[camera], []
+            part_s = max(_BEYOND_LAST * source.duration_s / each, _LEAST_PART_S)
+            prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
+            for candidate in _sharpest(_candidates(source, step), part_s):
+                suffix, content = candidate.file(source)
+                written.append(f"{prefix}_{candidate.row:06d}{suffix}")
+                (folder / written[-1]).write_bytes(content)
             if not written:
-                names, count = " and ".join(source.name for source in together), together[0].count
-                shared = " at common times" if len(together) > 1 else ""
-                raise MapError(f"{names}: none of {count} frames shows anything{shared}; give another recording")
+                raise MapError(f"{source.name}: none of {source.count} frames shows anything; give another recording")
             return written
 
-        written = {
-            file: of for group in in_parallel(write, _groups(sources, pairs), workers) for file, of in group.items()
+        camera_of_name = {
+            file: sources[camera].camera
+            for camera, written in zip(sources, in_parallel(write, sources, workers), strict=True)
+            for file in written
         }
-    if len(written) < 2:
+    if len(camera_of_name) < 2:
         raise MapError(f"{name}: lasts for one photograph; a map needs a walk through the place, or a range of motion")
     return Photographs(
-        folder,
-        name,
-        tuple(folder / file for file in sorted(written)),
-        {file: sources[camera].camera for file, (camera, _) in written.items()},
-        board_path,
-        {file: seconds for file, (_, seconds) in written.items()},
+        folder, name, tuple(folder / file for file in sorted(camera_of_name)), camera_of_name, board_path
     )
-
-
-def _groups(cameras: Collection[str], pairs: Collection[tuple[str, str]]) -> list[list[str]]:
-    """The cameras; those that pairs connect are together."""
-    groups = [[camera] for camera in cameras]
-    for pair in pairs:
-        joined = [group for group in groups if not set(group).isdisjoint(pair)]
-        groups = [group for group in groups if group not in joined] + [[one for group in joined for one in group]]
-    return groups
 
 
 @dataclass(frozen=True)
@@ -128,36 +110,12 @@ class _Candidate:
         return ".jpg", cv2.imencode(".jpg", straight, (cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY))[1].tobytes()
 
 
-def _sharpest(
-    sources: Sequence[MovingCamera], part_s: float, on_frame: Callable[[], None]
-) -> Iterator[Sequence[_Candidate]]:
-    """The sharpest frames at one time of each part of so many seconds; none of a part that shows nothing."""
-    best: Sequence[_Candidate] = ()
-    start_s, part = 0.0, 0
-    for number, found in enumerate(_together([_candidates(source, on_frame) for source in sources])):
-        seconds = found[0].seconds
-        start_s = start_s if number else seconds
-        if (later := int((seconds - start_s) / part_s)) > part:
-            if best:
-                yield best
-            best, part = (), later
-        if sum(each.sharpness for each in found) > sum(each.sharpness for each in best):
-            best = found
-    if best:
-        yield best
-
-
-def _together(streams: Sequence[Iterator[_Candidate]]) -> Iterator[Sequence[_Candidate]]:
-    """Frames of all streams at about the time of the first's."""
-    heads = [next(stream, None) for stream in streams]
-    while all(heads):
-        found = [head for head in heads if head is not None]
-        seconds = np.array([each.seconds for each in found])
-        is_common = bool(np.all(np.abs(seconds - seconds[0]) <= MAX_APART_S))
-        if is_common:
-            yield found
-        for row in range(len(streams)) if is_common else [int(seconds.argmin())]:
-            heads[row] = next(streams[row], None)
+def _sharpest(candidates: Iterator[_Candidate], part_s: float) -> Iterator[_Candidate]:
+    """The sharpest frame of each part of so many seconds; none of a part that shows nothing."""
+    if (first := next(candidates, None)) is not None:
+        frames = chain([first], candidates)
+        for _, part in groupby(frames, lambda each: int((each.seconds - first.seconds) / part_s)):
+            yield max(part, key=lambda each: each.sharpness)
 
 
 def _candidates(source: MovingCamera, on_frame: Callable[[], None]) -> Iterator[_Candidate]:

@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.structure import Structure
+from bodycam_ros.inertial.map_alignment import RegisteredPoses
 
-MAX_APART_S = 0.02
-"""Between two frames that count as simultaneous."""
-
+_MAX_APART_NS = 20_000_000  # between two images that count as simultaneous
 _TAPE_SIGMA_M = 0.003
 _MAX_SCATTER = 0.1  # of the distance in the map, relative; more between cameras on different segments
-_MIN_COUNT = 4  # of frame pairs that a scatter takes
+_MIN_COUNT = 4  # of image pairs that a scatter takes
 _TO_SIGMA = 1.4826  # of a normal distribution over its median absolute deviation
 _MAX_SIGMAS_APART = 4.0  # between two distances that agree
 
@@ -43,34 +41,31 @@ class KnownDistance:
 
 @dataclass(frozen=True)
 class KnownScale:
-    """Metres per unit of a structure, and its relative sigma; ``summary`` describes each distance in plain values."""
+    """Metres per unit of a map, and its relative sigma; ``summary`` describes each distance in plain values."""
 
     scale: float
     sigma: float
     summary: Sequence[dict[str, Any]] = ()
 
 
-def measure_scale(
-    structure: Structure, seconds_of_name: Mapping[str, float], distances: Sequence[KnownDistance]
-) -> KnownScale:
-    """Scale a structure by known distances between body cameras.
+def measure_scale(poses: Mapping[str, RegisteredPoses], distances: Sequence[KnownDistance]) -> KnownScale:
+    """Scale a map by known distances between body cameras.
 
     Args:
-        structure: of frames of body cameras.
-        seconds_of_name: file name -> stamp [s].
+        poses: camera -> its images that are registered in the map.
         distances: one or more.
 
     Raises:
-        MapError: too few frames show a distance, or it changes, or two of them contradict each other.
+        MapError: too few images show a distance, or it changes, or two of them contradict each other.
     """
     scales, sigmas, summary = [], [], []
     for known in distances:
-        lengths = _lengths(structure, seconds_of_name, known)
+        lengths = _lengths(poses[known.first], poses[known.second])
         between = f"known distance between {known.first} and {known.second}"
         if len(lengths) < _MIN_COUNT:
             raise MapError(
-                f"{between}: both have frames in the map at {len(lengths)} times, {_MIN_COUNT} are needed; choose two "
-                "cameras that see the room well, on one segment"
+                f"{between}: both are registered in the map at {len(lengths)} times, {_MIN_COUNT} are needed; choose "
+                "two cameras that see the room well, on one segment"
             )
         length = float(np.median(lengths))
         scatter = _TO_SIGMA * float(np.median(np.abs(lengths - length))) / length
@@ -93,12 +88,11 @@ def measure_scale(
     return KnownScale(float(np.exp(mean)), float(weights.sum() ** -0.5), summary)
 
 
-def _lengths(structure: Structure, seconds_of_name: Mapping[str, float], known: KnownDistance) -> NDArray[np.float64]:
-    """Distances (N,) of the two cameras in the structure, at the times of which it has both."""
-    cameras = np.array([structure.cameras[row].name for row in structure.camera_of_view])
-    first, second = (np.flatnonzero(cameras == camera) for camera in (known.first, known.second))
-    seconds = np.array([seconds_of_name[name] for name in structure.names])
-    apart_s = np.abs(seconds[first, None] - seconds[second])
-    pairs = np.nonzero(apart_s <= np.minimum(MAX_APART_S, apart_s.min(axis=1, initial=np.inf, keepdims=True)))
-    centres = structure.world_T_camera[:, :3, 3]
-    return np.asarray(np.linalg.norm(centres[first[pairs[0]]] - centres[second[pairs[1]]], axis=1), np.float64)
+def _lengths(first: RegisteredPoses, second: RegisteredPoses) -> NDArray[np.float64]:
+    """Distances (N,) of two cameras at the times at which images of both are registered."""
+    if not len(first[0]) or not len(second[0]):
+        return np.zeros(0)
+    apart_ns = np.abs(first[0][:, None] - second[0])
+    nearest = apart_ns.argmin(axis=1)
+    lengths = np.linalg.norm(first[1][:, :3, 3] - second[1][nearest, :3, 3], axis=1)
+    return np.asarray(lengths[apart_ns.min(axis=1) <= _MAX_APART_NS], np.float64)

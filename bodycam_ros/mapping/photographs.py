@@ -1,7 +1,7 @@
 """The photographs of a reference folder, and the cameras that took them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
@@ -22,7 +22,6 @@ class Photographs:
         paths: image files in order of name.
         camera_of_name: file name -> the camera that took it.
         board_path: description of the board, if there is one.
-        seconds_of_name: file name -> its stamp in a recording [s]; empty for those of a folder.
     """
 
     folder: Path
@@ -30,7 +29,6 @@ class Photographs:
     paths: tuple[Path, ...]
     camera_of_name: Mapping[str, CameraModel]
     board_path: Path | None
-    seconds_of_name: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def where(self) -> str:

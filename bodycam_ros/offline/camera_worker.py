@@ -24,7 +24,7 @@ from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.inertial.camera_turn import CameraTurn
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
 from bodycam_ros.own_process import bound_inputs
@@ -152,6 +152,7 @@ class RegistrationTask:
         slim: of these no tracks, and of the landmarks the pose alone.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
         turns: camera -> rotations by its gyroscope.
+        keyframes: as of ``CameraPipeline``.
     """
 
     recording_path: Path
@@ -162,6 +163,7 @@ class RegistrationTask:
     slim: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
+    keyframes: KeyframeDensity | None = None
 
 
 def run_camera_worker(
@@ -229,6 +231,7 @@ def register_images(
                 best_known(recording.readout(camera), task.readouts.get(camera)),
                 None if replica is None else replica.map,
                 task.turns.get(camera),
+                task.keyframes,
             )
             for camera in cameras
         }

@@ -2,8 +2,9 @@
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import gettempdir
@@ -12,25 +13,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.errors import RecordingError
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe, make_keyframe
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
 from bodycam_ros.offline.camera_worker import RegistrationTask
-from bodycam_ros.offline.extension_record import ExtensionRecord, ExtensionRound
-from bodycam_ros.offline.front_end import register_matches
+from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.progress import in_parallel
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
-from bodycam_ros.registration.pose_fit import steady_pixels
 from bodycam_ros.registration.reference_map import ReferenceMap, load_map
-from bodycam_ros.tracking.feature_tracker import view_mask
-from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
+from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 from bodycam_ros.whole_file import scratch_folder
 
@@ -40,10 +33,27 @@ _MIN_GAIN = 0.001  # share of all images that a round must add for another to fo
 _KEYPOINTS = KeypointSettings(image_scale=1.0, max_keypoints=1200)  # at full size features are twice as exact
 _CAPACITY = 40000  # most landmarks that are added to the map
 _PARTNERS = 12  # images that each is matched with
+_MAX_COVERED = 0.8  # of the view: a keyframe adds landmarks between those of the photographs, too
+_MAX_KEYFRAMES = 300  # of all cameras: each costs 30 kB in the map and a tenth of a second in a round
 _JPEG_QUALITY = 75  # of images that the map keeps
 
 OnProgress = Callable[[str, float], None]
 """Called with the name of a step and the share of it that is done, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class ExtensionRound:
+    """One round.
+
+    Attributes:
+        shares: camera -> share of its images that are registered, 0 to 1.
+        share: the same of all images.
+        absolute: share of all images with enough landmarks of the photographs to be registered by these alone.
+    """
+
+    shares: Mapping[str, float]
+    share: float
+    absolute: float
 
 
 @dataclass(frozen=True)
@@ -66,6 +76,8 @@ def extend_map(
 ) -> Extension:
     """Extend a map by what the cameras of a recording observe.
 
+    Each round registers the recording in the map of the round before, and triangulates anew from its poses.
+
     Args:
         recording_path: the recording.
         map_path: folder of the map.
@@ -81,32 +93,42 @@ def extend_map(
     started_s = time.monotonic()
     reference_map = extended = load_map(map_path)
     with open_recording(recording_path) as recording:
-        names = recording.cameras if cameras is None else cameras
-        models = {name: recording.camera_model(name) for name in names}
-    record = ExtensionRecord(models, settings.registrar.min_inliers)
+        models = {name: recording.camera_model(name) for name in cameras or recording.cameras}
+        gap_s = recording.duration_s * len(models) / _MAX_KEYFRAMES
+    density = KeyframeDensity(_MAX_COVERED, max(KeyframeDensity().min_gap_ns, round(1e9 * gap_s)))
+    task = RegistrationTask(
+        recording_path,
+        map_path,
+        replace(settings, keypoints=_KEYPOINTS),
+        with_messages=False,
+        readouts=readouts or {},
+        keyframes=density,
+    )
     rounds: list[ExtensionRound] = []
     with scratch_folder(Path(gettempdir())) as scratch:
         while len(rounds) < settings.extend.rounds:
             step = f"round {len(rounds) + 1}"
+            mapper, keyframes = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS), {}
+            images, registered, absolute = Counter[str](), Counter[str](), 0
             # Absolute and relative registration, by photographs and by added landmarks (A 4.1).
-            task = RegistrationTask(recording_path, map_path, settings, with_messages=False, readouts=readouts or {})
-            for matches in register_matches(task, models, jobs, partial(on_progress, step)):
-                record.add(matches)
-            rounds.append(record.summary())
+            for image in registered_images(task, models, jobs, partial(on_progress, step)):
+                images[image.camera] += 1
+                registered[image.camera] += image.matches.world_T_camera is not None
+                absolute += len(image.matches.landmark_ids) - image.matches.grown >= settings.registrar.min_inliers
+                if image.keyframe is not None:
+                    # 2D-2D matches between all registered images, triangulated (A 4.1).
+                    mapper.add_keyframe(_anew(image.keyframe, mapper.map.first_id))
+                    keyframes[image.camera, image.stamp_ns] = image.keyframe.world_T_camera
+            total = max(1, images.total())
+            shares = {camera: registered[camera] / max(1, images[camera]) for camera in models}
+            rounds.append(ExtensionRound(shares, registered.total() / total, absolute / total))
             logger.info("%s: %.1f %% of all images registered", step, 100 * rounds[-1].share)
+            mapper.take_changes()
+            extended = mapper.extended_map(list(_kept_images(recording_path, keyframes)), models)
             if _is_complete([each.share for each in rounds]):
                 break
-            # 2D-2D matches between all registered images, triangulated (A 4.1).
-            mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS)
-            chosen, images = record.choose_keyframes(), []
-            for keyframe, jpeg in _keyframes(recording_path, reference_map, models, chosen, jobs):
-                mapper.add_keyframe(keyframe)
-                images.append(KeptImage(keyframe.camera, keyframe.stamp_ns, keyframe.world_T_camera, jpeg))
-                on_progress(f"triangulation {len(rounds)}", len(images) / len(chosen))
-            mapper.take_changes()
-            extended = mapper.extended_map(images, models)
-            map_path = scratch / f"round_{len(rounds)}"
-            extended.save(map_path)
+            task = replace(task, map_path=scratch / f"round_{len(rounds)}")
+            extended.save(task.map_path)
     return Extension(extended, tuple(rounds), time.monotonic() - started_s)
 
 
@@ -115,46 +137,19 @@ def _is_complete(shares: Sequence[float]) -> bool:
     return len(shares) > 1 and (shares[-1] == 1.0 or shares[-1] - shares[-2] < _MIN_GAIN)
 
 
-def _keyframes(
-    recording_path: Path,
-    reference_map: ReferenceMap,
-    cameras: Mapping[str, CameraModel],
-    chosen: Mapping[tuple[str, int], LandmarkMatches],
-    jobs: int,
-) -> Iterator[tuple[BodyKeyframe, bytes]]:
-    """Chosen images in order of time, with their features, and as JPEG."""
-    masks = {name: view_mask(camera) for name, camera in cameras.items()}
+def _anew(keyframe: BodyKeyframe, first_added_id: int) -> BodyKeyframe:
+    """The keyframe with the landmarks of the photographs alone; those of earlier rounds are triangulated anew."""
+    ids = keyframe.landmark_ids
+    return replace(keyframe, landmark_ids=np.where(ids >= first_added_id, np.uint32(NO_LANDMARK), ids))
 
-    def process(image: CameraImage) -> tuple[BodyKeyframe, bytes] | None:
-        try:
-            grey = decode_grey(image)
-        except RecordingError:
-            return None
-        matches = chosen[image.camera, image.stamp_ns]
-        keyframe = _keyframe(reference_map, cameras[image.camera], matches, grey, masks[image.camera])
-        done, jpeg = cv2.imencode(".jpg", grey, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        return (keyframe, bytes(jpeg.tobytes())) if done else None
 
+def _kept_images(
+    recording_path: Path, world_T_camera: Mapping[tuple[str, int], NDArray[np.float64]]
+) -> Iterator[KeptImage]:
+    """The images (camera, stamp [ns]) with these poses (4, 4)."""
     with open_recording(recording_path) as recording:
-        images = (i for i in recording.images(list(cameras)) if (i.camera, i.stamp_ns) in chosen)
-        for processed in in_parallel(process, images, jobs):
-            if processed is not None:
-                yield processed
-
-
-def _keyframe(
-    reference_map: ReferenceMap,
-    camera: CameraModel,
-    matches: LandmarkMatches,
-    grey: NDArray[np.uint8],
-    mask: NDArray[np.uint8],
-) -> BodyKeyframe:
-    assert matches.world_T_camera is not None
-    found = KeypointDetector(_KEYPOINTS).detect(grey, mask)
-    pixels = steady_pixels(camera, found.pixels, matches.turning, matches.readout_in_use)
-    features, landmarks = match_near_prediction(
-        reference_map, camera, matches.world_T_camera, pixels, found.descriptors, found.scales, RADIUS_PX
-    )
-    ids = np.full(len(pixels), NO_LANDMARK, np.uint32)
-    ids[features] = reference_map.landmark_ids[landmarks]
-    return make_keyframe(camera, matches, pixels, found.descriptors, found.scales, ids)
+        for image in recording.images(sorted({camera for camera, _ in world_T_camera})):
+            if (pose := world_T_camera.get((image.camera, image.stamp_ns))) is not None:
+                quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
+                jpeg = cv2.imencode(".jpg", decode_grey(image), quality)[1]
+                yield KeptImage(image.camera, image.stamp_ns, pose, jpeg.tobytes())

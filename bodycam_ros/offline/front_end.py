@@ -23,7 +23,6 @@ from bodycam_ros.offline.camera_worker import (
 from bodycam_ros.offline.map_updates import MapUpdate, MapUpdateSource
 from bodycam_ros.offline.worker_process import ready_to_start, warm_up
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _QUEUE_LENGTH = 256
@@ -49,13 +48,13 @@ def register_recording(task: RegistrationTask, cameras: Collection[str], jobs: i
         yield from merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path))
 
 
-def register_matches(
+def registered_images(
     task: RegistrationTask,
     cameras: Collection[str],
     jobs: int,
     on_progress: Callable[[float], None] = lambda share: None,
-) -> Iterator[LandmarkMatches]:
-    """As ``register_recording``, the registrations alone; of images that cannot be used the first is warned about.
+) -> Iterator[RegisteredImage]:
+    """As ``register_recording``, the registered images alone; of images that cannot be used the first is warned about.
 
     ``on_progress`` is called with the share that is done.
     """
@@ -64,7 +63,7 @@ def register_matches(
     unusable = UnusableCount()
     for item in register_recording(task, cameras, jobs):
         if isinstance(item, RegisteredImage):
-            yield item.matches
+            yield item
         else:
             unusable.add(item)
         on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)

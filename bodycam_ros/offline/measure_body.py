@@ -18,7 +18,7 @@ from bodycam_ros.errors import RangeOfMotionError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.offline.camera_worker import RegistrationTask
-from bodycam_ros.offline.front_end import register_matches
+from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -174,9 +174,9 @@ def calibrate(
         with_messages=False,
     )
     sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
-    for matches in register_matches(task, models, jobs, partial(on_progress, "registration")):
-        calibrator.add(matches)
-        sensors.add(matches.camera, matches.stamp_ns, matches.world_T_camera)
+    for image in registered_images(task, models, jobs, partial(on_progress, "registration")):
+        calibrator.add(image.matches)
+        sensors.add(image.camera, image.stamp_ns, image.matches.world_T_camera)
     # The matrices are many and small: threads of the linear algebra would only wait for each other.
     with threadpool_limits(limits=1):
         calibrated = calibrator.solve(name, on_progress)

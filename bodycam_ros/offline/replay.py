@@ -29,8 +29,7 @@ from bodycam_ros.offline.camera_worker import (
     Result,
     UnusableCount,
 )
-from bodycam_ros.offline.extend import extend_map
-from bodycam_ros.offline.extension_record import ExtensionRound
+from bodycam_ros.offline.extend import ExtensionRound, extend_map
 from bodycam_ros.offline.front_end import merged_results, start_workers
 from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.offline.extension_record import ExtensionRound
+from bodycam_ros.offline.extend import ExtensionRound
 from bodycam_ros.quality.causes import WELL_REGISTERED
 from bodycam_ros.timing.clock_state import ClockHistory
 from bodycam_ros.verdict import Verdict
