@@ -117,7 +117,7 @@ def replay(
                 source.advance(image.stamp_ns)
                 replica.advance(image.stamp_ns)
             _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
-            if source is not None:
-                source.add(matches, keyframe)
+            if source is not None and keyframe is not None:
+                source.mapper.wait_for_turn(keyframe)
             yield from skeleton.add(matches)
         yield from skeleton.flush()

@@ -11,7 +11,6 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH, NO_LANDMARK
@@ -115,24 +114,3 @@ def named(one: BodyKeyframe, grown_map: ReferenceMap) -> BodyKeyframe:
     ids = one.landmark_ids.copy()
     ids[features] = grown_map.landmark_ids[landmarks]
     return replace(one, landmark_ids=ids)
-
-
-def matches_of(one: BodyKeyframe, grown_map: ReferenceMap) -> LandmarkMatches:
-    """What the registrar says of the landmarks that a keyframe shows."""
-    shown = np.flatnonzero(one.landmark_ids != NO_LANDMARK)
-    rows, _ = grown_map.rows_of(one.landmark_ids[shown])
-    pixels, _ = CAMERA.project(one.rays_world[shown] @ one.world_T_camera[:3, :3])
-    return LandmarkMatches(
-        camera=one.camera,
-        stamp_ns=one.stamp_ns,
-        previous_stamp_ns=0,
-        track_ids=shown.astype(np.uint32),
-        landmark_ids=one.landmark_ids[shown],
-        pixels=pixels.astype(np.float32),
-        points_world=grown_map.points_world[rows].astype(np.float32),
-        world_T_camera=one.world_T_camera,
-        pose_covariance=1e-6 * np.eye(6),
-        current_R_previous=np.eye(3),
-        rotation_inliers=0,
-        grown=int((rows >= grown_map.first_grown).sum()),
-    )

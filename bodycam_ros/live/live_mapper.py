@@ -10,7 +10,7 @@ from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeSelection
+from bodycam_ros.mapping.body_keyframe import KeyframeSelection
 from bodycam_ros.mapping.extendable_map import load_added_landmarks, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.mapping.map_settings import GrowthSettings
@@ -37,15 +37,14 @@ class LiveMapper(LocalMapper):
         reference_map: ReferenceMap,
         settings: GrowthSettings,
         request_keyframe: Callable[[str], None],
-        defer: Callable[[Callable[[], None]], None],
+        defer: Callable[[Callable[[], object]], None],
         on_error: Callable[[str], object] = lambda reason: None,
     ) -> None:
         super().__init__(make_extendable(reference_map, settings.capacity))
         self._reference_map, self._enabled = reference_map, settings.enabled
         self._request_keyframe, self._defer, self._on_error = request_keyframe, defer, on_error
         self._selections: dict[str, KeyframeSelection] = {}
-        self._pending: dict[str, BodyKeyframe] = {}
-        self._replaced = 0  # keyframes, by a newer one of their camera before they were processed
+        self._dropped = 0  # keyframes, because too many others waited
         self._folder: Path | None = None
         self._saved_changes, self._saved_s, self._failure = 0, time.monotonic(), ""
         self._writer = ThreadPoolExecutor(1, "grown map")
@@ -59,21 +58,12 @@ class LiveMapper(LocalMapper):
         """Process one registered image of a camera that was started."""
         if not self._enabled:
             return
-        camera, selection = matches.camera, self._selections[matches.camera]
-        self.update(matches)
-        keyframe = selection.take_keyframe(frame, matches)
-        if keyframe is not None:
-            self._replaced += camera in self._pending
-            self._pending[camera] = keyframe
-            self._defer(self._add_pending)
+        selection = self._selections[matches.camera]
+        if (keyframe := selection.take_keyframe(frame, matches)) is not None:
+            self._dropped += self.wait_for_turn(keyframe, len(self._selections))
+            self._defer(lambda: self.add_waiting(1))
         elif selection.is_due(matches):
-            self._request_keyframe(camera)
-
-    def _add_pending(self) -> None:
-        """Process one pending keyframe."""
-        if self._pending:
-            self.add_keyframe(self._pending.pop(next(iter(self._pending))))
-            self.take_changes()
+            self._request_keyframe(matches.camera)
 
     def keep_in(self, folder: Path, map_path: Path) -> None:
         """Load the landmarks of a folder, if it has any, and write it from now on.
@@ -135,7 +125,7 @@ class LiveMapper(LocalMapper):
             "growing": self._enabled,
             "landmarks added": self.landmarks,
             "keyframes stored": self.keyframes,
-            "keyframes dropped": self._replaced,
+            "keyframes dropped": self._dropped,
             "folder": self._folder or "none",
         }
         if self._folder is not None:

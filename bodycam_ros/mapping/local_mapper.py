@@ -18,7 +18,6 @@ from bodycam_ros.mapping.epipolar_matching import match_posed
 from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap, empty_slots
 from bodycam_ros.mapping.small_photographs import normals_towards
 from bodycam_ros.mapping.triangulation import Triangulation, spread_directions, triangulate
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -38,9 +37,6 @@ _MAX_SIGHTINGS = 10  # rays that a point keeps: those farthest from each other, 
 
 NO_SLOT, REMOVED = -1, -2
 
-Descriptors = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.float32]]
-"""Descriptors (N, 128); unit directions (N, 3) to their cameras; sizes (N,) as ``ReferenceMap.descriptor_size``."""
-
 
 @dataclass(frozen=True)
 class Sighting:
@@ -55,19 +51,6 @@ class Sighting:
     size: float
 
 
-def make_sighting(keyframe: BodyKeyframe, feature: int) -> Sighting:
-    """The sighting of a keyframe's feature, by its row."""
-    return Sighting(
-        camera=keyframe.camera,
-        stamp_ns=keyframe.stamp_ns,
-        centre=keyframe.world_T_camera[:3, 3].copy(),
-        direction=keyframe.rays_world[feature].copy(),  # a view would keep all of the keyframe
-        focal_px=keyframe.focal_length,
-        descriptor=keyframe.descriptors[feature].copy(),
-        size=float(keyframe.sizes[feature]),
-    )
-
-
 @dataclass(eq=False)
 class MapPoint:
     """A point and its sightings.
@@ -76,20 +59,18 @@ class MapPoint:
         sightings: up to some, in order of time.
         position: (3,) [m].
         slot: of the extendable map; ``NO_SLOT`` until it is a landmark, ``REMOVED`` once it is none any more.
-        landmark_id: its id in the map then.
-        saved: descriptors of a landmark of an earlier run, which has no sightings and is never refined.
+        landmark_id: its id in the map then. A landmark of an earlier run has no sightings, and is never refined.
     """
 
     sightings: list[Sighting] = field(default_factory=list)
     position: Array = field(default_factory=lambda: np.zeros(3))
     slot: int = NO_SLOT
     landmark_id: int = 0
-    saved: Descriptors | None = None
 
     def add(self, sighting: Sighting) -> bool:
         """Add a sighting; whether it is kept. An image counts once, however many of its features show the point."""
-        image = sighting.camera, sighting.stamp_ns
-        if self.saved is not None or any((own.camera, own.stamp_ns) == image for own in self.sightings):
+        image, is_of_earlier_run = (sighting.camera, sighting.stamp_ns), self.slot >= 0 and not self.sightings
+        if is_of_earlier_run or any((own.camera, own.stamp_ns) == image for own in self.sightings):
             return False
         if len(self.sightings) >= _MAX_SIGHTINGS:
             directions = np.array([own.direction for own in self.sightings])
@@ -100,18 +81,17 @@ class MapPoint:
         self.sightings.append(sighting)
         return True
 
-    def descriptors(self, count: int) -> Descriptors:
-        """``count`` descriptors from directions far from each other, the nearest sighting first."""
-        if self.saved is not None:
-            return self.saved
+    def write(self, into: np.void) -> None:
+        """Write the landmark (``ADDED``): descriptors from directions far from each other, the nearest first."""
         towards = np.array([s.centre for s in self.sightings]) - self.position
         distances = np.linalg.norm(towards, axis=1)
         towards /= distances[:, None]
         order = np.argsort(distances, kind="stable")
-        rows = order[spread_directions(towards[order], count)]
+        rows = order[spread_directions(towards[order], VIEWS)]
         chosen = [self.sightings[row] for row in rows.tolist()]
-        sizes = distances[rows] * [s.size for s in chosen]
-        return np.array([s.descriptor for s in chosen]), towards[rows].astype(np.float32), sizes.astype(np.float32)
+        into["landmark_id"], into["point_world"] = self.landmark_id, self.position
+        into["descriptors"], into["views"] = [s.descriptor for s in chosen], towards[rows]
+        into["sizes"] = distances[rows] * [s.size for s in chosen]
 
 
 def triangulate_points(points: Sequence[MapPoint]) -> Triangulation:
@@ -163,8 +143,9 @@ class LocalMapper:
     def __init__(self, extendable_map: ExtendableMap, partners: int = _PARTNERS) -> None:
         self.map = extendable_map
         self._max_partners = partners
+        self._waiting: list[BodyKeyframe] = []
         self._kept: deque[_Keyframe] = deque(maxlen=_KEYFRAMES)
-        self._landmarks: OrderedDict[int, MapPoint] = OrderedDict()  # by slot, the longest unobserved first
+        self._landmarks: OrderedDict[int, MapPoint] = OrderedDict()  # by slot, the longest without a sighting first
         self._next_id = [extendable_map.first_id + slot for slot in range(extendable_map.capacity)]
         self._free = list(range(extendable_map.capacity))[::-1]
         self._changed: dict[int, None] = {}
@@ -188,12 +169,30 @@ class LocalMapper:
 
         They are the first to be replaced until they are observed again.
         """
-        count = min(len(added), len(self._free))
-        for one in added[:count]:
-            saved = one["descriptors"], one["views"], one["sizes"]
-            self._insert(MapPoint(position=one["point_world"], saved=saved))
-        self.take_changes()
-        return count
+        restored = added[: self.map.capacity].copy()
+        for one in restored:
+            point = MapPoint(position=one["point_world"].copy())
+            self._insert(point)
+            one["slot"], one["landmark_id"] = point.slot, point.landmark_id
+        self._changed.clear()
+        self.map.update(restored)
+        return len(restored)
+
+    def wait_for_turn(self, keyframe: BodyKeyframe, most: int | None = None) -> int:
+        """Keep a keyframe for ``add_waiting``; how many of those that wait were dropped, as ``most`` may wait."""
+        self._waiting.append(keyframe)
+        dropped = 0 if most is None else max(0, len(self._waiting) - most)
+        del self._waiting[:dropped]
+        return dropped
+
+    def add_waiting(self, count: int | None = None) -> AddedLandmarks | None:
+        """Extend the map by so many of the keyframes that wait, or all, the earliest first; the changes."""
+        # The same order however the cameras are shared among processes.
+        self._waiting.sort(key=lambda keyframe: (keyframe.stamp_ns, keyframe.camera))
+        for keyframe in self._waiting[:count]:
+            self.add_keyframe(keyframe)
+        del self._waiting[:count]
+        return self.take_changes()
 
     def add_keyframe(self, keyframe: BodyKeyframe) -> None:
         """Extend the map by one more keyframe."""
@@ -221,14 +220,6 @@ class LocalMapper:
         self._triangulate(list(touched))
         self._kept.append(mine)
 
-    def update(self, matches: LandmarkMatches) -> None:
-        """Note which of the added landmarks a registered image shows: they are kept for longest."""
-        if matches.world_T_camera is None:
-            return
-        for landmark_id in matches.landmark_ids[matches.landmark_ids >= self.map.first_id].tolist():
-            if (point := self._landmark(landmark_id)) is not None:
-                self._landmarks.move_to_end(point.slot)
-
     def take_changes(self) -> AddedLandmarks | None:
         """Apply the changes since the last call to the map, and return them for its copies."""
         if not self._changed:
@@ -237,9 +228,7 @@ class LocalMapper:
         self._changed.clear()
         for change in changes:
             if (point := self._landmarks.get(change["slot"])) is not None:
-                looks = point.descriptors(VIEWS)
-                change["landmark_id"], change["point_world"] = point.landmark_id, point.position
-                change["descriptors"], change["views"], change["sizes"] = looks
+                point.write(change)
         self.map.update(changes)
         return changes
 
@@ -302,7 +291,17 @@ class LocalMapper:
         kept.points[feature] = point
         if point.slot != NO_SLOT:
             self._landmarks.move_to_end(point.slot)
-        if point.add(make_sighting(kept.keyframe, feature)):
+        of = kept.keyframe
+        sighting = Sighting(
+            camera=of.camera,
+            stamp_ns=of.stamp_ns,
+            centre=of.world_T_camera[:3, 3].copy(),
+            direction=of.rays_world[feature].copy(),  # a view would keep all of the keyframe
+            focal_px=of.focal_length,
+            descriptor=of.descriptors[feature].copy(),
+            size=float(of.sizes[feature]),
+        )
+        if point.add(sighting):
             touched[point] = None
 
     def _triangulate(self, points: list[MapPoint]) -> None:
@@ -325,7 +324,7 @@ class LocalMapper:
                     self._insert(point)
 
     def _insert(self, point: MapPoint) -> None:
-        """Make a point a landmark; if no slot is free it replaces the one that was unobserved for longest."""
+        """Make a point a landmark; if no slot is free it replaces the one that no keyframe has shown for longest."""
         if not self._free:
             self._remove(next(iter(self._landmarks.values())))
         point.slot = self._free.pop()

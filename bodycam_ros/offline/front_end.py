@@ -95,8 +95,8 @@ def merged_results(
         item = pending.pop(earliest)
         if updates is not None:
             updates.advance(item.stamp_ns)
-            if isinstance(item, RegisteredImage):
-                updates.add(item.matches, item.keyframe)
+            if isinstance(item, RegisteredImage) and item.keyframe is not None:
+                updates.mapper.wait_for_turn(item.keyframe)
         if not isinstance(item, AwaitedUpdate):
             yield item
         if following := workers[earliest].next_result():

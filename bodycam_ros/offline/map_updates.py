@@ -8,10 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import AddedLandmarks, ExtendableMap, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 EPOCH_NS: Final = 250_000_000
@@ -47,26 +45,13 @@ class MapUpdateSource:
         self.mapper = LocalMapper(make_extendable(reference_map, capacity))
         self._send = send
         self._epoch = -1
-        self._pending: list[tuple[LandmarkMatches, BodyKeyframe | None]] = []
 
     def advance(self, stamp_ns: int) -> None:
-        """Process and send all epochs before a time, of which every image has been added."""
+        """Process and send all epochs before a time, of which every keyframe waits for its turn in ``mapper``."""
         epoch = stamp_ns // EPOCH_NS
-        if epoch <= self._epoch:
-            return
-        self._epoch = epoch
-        # The same order however the cameras are shared among processes.
-        for matches, keyframe in sorted(self._pending, key=lambda item: (item[0].stamp_ns, item[0].camera)):
-            self.mapper.update(matches)
-            if keyframe is not None:
-                self.mapper.add_keyframe(keyframe)
-        self._pending.clear()
-        self._send(MapUpdate(epoch - 1, self.mapper.take_changes()))
-
-    def add(self, matches: LandmarkMatches, keyframe: BodyKeyframe | None) -> None:
-        """Add one image, after ``advance`` to its time."""
-        if keyframe is not None or matches.grown:
-            self._pending.append((matches, keyframe))
+        if epoch > self._epoch:
+            self._epoch = epoch
+            self._send(MapUpdate(epoch - 1, self.mapper.add_waiting()))
 
 
 class MapReplica:

@@ -21,7 +21,7 @@ class Live:
     """A growth, its executor's tasks, what it asked for, and a camera that is registered in its map."""
 
     def __init__(self, **settings: object) -> None:
-        self.tasks: list[Callable[[], None]] = []
+        self.tasks: list[Callable[[], object]] = []
         self.asked: list[str] = []
         given = replace(GrowthSettings(capacity=200), **settings)
         self.growth = LiveMapper(small_map(), given, self.asked.append, self.tasks.append)

@@ -6,7 +6,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from grown_room import CAMERAS, FRAME_NS, elsewhere, keyframe, matches_of, named, unlike, walk, walked, walls
+from grown_room import CAMERAS, FRAME_NS, elsewhere, keyframe, named, unlike, walk, walked, walls
 from numpy.typing import NDArray
 
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
@@ -27,7 +27,6 @@ def grow(growth: LocalMapper, keyframes: Iterable[BodyKeyframe]) -> None:
     """As the cameras of a recording make it grow: with what has grown before an instant they are registered in it."""
     for _, instant in groupby(keyframes, key=lambda one: one.stamp_ns):
         for one in [named(one, growth.map) for one in instant]:
-            growth.update(matches_of(one, growth.map))
             growth.add_keyframe(one)
         growth.take_changes()
 

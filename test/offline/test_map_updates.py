@@ -9,7 +9,7 @@ from queue import SimpleQueue
 import numpy as np
 import pytest
 from altered_sample import write_altered_sample
-from grown_room import CAMERAS, elsewhere, matches_of, named, unlike, walk, walls
+from grown_room import CAMERAS, elsewhere, named, unlike, walk, walls
 
 from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
@@ -58,7 +58,7 @@ def together(
             parent.advance(one.stamp_ns)
             workers[row].advance(one.stamp_ns)
             seen = named(one, workers[row].map)
-            parent.add(matches_of(seen, workers[row].map), seen)
+            parent.mapper.wait_for_turn(seen)
     last_ns = keyframes[-1].stamp_ns
     parent.advance(last_ns + EPOCH_NS)
     for worker in workers:
@@ -90,7 +90,7 @@ def test_what_is_seen_counts_two_epochs_later_and_not_before() -> None:
     last_epoch = keyframes[-1].stamp_ns // EPOCH_NS
     for one in keyframes:
         parent.advance(one.stamp_ns)
-        parent.add(matches_of(one, early.map), one)
+        parent.mapper.wait_for_turn(one)
     parent.advance((last_epoch + 1) * EPOCH_NS)
     assert parent.mapper.landmarks > 20
     final = contents(parent.mapper.map)
@@ -116,17 +116,6 @@ def test_nobody_waits_for_what_was_told_and_time_that_steps_back_asks_for_nothin
     assert not worker.is_behind(start_ns + EPOCH_NS // 2)
     assert worker.is_behind(start_ns + 5_000_000_000)
     assert told.empty()
-
-
-def test_what_says_nothing_of_grown_landmarks_is_not_kept() -> None:
-    parent = MapUpdateSource(MAP, CAPACITY, lambda growth: None)
-    one = room_walk(1)[0]
-    matches = matches_of(one, MAP)
-    assert isinstance(matches, LandmarkMatches) and matches.grown == 0
-    parent.advance(one.stamp_ns)
-    for _ in range(5):
-        parent.add(matches, None)
-    assert not parent._pending
 
 
 @pytest.fixture(scope="module")
