@@ -25,7 +25,6 @@ of the next one towards the root.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
 from dataclasses import replace
 from statistics import median
 
@@ -72,11 +71,16 @@ NECK_TO_VERTEX = 0.140 + 0.023  # from the joint of the neck, below the cervical
 FOOT_LENGTH, FOOT_BREADTH, HEEL_BREADTH = 0.152, 0.055, 0.041
 HAND_LENGTH, HAND_BREADTH = 0.108, 0.049
 
-_BONE_STATURES = {
-    kind: tuple(_TABLE[kind][sex][0] / _STATURES_M[sex] for sex in (0, 1))
+_BY_STATURE = {kind: np.array(rows) for kind, rows in _TABLE.items()}
+for _rows in _BY_STATURE.values():
+    _rows[:, 0] /= _STATURES_M
+    _rows[:, 3:] *= _rows[:, :1]
+"""The table with lengths and radii of gyration in statures."""
+
+BONE_RANGES = {
+    kind: (float(_BY_STATURE[kind][:, 0].min()), float(_BY_STATURE[kind][:, 0].max()))
     for kind in ("upper_arm", "forearm", "thigh", "shin")
 }
-BONE_RANGES = {kind: (float(min(both)), float(max(both))) for kind, both in _BONE_STATURES.items()}
 """Kind of segment -> length of its bone in statures, of men and of women, the shorter first."""
 
 BONES = {kind: 0.5 * (shorter + longer) for kind, (shorter, longer) in BONE_RANGES.items()}
@@ -180,8 +184,7 @@ def person_masses(body: BodyModel, mass_kg: float) -> dict[str, Mass]:
 
 def _usual_parts(stature_m: float, mass_kg: float) -> dict[str, list[Mass]]:
     """Kind of segment -> its parts in its frame, of a person of usual proportions."""
-    rows = {kind: 0.5 * np.sum([_by_stature(*pair) for pair in zip(of_both, _STATURES_M, strict=True)], axis=0)
-            for kind, of_both in _TABLE.items()}  # fmt: skip
+    rows = {kind: of_both.mean(axis=0) for kind, of_both in _BY_STATURE.items()}
     total = sum(row[1] * (2.0 if kind in _OF_BOTH_SIDES else 1.0) for kind, row in rows.items())
 
     def part(name: str, upper_end: Array, down: Array = -_Z) -> Mass:
@@ -205,12 +208,6 @@ def _usual_parts(stature_m: float, mass_kg: float) -> dict[str, list[Mass]]:
         "foot": [part("foot", heel, _X)],
         **{kind: [part(kind, np.zeros(3))] for kind in ("upper_arm", "forearm", "hand", "thigh", "shin")},
     }
-
-
-def _by_stature(row: Sequence[float], stature_m: float) -> Array:
-    """A line of the table, with lengths and radii of gyration in statures."""
-    length, share, along, *radii = row
-    return np.array([length / stature_m, share, along, *(length / stature_m * np.array(radii))])
 
 
 def _bone(body: BodyModel, segment: str) -> Array | None:
@@ -241,13 +238,9 @@ def with_hands(body: BodyModel) -> BodyModel:
         hand = f"hand{name.side}"
         if name.kind == "forearm" and hand not in segments:
             segments.append(hand)
-            joints.append(_wrist(body, segment, hand, f"wrist{name.side}"))
+            place = rigid(np.eye(3), -_forearm_length(body, segment) * _Z)
+            joints.append(Joint(f"wrist{name.side}", segment, hand, "ball", place, limits=_WRIST_LIMITS))
     return replace(body, segments=tuple(segments), joints=tuple(joints))
-
-
-def _wrist(body: BodyModel, forearm: str, hand: str, name: str) -> Joint:
-    place = rigid(np.eye(3), -_forearm_length(body, forearm) * np.array([0.0, 0.0, 1.0]))
-    return Joint(name, forearm, hand, "ball", place, angle_axes="yzx", limits=_WRIST_LIMITS)
 
 
 def _forearm_length(body: BodyModel, forearm: str) -> float:
