@@ -101,16 +101,6 @@ class EquipmentLog:
             return None
         stamps = sorted(self._reports)
         reports = [self._reports[stamp] for stamp in stamps]
-        last = reports[-1]
-        return EquipmentRecord(
-            name=last.name,
-            stamps_ns=np.array(stamps, dtype=np.int64),
-            placed=np.array([report.placed for report in reports]),
-            attachments=last.attachments,
-            engaged=np.array([report.engaged for report in reports], dtype=bool).reshape(len(stamps), -1),
-            deviations=np.array([report.deviations for report in reports], dtype=np.float64).reshape(len(stamps), -1),
-            lengths=last.lengths,
-            priors=last.priors,
-            values=last.values,
-            sigmas=last.sigmas,
-        )
+        over_time = ("placed", "engaged", "deviations")
+        columns = {name: np.array([getattr(report, name) for report in reports]) for name in over_time}
+        return EquipmentRecord(stamps_ns=np.array(stamps, np.int64), **(vars(reports[-1]) | columns))

@@ -163,21 +163,9 @@ class TreeTangent:
 
     def segment_jacobians(self, world_T_segment: Array, rows: Sequence[int] | None = None) -> Array:
         """(..., S, 6, K) how the poses (..., S, 4, 4) change, or those of some rows: tangents in the segments' axes."""
-        twists = self.world_twists(world_T_segment)
-        if rows is None:
-            return tangents_of(world_T_segment, twists, self._moves)
-        return tangents_of(world_T_segment[..., rows, :, :], twists, self._moves[rows])
-
-
-def tangents_of(world_T_segment: Array, world_twists: Array, moves: Array) -> Array:
-    """(..., S, 6, K) tangents of segments, in their own axes, that twists in the world's axes make.
-
-    Args:
-        world_T_segment: (..., S, 4, 4) poses.
-        world_twists: (..., 6, K) about the world's origin.
-        moves: (S, K) 1 where a twist moves a segment, 0 elsewhere.
-    """
-    S, K = moves.shape
-    poses, twists = world_T_segment.reshape(-1, S, 4, 4), world_twists.reshape(-1, 6, K)
-    tangents: Array = segment_tangents(as_rows(poses), as_rows(twists), moves)
-    return tangents.reshape(*world_T_segment.shape[:-2], 6, K)
+        moves, poses = self._moves, world_T_segment
+        if rows is not None:
+            moves, poses = moves[rows], poses[..., rows, :, :]
+        twists = as_rows(self.world_twists(world_T_segment).reshape(-1, 6, self.count))
+        tangents: Array = segment_tangents(as_rows(poses.reshape(-1, len(moves), 4, 4)), twists, moves)
+        return tangents.reshape(*poses.shape[:-2], 6, self.count)

@@ -188,11 +188,6 @@ class KinematicTree:
             motion[..., row, :3, 3] = slides[row] * (inverse(world_T_joint) @ world_T_end)[..., :3, 3]
         return motion
 
-    def world_T_joint(self, world_T_segment: Array) -> Array:
-        """Poses (..., J, 4, 4) of the joints' frames on their parents, of segments (..., S, 4, 4)."""
-        world_T_joint: Array = world_T_segment[..., self.joint_ends[:, 0], :, :] @ self._frames[2]
-        return world_T_joint
-
     @cached_property
     def _frames(self) -> tuple[Array, Array, Array, Array]:
         """joint_R_parent and child_R_joint (J, 3, 3), parent_T_joint and joint_T_child (J, 4, 4)."""

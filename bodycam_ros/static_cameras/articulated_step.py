@@ -1,7 +1,6 @@
 """One Gauss-Newton step of a body under measurements of its segments, joints closed (B eq. 6-7, on twists).
 
-Unknowns are a twist of the root and a rotation of each joint, in the axes of the world about the root's origin; a
-joint's rotation moves all its descendants.
+Unknowns are an increment of the coordinates (``TreeTangent``); equipment beside the person is fixed.
 """
 
 from dataclasses import dataclass
@@ -9,18 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.geometry import Array, exp_so3, hat, inverse, log_so3, rigid
-from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.geometry import Array, inverse, log_se3, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.kinematics.tangent import tangents_of
+from bodycam_ros.kinematics.tangent import TreeTangent
+from bodycam_ros.kinematics.tree import all_motion
 
-_ROOT = 6
-_STIFF_RAD = 1e-3  # of a rotation that a joint's type excludes
 _LIMIT_RAD = 0.1  # of a rotation beyond a joint's limits, which were measured on another day
 _RANGE_SHARE = 0.25
 """Sigma of an angle about the middle of its range, as a share of that: what no contour measures, such as the turn of a
 round limb about its long axis, returns there within seconds instead of drifting to a limit."""
 
+_LEAST_RAD = 1e-3  # sigma of an angle whose range is a point
 _NOTHING_RAD = 1e-9
 _DAMPING = 3.0  # [rad], [m] sigma of a step: damping of what is unobserved
 _CONVERGED = 1e-9  # change of a pose's entries by a step that moves nothing more
@@ -32,7 +30,7 @@ class PredictedBody:
 
     Attributes:
         world_T_segment: (S, 4, 4), joints closed.
-        root_sigmas: (6,) of the root's rotation [rad] and place [m].
+        root_sigmas: (6,) of the root's rotation [rad] and place [m], in its axes.
         joint_sigma: of the rotation of every joint [rad].
     """
 
@@ -42,7 +40,7 @@ class PredictedBody:
 
 
 class ArticulatedStep:
-    """Moves the person of a body; its equipment is fixed.
+    """Moves the person of a body.
 
     Args:
         body: segments and joints.
@@ -50,23 +48,20 @@ class ArticulatedStep:
     """
 
     def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
-        self._body = body
-        self._root = body.segment_index[body.root]
-        self._beside = [body.segment_index[segment] for segment in body.equipment_segments]
-        joints = [
-            (row, joint) for row, joint in enumerate(body.tree_joints) if joint.child not in body.equipment_segments
-        ]
-        self._rows = [row for row, _ in joints]
-        in_body = np.ones(len(body.segments))
-        in_body[self._beside] = 0.0
-        self._turns = in_body[:, None] * body.moves[:, self._rows]
-        self._moves = np.concatenate([np.outer(in_body, np.ones(_ROOT)), self._turns.repeat(3, axis=1)], axis=1)
-        unknowns = _ROOT + np.arange(3 * len(joints)).reshape(-1, 3)
-        self._blocks = unknowns[:, :, None], unknowns[:, None]
-        self._stiffness = np.array([_stiffness(joint, obeys_limits) for _, joint in joints]).reshape(-1, 3, 3)
-        limits = JointLimits(body)
-        self._limits = limits if obeys_limits else None
-        self._middle = limits.middle()[self._rows]
+        self._body, self._tangent, self._limits = body, TreeTangent(body), JointLimits(body)
+        self._obeys_limits = obeys_limits
+        self._beside = body.named(body.equipment_segments)
+        self._columns = np.flatnonzero(~self._tangent.columns_of(self._beside[body.joint_ends[:, 1]]))
+        turns = np.zeros((len(body.tree_joints), 3, self._tangent.count))
+        stiffness = np.zeros((len(body.tree_joints), 3))
+        for row, joint in enumerate(body.tree_joints):
+            turns[row, :, self._tangent.columns[row]] = self._tangent.twists[row][:3]
+            if joint.type == "ball" and joint.limits and obeys_limits:
+                ranges = np.diff(joint.limits)[:, 0]
+                axes = ["xyz".index(axis) for axis in joint.angle_axes]
+                stiffness[row, axes] = np.maximum(_RANGE_SHARE * ranges, _LEAST_RAD) ** -2.0
+        self._turns, self._stiffness = turns[..., self._columns], stiffness
+        self._middle = self._limits.middle()
 
     def apply(self, poses: Array, information: Array, vector: Array, predicted: PredictedBody) -> Array:
         """Poses (S, 4, 4) after one Gauss-Newton step from poses (S, 4, 4) whose joints are closed.
@@ -82,7 +77,10 @@ class ArticulatedStep:
         A = J.reshape(-1, size).T @ (information @ J).reshape(-1, size)
         b = vector.ravel() @ J.reshape(-1, size)
         self.add_prediction(A, b, poses, predicted)
-        return self._applied(poses, np.asarray(np.linalg.solve(A, b), np.float64))
+        step = np.zeros(self._tangent.count)
+        step[self._columns] = np.linalg.solve(A, b)
+        motion = all_motion(poses[self._tangent.root], self._body.joint_poses(poses))
+        return self._beside_as(poses, self._body.poses_of(self._tangent.moved(motion, step)))
 
     def fit(
         self,
@@ -111,7 +109,7 @@ class ArticulatedStep:
             off = np.concatenate([log_so3(segment_T_measured[:, :3, :3]), segment_T_measured[:, :3, 3]], axis=1)
             vector = np.zeros((len(start), 6))
             np.add.at(vector, rows, (information @ off[..., None])[..., 0])
-            prior = predicted or PredictedBody(poses, np.full(_ROOT, _DAMPING), _DAMPING)
+            prior = predicted or PredictedBody(poses, np.full(6, _DAMPING), _DAMPING)
             before, poses = poses, self.apply(poses, summed, vector, prior)
             if np.abs(poses - before).max() < _CONVERGED:
                 break
@@ -119,64 +117,36 @@ class ArticulatedStep:
 
     def close_joints(self, poses: Array) -> Array:
         """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
-        closed = self._body.forward_kinematics(poses[self._root], self._body.joint_rotations(poses))
-        closed[self._beside] = poses[self._beside]
-        return closed
+        closed = self._body.forward_kinematics(poses[self._tangent.root], self._body.joint_rotations(poses))
+        return self._beside_as(poses, closed)
 
     def jacobians(self, poses: Array) -> Array:
-        """(S, 6, 6 + 3 J) changes of world_T_segment in the segments' axes with the unknowns."""
-        # A turn w about a pivot p moves the point at the world's origin by p x w.
-        pivots = hat(np.concatenate([poses[None, self._root, :3, 3], self._world_T_joint(poses)[:, :3, 3]]))
-        twists = np.concatenate([np.broadcast_to(np.eye(3), pivots.shape), pivots], axis=1)
-        shifts = np.concatenate([np.zeros((3, 3)), np.eye(3)])
-        return tangents_of(poses, np.concatenate([twists[0], shifts, *twists[1:]], axis=1), self._moves)
+        """(S, 6, K) changes of world_T_segment in the segments' axes with the unknowns."""
+        J = self._tangent.segment_jacobians(poses)[..., self._columns]
+        J[self._beside] = 0.0
+        return J
 
     def add_prediction(self, A: Array, b: Array, poses: Array, predicted: PredictedBody) -> None:
         """Add the predictions of root and joints, and the joints' limits, to the normal equations."""
-        before = predicted.world_T_segment
-        root, root_before = poses[self._root], before[self._root]
-        deviation = np.concatenate([log_so3(root[:3, :3] @ root_before[:3, :3].T), root[:3, 3] - root_before[:3, 3]])
+        before, root = predicted.world_T_segment, self._tangent.root
         weights = predicted.root_sigmas**-2.0
-        A[range(_ROOT), range(_ROOT)] += weights
-        b[:_ROOT] -= weights * deviation
+        A[range(6), range(6)] += weights
+        b[:6] -= weights * log_se3(inverse(before[root]) @ poses[root])
         rotations, rotations_before = self._body.joint_rotations(np.stack([poses, before]))
-        turned, turned_before = rotations[self._rows], rotations_before[self._rows]
-        world_R_joint = self._world_T_joint(poses)[:, :3, :3]
-        joint_R_world = np.swapaxes(world_R_joint, 1, 2)
-        within = (rotations if self._limits is None else self._limits.clamp(rotations))[self._rows]
-        references = np.swapaxes([within, turned_before, self._middle], 2, 3)
-        beyond, since_before, off_middle = log_so3(turned @ references)
+        within = self._limits.clamp(rotations) if self._obeys_limits else rotations
+        references = np.stack([within, rotations_before, self._middle])
+        beyond, since_before, off_middle = log_so3(rotations @ np.swapaxes(references, 2, 3))
         far = np.linalg.norm(beyond, axis=1)[:, None]
         along = beyond / np.maximum(far, _NOTHING_RAD) * (far > _NOTHING_RAD) / _LIMIT_RAD
-        information = self._stiffness + predicted.joint_sigma**-2.0 * np.eye(3) + along[:, :, None] * along[:, None]
-        pull = predicted.joint_sigma**-2.0 * since_before + beyond / _LIMIT_RAD**2
-        pull += (self._stiffness @ off_middle[..., None])[..., 0]
-        information = world_R_joint @ information @ joint_R_world
-        pull = (world_R_joint @ pull[..., None])[..., 0]
-        A[self._blocks] += information
-        b[_ROOT:] -= pull.ravel()
+        joint_weight = predicted.joint_sigma**-2.0
+        information = (self._stiffness + joint_weight)[..., None] * np.eye(3) + along[:, :, None] * along[:, None]
+        pull = joint_weight * since_before + beyond / _LIMIT_RAD**2 + self._stiffness * off_middle
+        turns = rotations @ self._turns  # in the axes of the joint on its parent
+        J = turns.reshape(-1, A.shape[0])
+        A += J.T @ (information @ turns).reshape(J.shape)
+        b -= pull.ravel() @ J
 
-    def _world_T_joint(self, poses: Array) -> Array:
-        return self._body.world_T_joint(poses)[self._rows]
-
-    def _applied(self, poses: Array, step: Array) -> Array:
-        """Poses (S, 4, 4) moved by the unknowns, joints closed: turns add up along the chain, places follow."""
-        turns = step[:3] + self._turns @ step[_ROOT:].reshape(-1, 3)
-        turns[self._beside] = 0.0
-        moved = poses.copy()
-        moved[:, :3, :3] = exp_so3(turns) @ poses[:, :3, :3]
-        moved[self._root] = rigid(moved[self._root, :3, :3], poses[self._root, :3, 3] + step[3:_ROOT])
-        return self.close_joints(moved)
-
-
-def _stiffness(joint: Joint, obeys_limits: bool) -> Array:
-    """Information (3, 3), in a joint's axes, against turns that its type forbids or that are far off its middle."""
-    axes = joint.axes_of_rotation
-    weights = np.zeros(3) if joint.type == "ball" else np.full(3, _STIFF_RAD**-2.0)
-    if joint.type == "hinge":
-        weights[0] = 0.0
-    if joint.type == "ball" and joint.limits and obeys_limits:
-        for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
-            weights["xyz".index(axis)] = max(_RANGE_SHARE * (high - low), _STIFF_RAD) ** -2.0
-    information: Array = axes.T @ (weights[:, None] * axes)
-    return information
+    def _beside_as(self, poses: Array, moved: Array) -> Array:
+        """Moved poses (S, 4, 4), equipment where it was."""
+        moved[self._beside] = poses[self._beside]
+        return moved

@@ -10,12 +10,13 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.estimation.motion_model import MotionSettings, predict
+from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
+from bodycam_ros.static_cameras.single_camera import BodyPredictor
 from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.static_measurement import predicted_body
 from bodycam_ros.static_cameras.station import Image, Station
@@ -168,29 +169,26 @@ class BodyMeasurement:
         body = evidence.body
         tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
         information, vector = np.zeros((self._size, self._size)), np.zeros(self._size)
-        before = poses = np.zeros((0, 4, 4))
-        latest_ns = measured_ns = count = 0
-        dt_s = 0.0
-        seen: list[float] = []
+        predictor, seen = BodyPredictor(), list[float]()
+        measured_ns = count = 0
         for share, frame in self._instants():
             self._on_progress(step, share)
-            if not len(poses):
+            stamp_ns, predicted = frame.stamp_ns, predictor.predict(frame.stamp_ns)
+            if predicted is None:
                 placed = self._placed(body)
                 poses = tracker.initialise(frame.images, placed.world_T_segment, placed.unplaced)
             else:
-                previous_s, dt_s = dt_s, 1e-9 * (frame.stamp_ns - latest_ns)
-                predicted = predict(before, poses, previous_s, dt_s) if len(before) else poses
-                found = tracker.measure(frame.images, predicted_body(predicted, dt_s, self._motion, previous_s))
-                before, poses = poses, found.world_T_segment
+                found = tracker.measure(frame.images, predicted_body(*predicted, self._motion))
+                poses = found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))
-            latest_ns = frame.stamp_ns
-            if not count or latest_ns - measured_ns >= 1e9 * _INTERVAL_S - 1.0:
+            predictor.add_measurement(stamp_ns, poses)
+            if not count or stamp_ns - measured_ns >= 1e9 * _INTERVAL_S - 1.0:
                 # Frames with correlated errors count as one.
-                weight = min(1.0, 1e-9 * (latest_ns - measured_ns) / _ALIKE_S) if count else 1.0
+                weight = min(1.0, 1e-9 * (stamp_ns - measured_ns) / _ALIKE_S) if count else 1.0
                 by_frame = evidence.measure(tracker.views, frame.images, poses)
                 information += weight * by_frame[0]
                 vector += weight * by_frame[1]
-                count, measured_ns = count + 1, latest_ns
+                count, measured_ns = count + 1, stamp_ns
         if not seen:
             raise RangeOfMotionError("static cameras have too few images: a body is measured while it moves")
         return _Round(information, vector, count, float(np.mean(seen)))
@@ -201,13 +199,7 @@ class BodyMeasurement:
         begun, found = shape.initial, shape.initial * (1.0 + shares)
         found[count:] = [shape.shaped(shares).girths[segment] for segment in shape.thick]
         is_measured = sigmas < _MEASURED * np.sqrt(np.diag(np.linalg.inv(shape.prior(shares)[0])))
-        rows = zip(
-            shape.names,
-            begun.tolist(),
-            found.tolist(),
-            (np.abs(begun) * sigmas).tolist(),
-            is_measured.tolist(),
-            strict=True,
-        )
+        columns = (begun, found, np.abs(begun) * sigmas, is_measured)
+        rows = zip(shape.names, *(column.tolist() for column in columns), strict=True)
         measures = tuple(Measure(*name, *numbers) for name, *numbers in rows)
         return measures[:count], measures[count:]

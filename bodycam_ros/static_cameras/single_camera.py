@@ -6,7 +6,6 @@ velocity.
 """
 
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,51 +19,40 @@ from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 
-_MAX_STEPS = 100
-"""Steps and states: some seconds, more than the solver's latency."""
+_MAX_KEPT = 100
+"""States, and measurements: some seconds, more than the solver's latency."""
 
 _MAX_PREDICTION_S = 0.5
 """A body is predicted for so long; after a longer gap it stays at its last pose."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """Measured motion of the body: poses at the end are those at the beginning @ motion (S, 4, 4)."""
-
-    begin_ns: int
-    end_ns: int
-    motion: Array
-
-    @property
-    def seconds(self) -> float:
-        return 1e-9 * (self.end_ns - self.begin_ns)
-
-    def after(self, stamp_ns: int) -> Array:
-        """The part of the motion after a time."""
-        share = (self.end_ns - max(stamp_ns, self.begin_ns)) / (self.end_ns - self.begin_ns)
-        return self.motion if share >= 1.0 else exp_se3(share * log_se3(self.motion))
 
 
 class BodyPredictor:
     """Predicts a body from the solver's states and the camera's measurements."""
 
     def __init__(self) -> None:
-        self._states: deque[LatestState] = deque(maxlen=_MAX_STEPS)
-        self._steps: deque[_Step] = deque(maxlen=_MAX_STEPS)
-        self._found: tuple[int, Array] | None = None
+        self._states: deque[LatestState] = deque(maxlen=_MAX_KEPT)
+        # Stamps [ns] and poses (S, 4, 4) since the latest state, moved so that they continue it.
+        self._measured: deque[tuple[int, Array]] = deque(maxlen=_MAX_KEPT)
 
     def add_state(self, body: LatestState) -> None:
         """Add a state of the solver; later ones are removed: stamps went back."""
+        before = self._known(body.stamp_ns)
         while self._states and self._states[-1].stamp_ns >= body.stamp_ns:
             self._states.pop()
         self._states.append(body)
+        while self._measured and self._measured[0][0] <= body.stamp_ns:
+            self._measured.popleft()
+        if before and self._measured:
+            (begin_ns, begin), (end_ns, end) = before[-1], self._measured[0]
+            share = (body.stamp_ns - begin_ns) / (end_ns - begin_ns)
+            correction = body.world_T_segment @ inverse(begin @ exp_se3(share * log_se3(inverse(begin) @ end)))
+            moved = [(stamp_ns, orthonormal(correction @ poses)) for stamp_ns, poses in self._measured]
+            self._measured = deque(moved, _MAX_KEPT)
 
     def add_measurement(self, stamp_ns: int, world_T_segment: Array) -> None:
-        """Add measured poses (S, 4, 4), later than those before."""
-        latest = self._latest(stamp_ns)
-        if latest is not None and latest[0] < stamp_ns:
-            self._steps.append(_Step(latest[0], stamp_ns, inverse(latest[1]) @ world_T_segment))
-        self._found = stamp_ns, world_T_segment
+        """Add measured poses (S, 4, 4), later than those before; ones that the solver is ahead of are not needed."""
+        if not self._states or stamp_ns > self._states[-1].stamp_ns:
+            self._measured.append((stamp_ns, world_T_segment))
 
     def latest_state(self, stamp_ns: int) -> LatestState | None:
         """The solver's latest state up to a time."""
@@ -72,39 +60,22 @@ class BodyPredictor:
 
     def predict(self, stamp_ns: int) -> tuple[Array, float] | None:
         """Predicted poses (S, 4, 4) at a time, and the time since the latest measurement [s]; None if unknown."""
-        latest = self._latest(stamp_ns)
-        if latest is None:
+        known = self._known(stamp_ns)
+        if not known:
             return None
-        latest_ns, poses = latest
+        latest_ns, poses = known[-1]
         ahead_s = 1e-9 * (stamp_ns - latest_ns)
         if ahead_s > _MAX_PREDICTION_S:
             return poses, _MAX_PREDICTION_S
-        before = self.latest_state(latest_ns - 1)
-        received = self.latest_state(latest_ns)
-        if received is not None and received.stamp_ns == latest_ns:
-            if before is None:
-                return poses, ahead_s
-            before_s = 1e-9 * (latest_ns - before.stamp_ns)
-            return predict_poses(before.world_T_segment, poses, before_s, ahead_s), ahead_s
-        if not self._steps:
+        if len(known) < 2:
             return poses, ahead_s
-        step = self._steps[-1]
-        return predict_poses(poses @ inverse(step.motion), poses, step.seconds, ahead_s), ahead_s
+        before_ns, before = known[-2]
+        return predict_poses(before, poses, 1e-9 * (latest_ns - before_ns), ahead_s), ahead_s
 
-    def _latest(self, stamp_ns: int) -> tuple[int, Array] | None:
-        """The latest stamp up to this one with known poses (S, 4, 4), and these."""
-        received = self.latest_state(stamp_ns)
-        if received is None:
-            return self._found
-        if self._found is None or self._found[0] <= received.stamp_ns:
-            return received.stamp_ns, received.world_T_segment
-        if not self._steps or received.stamp_ns < self._steps[0].begin_ns:
-            return self._found
-        poses = received.world_T_segment
-        for step in self._steps:
-            if step.end_ns > received.stamp_ns:
-                poses = poses @ step.after(received.stamp_ns)
-        return self._found[0], orthonormal(poses)
+    def _known(self, stamp_ns: int) -> list[tuple[int, Array]]:
+        """The latest stamps, two at most, up to this one with known poses (S, 4, 4), and these."""
+        known = [*((body.stamp_ns, body.world_T_segment) for body in self._states), *self._measured]
+        return [each for each in known if each[0] <= stamp_ns][-2:]
 
 
 class SingleCamera:

@@ -23,7 +23,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.chain import first_poses
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.shown import shown
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
 from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
@@ -171,11 +171,6 @@ def start_poses(body: BodyModel, placed: Mapping[str, Array]) -> Array:
     rows = [body.segment_index[name] for name in placed]
     information = np.tile(np.diag(START_SIGMAS**-2.0), (len(rows), 1, 1))
     return ArticulatedStep(body, obeys_limits=False).fit(start, rows, start[rows], information)
-
-
-def placed_prediction(poses: Array) -> PredictedBody:
-    """Prediction of a body placed by hand at poses (S, 4, 4), joints closed, with its sigmas."""
-    return PredictedBody(poses, START_SIGMAS, START_JOINT_RAD)
 
 
 def placed_segments(body: BodyModel, poses: Array) -> list[SegmentPose]:

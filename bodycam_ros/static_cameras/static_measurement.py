@@ -16,7 +16,7 @@ from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, Predict
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.segment_support import surface_variances
-from bodycam_ros.static_cameras.start_file import PlacedBody, placed_prediction, placed_segments
+from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS, PlacedBody, placed_segments
 from bodycam_ros.static_cameras.station import Image, Station
 
 logger = logging.getLogger(__name__)
@@ -25,14 +25,9 @@ _FOLLOWED = np.repeat([0.03, 0.01], 3)
 """[rad], [m] errors of the pose that a prediction starts from."""
 
 
-def predicted_body(
-    world_T_segment: Array, dt_s: float, motion: MotionSettings, previous_s: float | None = None
-) -> PredictedBody:
-    """Prediction of a body at poses (S, 4, 4) ``dt_s`` after it was measured, with its sigmas.
-
-    Its velocity is the mean over ``previous_s`` before that; ``dt_s`` by default.
-    """
-    sigmas = np.hypot(motion_sigmas(dt_s, previous_s or dt_s, motion), _FOLLOWED)
+def predicted_body(world_T_segment: Array, dt_s: float, motion: MotionSettings) -> PredictedBody:
+    """Prediction of a body at poses (S, 4, 4) ``dt_s`` after it was measured, with its sigmas."""
+    sigmas = np.hypot(motion_sigmas(dt_s, dt_s, motion), _FOLLOWED)
     return PredictedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
 
 
@@ -160,7 +155,9 @@ class ReportedMeasurement:
     def _together(self, received: Collection[SegmentPose], predicted: Array, dt_s: float) -> Array:
         """Poses (S, 4, 4) of the body as a whole under all measurements of its segments."""
         start = self._step.close_joints(predicted)
-        prior = placed_prediction(start) if dt_s == 0.0 else predicted_body(start, dt_s, self._motion)
+        prior = predicted_body(start, dt_s, self._motion)
+        if dt_s == 0.0:
+            prior = PredictedBody(start, START_SIGMAS, START_JOINT_RAD)
         rows = [self._body.segment_index[each.segment] for each in received]
         measured = np.array([each.world_T_segment for each in received]).reshape(-1, 4, 4)
         information = np.linalg.inv(np.array([each.covariance for each in received]).reshape(-1, 6, 6))

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from known_walk import Walk
 from numpy.typing import NDArray
 
@@ -12,8 +11,6 @@ from bodycam_ros.geometry import exp_so3, inverse, log_se3, log_so3, rigid
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 
 Array = NDArray[np.float64]
-
-ROOT = 6
 
 
 def poses_of(body: BodyModel, seed: int) -> Array:
@@ -29,32 +26,9 @@ def nothing_expected(poses: Array) -> PredictedBody:
     return PredictedBody(poses, np.full(6, 1e4), 1e4)
 
 
-def permitted_turns(body: BodyModel, poses: Array) -> Array:
-    """(6 + 3 J, N) directions of the unknowns that joints permit: root, all of a ball, a hinge's axis."""
-    directions = [np.eye(ROOT + 3 * len(body.tree_joints))[:, :ROOT]]
-    for row, joint in enumerate(body.tree_joints):
-        R = poses[body.segment_index[joint.parent], :3, :3] @ joint.parent_T_joint[:3, :3]
-        axes = {"ball": R, "hinge": R @ joint.axis[:, None], "weld": np.zeros((3, 0))}[joint.type]
-        block = np.zeros((ROOT + 3 * len(body.tree_joints), axes.shape[1]))
-        block[ROOT + 3 * row : ROOT + 3 * row + 3] = axes
-        directions.append(block)
-    return np.concatenate(directions, axis=1)
-
-
 def segment_changes(before: Array, after: Array) -> Array:
     """(S, 6) in the segments' axes, rotation first."""
     return np.array([log_se3(inverse(a) @ b) for a, b in zip(before, after, strict=True)])
-
-
-@pytest.mark.parametrize("which", ["rider", "walker"])
-def test_jacobians_are_differences_of_the_body(rider: BodyModel, walk: Walk, which: str) -> None:
-    body = rider if which == "rider" else walk.body
-    step, poses = ArticulatedStep(body), poses_of(body, 1)
-    J, h = step.jacobians(poses), 1e-6
-    for direction in permitted_turns(body, poses).T:
-        ahead, back = (step._applied(poses, sign * h * direction) for sign in (1.0, -1.0))
-        numeric = (segment_changes(poses, ahead) - segment_changes(poses, back)) / (2.0 * h)
-        np.testing.assert_allclose(J @ direction, numeric, atol=1e-6)
 
 
 def test_what_segments_hold_each_other_by_stays_closed(rider: BodyModel) -> None:
