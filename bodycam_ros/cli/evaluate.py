@@ -2,15 +2,11 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
 from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.terminal import Terminal
-
-if TYPE_CHECKING:
-    from bodycam_ros.evaluate.agreement import AgreementOptions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,14 +52,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # matplotlib takes half a second to load; the other commands and --help do without.
+    from bodycam_ros.evaluate.agreement import AgreementOptions
     from bodycam_ros.evaluate.evaluation import evaluate
     from bodycam_ros.evaluate.image_views import ImageView, body_camera_views, static_camera_views
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
+    from bodycam_ros.formats.read_captured import is_captured
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     folder, recording = arguments.output, arguments.recording
-    options = _agreement_options(arguments)
+    if arguments.truth is None or not is_captured(arguments.truth):
+        for flag in given_flags(arguments, "align", "clock", "points"):
+            raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
+    options = AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
         progress.show("reading and measuring", 0.0)
@@ -82,19 +83,3 @@ def run(arguments: argparse.Namespace) -> int:
     for doubt in () if evaluation.agreement is None else evaluation.agreement.doubts:
         terminal.print(f"doubtful: {doubt}", style="yellow")
     return print_verdict(terminal, evaluation.verdict)
-
-
-def _agreement_options(arguments: argparse.Namespace) -> "AgreementOptions | None":
-    """How to compare with another system; None without one.
-
-    Raises:
-        RecordingError: an option of it is given without one.
-    """
-    from bodycam_ros.evaluate.agreement import AgreementOptions
-    from bodycam_ros.formats.read_captured import is_captured
-
-    if arguments.truth is None or not is_captured(arguments.truth):
-        for flag in given_flags(arguments, "align", "clock", "points"):
-            raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
-        return None
-    return AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)

@@ -70,20 +70,22 @@ def sole_of(solved: SolvedRecording, foot: str, world_T_foot: Array) -> Array:
 
 def _stances(soles: Mapping[str, Array], stamps_ns: NDArray[np.int64], gap_ns: float) -> dict[str, list[Stance]]:
     """Stances of each foot on the common floor."""
-    found = {
-        foot: [(point, *rest) for point in range(sole.shape[1]) for rest in _rests(sole[:, point], stamps_ns, gap_ns)]
+    levels: dict[str, dict[Stance, float]] = {
+        foot: {
+            (point, first, last): float(np.median(sole[first:last, point, 2]))
+            for point in range(sole.shape[1])
+            for first, last in _rests(sole[:, point], stamps_ns, gap_ns)
+        }
         for foot, sole in soles.items()
     }
-
-    def level(foot: str, stance: Stance) -> float:
-        point, first, last = stance
-        return float(np.median(soles[foot][first:last, point, 2]))
-
-    long = [
-        (f, s) for f, stances in found.items() for s in stances if stamps_ns[s[2] - 1] - stamps_ns[s[1]] >= _FIRM_NS
-    ]
-    highest = _MAX_HEIGHT_M + min((height for each in long if (height := level(*each)) < _MAX_HEIGHT_M), default=0.0)
-    return {foot: [stance for stance in stances if level(foot, stance) < highest] for foot, stances in found.items()}
+    floors = (
+        level
+        for each in levels.values()
+        for (_, first, last), level in each.items()
+        if level < _MAX_HEIGHT_M and stamps_ns[last - 1] - stamps_ns[first] >= _FIRM_NS
+    )
+    highest = _MAX_HEIGHT_M + min(floors, default=0.0)
+    return {foot: [stance for stance, level in each.items() if level < highest] for foot, each in levels.items()}
 
 
 def _rests(place: Array, stamps_ns: NDArray[np.int64], gap_ns: float) -> Iterator[tuple[int, int]]:

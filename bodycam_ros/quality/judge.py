@@ -1,6 +1,7 @@
 """The verdict on a result, afterwards or live, by registered and solved camera poses."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,23 +133,21 @@ def _other_findings(poses: CameraPoses, cameras: Sequence[str], core: Sequence[s
         end_s, all_s, until_s = (
             1e-9 * (stamp_ns - poses.start_ns) for stamp_ns in (count.last_registered_ns, last_ns, count.blind_until_ns)
         )
-        found: list[tuple[str, str, str, str]] = []
+        doubt = partial(Finding, camera, Level.DOUBTFUL)
         if camera in core and (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
-            found.append(("lens", "its landmarks do not fit its lens", cause.why, cause.remedy))
+            yield doubt("its landmarks do not fit its lens", cause.why, cause.remedy, check="lens")
         elif camera in core and (cause := clocks.get(camera)) is not None:
-            found.append(("clock", "its poses fit at other times", cause.why, cause.remedy))
+            yield doubt("its poses fit at other times", cause.why, cause.remedy, check="clock")
         if all_s - end_s > _EARLY_END_S:
             what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
             remedy = "its segment follows from the others after that"
-            found.append(("end", what, "it stopped, or was covered", remedy))
+            yield doubt(what, "it stopped, or was covered", remedy, check="end")
         is_shared = any(other != camera and mounts[other].segment == segment for other in cameras)
         if not is_shared and count.blind_ns > 1e9 * _BLIND_S and count.blind_until_ns > from_ns:
             what = f"not registered from {until_s - 1e-9 * count.blind_ns:.1f} s to {until_s:.1f} s"
             why = "it was covered or dark, or saw what the map does not show"
             remedy = f"{segment} is a guess in that time, by the poses that it was seen in"
-            found.append(("blind", what, why, remedy))
-        for check, what, why, remedy in found:
-            yield Finding(camera, Level.DOUBTFUL, what, why, remedy, check=check)
+            yield doubt(what, why, remedy, check="blind")
 
 
 def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str]) -> Iterator[Finding]:

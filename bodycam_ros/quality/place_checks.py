@@ -1,6 +1,7 @@
 """Checks of a recording in its place: board, registration, lenses by field of view, N-pose, exercise of the joints."""
 
 from collections.abc import Collection, Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -28,22 +29,18 @@ def check_board(recording: SampledRecording, board: Board, has_map: bool) -> Ite
         board: description.
         has_map: whether there is a map, whose scale makes the board unnecessary.
     """
-    seen: dict[str, int] = {}
-    examined = 0
-    count = len(recording.instants_s)
-    for number in sorted(range(count), key=lambda number: abs(2 * number - count)):
-        for camera in recording.cameras:
-            grey = camera.images.get(number)
-            if grey is None or camera.lens is None or grey.shape != (camera.lens.height, camera.lens.width):
-                continue
-            if sum(seen.values()) >= _ENOUGH_BOARD_IMAGES or examined >= _MAX_BOARD_IMAGES:
-                break
+    seen: list[str] = []
+    examined, count = 0, len(recording.instants_s)
+    order = sorted(range(count), key=lambda number: abs(2 * number - count))
+    for number, camera in product(order, recording.cameras):
+        grey = camera.images.get(number)
+        if len(seen) < _ENOUGH_BOARD_IMAGES and examined < _MAX_BOARD_IMAGES and camera.fits_lens(grey):
+            assert grey is not None and camera.lens is not None
             examined += 1
-            tags = {tag for tag, _ in find_tags(grey, camera.lens, FAMILIES[board.family])}
-            if tags & set(board.corners_board):
-                seen[camera.name] = seen.get(camera.name, 0) + 1
+            if {tag for tag, _ in find_tags(grey, camera.lens, FAMILIES[board.family])} & set(board.corners_board):
+                seen.append(camera.name)
     if seen:
-        yield good("board", f"seen by {', '.join(sorted(seen))} in {sum(seen.values())} of {examined} images")
+        yield good("board", f"seen by {', '.join(sorted(set(seen)))} in {len(seen)} of {examined} images")
     elif has_map:
         yield good("board", f"not seen in {examined} images; the map has its scale already")
     else:

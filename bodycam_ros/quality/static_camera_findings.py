@@ -40,15 +40,14 @@ class StaticCameraLog:
         self._observed.update({*observed, *unsupported})
         self._misplaced.update(misplaced)
 
-    def findings(self, wanted: Collection[str]) -> tuple[Finding, ...]:
+    def findings(self, wanted: Collection[str]) -> Iterator[Finding]:
         """Findings on segments and cameras.
 
         Args:
             wanted: segments that carry no camera, and should be observed by static ones.
         """
-        return tuple(self._find(wanted)) if self._stamps_ns else ()
-
-    def _find(self, wanted: Collection[str]) -> Iterator[Finding]:
+        if not self._stamps_ns:
+            return
         seconds = 1e-9 * (np.array(self._stamps_ns) - self._stamps_ns[0])
         for camera, count in self._misplaced.items():
             if (share := count / len(seconds)) > _MISPLACED_SHARE:

@@ -17,8 +17,8 @@ def log(unsupported: dict[str, range], misplaced: int = 0) -> StaticCameraLog:
 
 
 def test_what_is_supported_is_no_finding() -> None:
-    assert log({}).findings(ALL) == ()
-    assert StaticCameraLog().findings(ALL) == ()
+    assert not list(log({}).findings(ALL))
+    assert not list(StaticCameraLog().findings(ALL))
 
 
 def test_a_lost_segment_is_named_with_its_time() -> None:
@@ -29,11 +29,11 @@ def test_a_lost_segment_is_named_with_its_time() -> None:
 
 def test_a_short_loss_makes_a_result_doubtful_and_a_blink_nothing() -> None:
     assert [f.level for f in log({"forearm_left": range(20, 25)}).findings(ALL)] == [Level.DOUBTFUL]
-    assert log({"forearm_left": range(20, 22)}).findings(ALL) == ()
-    assert log({"hand_left": range(20, 90)}).findings(ALL) == (), "a hand that the body does not have was added"
+    assert not list(log({"forearm_left": range(20, 22)}).findings(ALL))
+    assert not list(log({"hand_left": range(20, 90)}).findings(ALL)), "a hand that the body does not have was added"
 
 
 def test_a_misplaced_camera_makes_a_result_wrong() -> None:
     (finding,) = log({}, misplaced=90).findings(ALL)
     assert (finding.subject, finding.part, finding.level) == ("cam03", "camera", Level.WRONG)
-    assert log({}, misplaced=10).findings(ALL) == ()
+    assert not list(log({}, misplaced=10).findings(ALL))
