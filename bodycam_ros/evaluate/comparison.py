@@ -33,15 +33,13 @@ class TrueMotion:
     Attributes:
         path: of the folder that holds them.
         stamps_ns: (K,) increasing [ns].
-        root: the segment without a parent.
-        parents: segment -> its parent, of segments that carry a camera or lie between such.
+        parents: segment -> its parent, None of the root; of segments that carry a camera or lie between such.
         world_T_segment: segment -> (K, 4, 4) [m], z up; may hold more segments, such as hands.
     """
 
     path: Path
     stamps_ns: NDArray[np.int64]
-    root: str
-    parents: Mapping[str, str]
+    parents: Mapping[str, str | None]
     world_T_segment: Mapping[str, Array]
 
     def at(self, stamps_ns: NDArray[np.int64], segment: str) -> Array:
@@ -62,35 +60,32 @@ def read_true_motion(path: Path) -> TrueMotion:
     files = sorted((truth / "segments").glob("*.tum"))
     if not files:
         raise RecordingError(f"{path}: no ground truth; expected segments/*.tum in it or in its folder truth")
-    root, parents = _tree(truth)
+    parents = _read_parents(truth)
     trajectories = {file.stem: read_tum(file) for file in files}
-    if not {root, *parents} & set(trajectories):
+    if not set(parents) & set(trajectories):
         raise RecordingError(f"{truth / 'segments'}: none of its files is named as a segment of rig.yaml")
     stamps_ns = next(iter(trajectories.values()))[0]
     for segment, (stamps, _) in trajectories.items():
         if not np.array_equal(stamps, stamps_ns):
             raise RecordingError(f"{truth / 'segments'}: {segment}.tum has other stamps than the first file")
-    return TrueMotion(truth, stamps_ns, root, parents, {segment: poses for segment, (_, poses) in trajectories.items()})
+    return TrueMotion(truth, stamps_ns, parents, {segment: poses for segment, (_, poses) in trajectories.items()})
 
 
-def _tree(truth: Path) -> tuple[str, dict[str, str]]:
-    """The topmost segment, and segment -> parent of all others."""
-    path = next(
-        (folder / "rig.yaml" for folder in (truth, truth.resolve().parent) if (folder / "rig.yaml").is_file()), None
-    )
+def _read_parents(truth: Path) -> dict[str, str | None]:
+    """Segment -> its parent, None of the one at the root."""
+    places = [folder / "rig.yaml" for folder in (truth, truth.resolve().parent)]
+    path = next((place for place in places if place.is_file()), None)
     if path is None:
         raise RecordingError(f"{truth}: no rig.yaml in it or beside it, with the parent of each segment")
     document = read_yaml(path, "rig file", RecordingError)
     try:
-        segments = dict(document["segments"])
-    except (KeyError, TypeError, ValueError) as error:
+        parents = {str(segment): str(parent) if parent else None for segment, parent in document["segments"].items()}
+    except (KeyError, TypeError, AttributeError) as error:
         raise RecordingError(f"{path}: expected a table segments, segment -> parent") from error
-    roots = [segment for segment, parent in segments.items() if not parent]
+    roots = [segment for segment, parent in parents.items() if parent is None]
     if len(roots) != 1:
-        raise RecordingError(
-            f"{path}: one segment has no parent (null), not {len(roots)}: {', '.join(map(str, roots))}"
-        )
-    return str(roots[0]), {str(segment): str(parent) for segment, parent in segments.items() if parent}
+        raise RecordingError(f"{path}: one segment has no parent (null), not {len(roots)}: {', '.join(roots)}")
+    return parents
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,15 +126,15 @@ class Comparison:
     def figures(self) -> dict[str, Any]:
         """Figures by name, the unit at the end of the name."""
         degrees, cm = np.degrees(1.0), 100.0
-        angles = {segment: degrees * joint.turn_errors for segment, joint in self.joints.items()}
-        rotations = {segment: degrees * errors for segment, errors in self.rotation_errors.items()}
-        per_joint = {
-            segment: {"position_cm": float(errors.mean())}
-            for segment, errors in zip(self.segments, cm * self.position_errors.T, strict=True)
+        errors = {
+            "position_cm": dict(zip(self.segments, cm * self.position_errors.T, strict=True)),
+            "angle_deg": {segment: degrees * joint.turn_errors for segment, joint in self.joints.items()},
+            "rotation_deg": {segment: degrees * errors for segment, errors in self.rotation_errors.items()},
         }
-        for segment in self.joints:
-            per_joint[segment]["angle_deg"] = float(angles[segment].mean())
-            per_joint[segment]["rotation_deg"] = float(rotations[segment].mean())
+        per_joint = {
+            segment: {name: float(each[segment].mean()) for name, each in errors.items() if segment in each}
+            for segment in self.segments
+        }
         return {
             "frames": len(self.stamps_ns),
             "coverage": self.coverage,
@@ -149,8 +144,8 @@ class Comparison:
             "sim_position_cm": spread(self.similarity_errors, cm),
             "scale": self.scale,
             "tilt_deg": degrees * self.tilt,
-            "angle_deg": spread(np.array(list(angles.values()))),
-            "rotation_deg": spread(np.array(list(rotations.values()))),
+            "angle_deg": spread(np.array([*errors["angle_deg"].values()])),
+            "rotation_deg": spread(np.array([*errors["rotation_deg"].values()])),
             "per_joint": per_joint,
         }
 
@@ -171,7 +166,7 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
             "is placed by its motion"
         )
     known = [s for s in sorted(truth.world_T_segment) if s in solved.body.segments]
-    segments = tuple(s for s in known if s in truth.parents or s == truth.root)
+    segments = tuple(s for s in known if s in truth.parents)
     stamps_ns = solved.stamps_ns[inside]
     estimated = {s: solved.world_T_link[s][inside] for s in segments}
     true = {s: truth.at(stamps_ns, s) for s in segments}
