@@ -18,7 +18,7 @@ from bodycam_ros.quality.sensor_checks import sensor_quality
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import distance_in_time, interpolated
-from bodycam_ros.results.camera_picture import project_overlay
+from bodycam_ros.results.camera_picture import project_landmarks
 from bodycam_ros.results.camera_record import CameraRecord, StationRecord
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.timing.clock_state import ClockHistory
@@ -176,7 +176,8 @@ def _reprojection_errors(
         at_ns = np.array([matches.stamp_ns])
         if solved.is_solved_at(at_ns).all():
             world_T_camera = interpolated(solved.stamps_ns, poses[matches.camera], at_ns)[0]
-            errors[matches.camera].append(project_overlay(models[matches.camera], world_T_camera, (), matches).errors)
+            shown, projected = project_landmarks(models[matches.camera], world_T_camera, matches)
+            errors[matches.camera].append(np.linalg.norm(projected - shown, axis=1))
     return {camera: np.concatenate(values) for camera, values in errors.items()}
 
 

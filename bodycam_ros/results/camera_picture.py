@@ -20,57 +20,25 @@ GOOD, GOOD_PX = "#35e0c4", 3.0
 _POINTS_PER_BONE = 40  # a straight line is bent in a fisheye image
 
 
-@dataclass(frozen=True, eq=False)
-class Overlay:
-    """What is drawn over one image.
-
-    Attributes:
-        limbs: (segment, (K, 2) pixels of a bone); NaN outside the lens.
-        equipment: (K, 2) pixels of each line of equipment; NaN outside the lens.
-        pixels: (N, 2) named tracks [px], as the image shows them.
-        projected: (N, 2) their landmarks at the exposure of their rows [px]; NaN outside the lens.
-    """
-
-    limbs: tuple[tuple[str, Array], ...]
-    equipment: tuple[Array, ...]
-    pixels: Array
-    projected: Array
-
-    @property
-    def errors(self) -> Array:
-        """(N,) distances between tracks and landmarks [px]."""
-        distances: Array = np.linalg.norm(self.projected - self.pixels, axis=1)
-        return distances
+def project_bone(model: CameraModel, world_T_camera: Array, bone: Bone) -> Array:
+    """Pixels (K, 2) of a line of a body at one time [m], by a camera's pose (4, 4) [m]; NaN outside the lens."""
+    along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
+    points_world = (1.0 - along) * bone.start + along * bone.end
+    return model.project(transform_points(inverse(world_T_camera), points_world))[0]
 
 
-def project_overlay(
-    model: CameraModel, world_T_camera: Array, bones: Iterable[Bone], matches: LandmarkMatches | None
-) -> Overlay:
-    """Project limbs, equipment and landmarks into an image.
+def project_landmarks(model: CameraModel, world_T_camera: Array, matches: LandmarkMatches) -> tuple[Array, Array]:
+    """Pixels (N, 2) of named tracks, as the image shows them, and of their landmarks; NaN outside the lens.
 
     Args:
         model: the camera's lens.
         world_T_camera: (4, 4) its solved pose [m].
-        bones: lines of the body and its equipment at this one time [m].
         matches: landmarks that were found in the image.
     """
-    camera_T_world = inverse(world_T_camera)
-    along = np.linspace(0.0, 1.0, _POINTS_PER_BONE)[:, None]
-    limbs, equipment = [], []
-    for bone in bones:
-        points_world = (1.0 - along) * bone.start + along * bone.end
-        line = model.project(transform_points(camera_T_world, points_world))[0]
-        if bone.is_equipment:
-            equipment.append(line)
-        else:
-            limbs.append((bone.segment, line))
-    shown, projected = np.zeros((0, 2)), np.zeros((0, 2))
-    if matches is not None and len(matches.pixels):
-        shown = matches.shown.astype(np.float64)
-        points_world = matches.points_world.astype(np.float64)
-        # The pose is that of the middle row; other rows were moved by their read-out.
-        projected = model.project(transform_points(camera_T_world, points_world))[0] + (shown - matches.pixels)
-    return Overlay(tuple(limbs), tuple(equipment), shown, projected)
+    shown, points_world = matches.shown.astype(np.float64), matches.points_world.astype(np.float64)
+    # The pose is that of the middle row; other rows were moved by their read-out.
+    middle = model.project(transform_points(inverse(world_T_camera), points_world))[0]
+    return shown, middle + (shown - matches.pixels)
 
 
 WIDTH = 640
@@ -118,29 +86,33 @@ def draw_picture(
     scale = min(1.0, WIDTH / model.width)
     size = (round(model.width * scale), round(model.height * scale))
     pixels = cv2.cvtColor(cv2.resize(decode_grey(image), size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2RGB)
-    overlay = project_overlay(model, world_T_camera, limbs, matches)
-    draw_body(pixels, overlay, 3, scale)
-    is_good = overlay.errors <= GOOD_PX
-    for ends in np.stack([overlay.pixels, overlay.projected], axis=1)[~is_good]:
+    draw_body(pixels, model, world_T_camera, limbs, 3, scale)
+    landmarks, shown, projected = np.zeros((0, 3)), np.zeros((0, 2)), np.zeros((0, 2))
+    if matches is not None:
+        landmarks = matches.points_world.astype(np.float64)
+        shown, projected = project_landmarks(model, world_T_camera, matches)
+    errors = np.linalg.norm(projected - shown, axis=1)
+    is_good = errors <= GOOD_PX
+    for ends in np.stack([shown, projected], axis=1)[~is_good]:
         draw_polyline(pixels, ends * scale, WARNING, 1)
     for chosen, colour in ((is_good, GOOD), (~is_good, WARNING)):
-        for centre in _fixed(overlay.pixels[chosen] * scale).tolist():
+        for centre in _fixed(shown[chosen] * scale).tolist():
             cv2.circle(pixels, centre, _LANDMARK_PX << _SHIFT, rgb(colour), 1, cv2.LINE_AA, _SHIFT)
-    errors = overlay.errors[np.isfinite(overlay.errors)]
-    landmarks = np.zeros((0, 3)) if matches is None else matches.points_world.astype(np.float64)
-    return CameraPicture(
-        np.asarray(pixels, np.uint8), float(np.median(errors)) if len(errors) else float("nan"), landmarks
-    )
+    known = errors[np.isfinite(errors)]
+    return CameraPicture(np.asarray(pixels, np.uint8), float(np.median(known)) if len(known) else np.nan, landmarks)
 
 
 def draw_body(
-    pixels: NDArray[np.generic], overlay: Overlay, width: int, scale: float = 1.0, *, is_bgr: bool = False
-) -> None:
-    """Draw limbs as lines of a width [px], and equipment half as wide, into an image of another scale."""
-    for line in overlay.equipment:
-        draw_polyline(pixels, line * scale, EQUIPMENT, width // 2, is_bgr=is_bgr)
-    for segment, line in overlay.limbs:
-        draw_polyline(pixels, line * scale, side_colour(segment), width, is_bgr=is_bgr)
+    pixels: NDArray[np.generic], model: CameraModel, world_T_camera: Array, bones: Iterable[Bone], width: int,
+    scale: float = 1.0, *, is_bgr: bool = False,
+) -> None:  # fmt: skip
+    """Draw limbs as lines of a width [px], and under them equipment half as wide, into an image of another scale."""
+    for bone in sorted(bones, key=lambda bone: not bone.is_equipment):
+        line = project_bone(model, world_T_camera, bone) * scale
+        if bone.is_equipment:
+            draw_polyline(pixels, line, EQUIPMENT, width // 2, is_bgr=is_bgr)
+        else:
+            draw_polyline(pixels, line, side_colour(bone.segment), width, is_bgr=is_bgr)
 
 
 def draw_polyline(pixels: NDArray[np.generic], points: Array, colour: str, width: int, *, is_bgr: bool = False) -> None:

@@ -18,7 +18,7 @@ from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import nearest
-from bodycam_ros.results.camera_picture import draw_body, draw_polyline, project_overlay
+from bodycam_ros.results.camera_picture import draw_body, draw_polyline
 from bodycam_ros.results.topics import read_clock
 from bodycam_ros.shown import shown
 from bodycam_ros.viewer.motion import mounted_camera
@@ -66,8 +66,8 @@ def write_film(sources: Sources, camera: str | None, path: Path, progress: Progr
         is_empty = True
         for seconds, index, picture, world_T_camera, lens in shots:
             bones = body_bones(body, motion.segments_at(body, index)) + motion.equipment_at(index)
-            overlay = project_overlay(lens, world_T_camera, bones, None)
-            draw_body(picture, overlay, max(2, round(_BONE_SHARE * lens.height)), is_bgr=True)
+            width = max(2, round(_BONE_SHARE * lens.height))
+            draw_body(picture, lens, world_T_camera, bones, width, is_bgr=True)
             times = -(-_SHARP_PX // lens.height)
             picture = np.asarray(cv2.resize(picture, None, fx=times, fy=times), np.uint8)
             _write_time(picture, seconds)

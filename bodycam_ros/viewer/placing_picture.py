@@ -11,7 +11,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, side_colour
-from bodycam_ros.results.camera_picture import draw_polyline, project_overlay
+from bodycam_ros.results.camera_picture import draw_polyline, project_bone
 from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
 from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.viewer.scene import SELECTED
@@ -48,7 +48,7 @@ class PlacingPicture:
 
         The origin of the segment ``selected`` is marked.
         """
-        limbs = body_bones(self._body, world_T_segment)
+        limbs = [bone for bone in body_bones(self._body, world_T_segment) if not bone.is_equipment]
         origin = world_T_segment[self._body.segment_index[selected], :3, 3]
         tiles = [self._tile(name, world_T_segment, limbs, origin) for name in self._images]
         columns = min(3, ceil(len(tiles) ** 0.5))
@@ -66,8 +66,9 @@ class PlacingPicture:
             self._parts[name] = window, cut_out(image, window)
         window, part = self._parts[name]
         tile = paint_contour(part, contour, np.zeros(len(contour.pixels)), self._colours, window)
-        for segment, line in project_overlay(camera, world_T_camera, limbs, None).limbs:
-            draw_polyline(tile, window.place(line), side_colour(segment), 1, is_bgr=True)
+        for limb in limbs:
+            line = window.place(project_bone(camera, world_T_camera, limb))
+            draw_polyline(tile, line, side_colour(limb.segment), 1, is_bgr=True)
         pixels, valid = camera.project(transform_points(inverse(world_T_camera), origin[None]))
         if valid[0]:
             at = np.clip(window.place(pixels[0]), -_TILE_PX, 2 * _TILE_PX).round().astype(int).tolist()
