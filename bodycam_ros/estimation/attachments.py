@@ -4,8 +4,8 @@ An attachment is active within its intervals, while the cameras do not contradic
 apart than they can be release it, points that come near again engage it.
 """
 
-from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,21 +31,16 @@ class CouplingSettings:
     )
 
 
-@dataclass(frozen=True)
-class ActiveAttachments:
+class ActiveAttachments(NamedTuple):
     """Attachments of one state.
 
     Attributes:
-        active: attachment -> whether it is.
-        observed: attachments whose segment of the body is observed.
+        engaged: (A) whether they are active.
+        driving: (A) active ones whose segment of the body is observed.
     """
 
-    active: Mapping[str, bool]
-    observed: frozenset[str]
-
-    def drive(self, attachments: Collection[str]) -> bool:
-        """Whether any of some attachments is active and observed."""
-        return any(self.active[name] and name in self.observed for name in attachments)
+    engaged: NDArray[np.bool_]
+    driving: NDArray[np.bool_]
 
 
 class Attachments:
@@ -94,8 +89,7 @@ class Attachments:
     @property
     def active(self) -> ActiveAttachments:
         """Those of the present state."""
-        active = dict(zip(self.names, self._engaged.tolist(), strict=True))
-        return ActiveAttachments(active, frozenset(np.array(self.names)[self._observed].tolist()))
+        return ActiveAttachments(self._engaged, self._engaged & self._observed)
 
     def gaps(self, poses: Array) -> Array:
         """(A) mean distances [m] of the points of each attachment, of poses (S, 4, 4)."""

@@ -5,13 +5,13 @@ A measurement conditions the prediction of the later state, and the earlier one 
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
+from bodycam_ros.estimation.estimate import Between, Coordinates, Estimate, Transition
 from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -124,14 +124,6 @@ class InertialStep:
         return left, of_after, of_before
 
 
-Between = SegmentTurn | RestingPoint | InertialStep
-"""A measurement of one segment in two states.
-
-Its residual (M), of the earlier and the later pose and twist, is in sigmas. With it come the rows (M, 6) by which
-tangents of the later pose, and of the earlier one, lessen it; or rows (M, 12), the last six for the segment's twist.
-"""
-
-
 def measured_turns(
     body: BodyModel, matches: Iterable[LandmarkMatches], before_ns: Mapping[str, int], needed: NDArray[np.bool_]
 ) -> list[SegmentTurn]:
@@ -169,7 +161,7 @@ def _loosen_joints(link: Transition, measured: Sequence[Between]) -> Transition:
         if rows & set(ends):
             columns = np.arange(*tangent.columns[row].indices(tangent.count))
             covariance[columns, columns] += _FREE_RAD**2 * tangent.twists[row][:3].any(axis=0)
-    return Transition(link.before, Estimate(link.after.at, covariance), link.cross)
+    return replace(link, after=Estimate(link.after.at, covariance))
 
 
 def condition(link: Transition, measured: Sequence[Between]) -> Transition:
@@ -199,10 +191,12 @@ def condition(link: Transition, measured: Sequence[Between]) -> Transition:
         # Nothing measured depends on the other coordinates.
         if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max(initial=0.0) < _NEAR:
             break
-    return Transition(
-        Estimate(both[0], _lessened(link.before.covariance, gain_before, of_before)),
-        Estimate(both[1], _lessened(link.after.covariance, gain_after, of_after)),
-        _lessened(link.cross, gain_after, of_before),
+    return replace(
+        link,
+        before=Estimate(both[0], _lessened(link.before.covariance, gain_before, of_before)),
+        after=Estimate(both[1], _lessened(link.after.covariance, gain_after, of_after)),
+        cross=_lessened(link.cross, gain_after, of_before),
+        between=(*link.between, *measured),
     )
 
 

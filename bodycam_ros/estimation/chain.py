@@ -9,44 +9,12 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyUncertainty, SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments
-from bodycam_ros.estimation.between_factors import Between, condition
 from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
 from bodycam_ros.estimation.measurements import JointRotations, Measurements
-from bodycam_ros.estimation.motion_model import MotionModel, MotionPrior
 from bodycam_ros.geometry import Array, inverse, nearest_rotation
 from bodycam_ros.kinematics.joint_angles import JointLimits
 
 Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A state and the one before: first as predicted, then given the measurements of the state as well.
-
-    Attributes:
-        dt_s: between the two [s]; 0 at the first.
-        link: both states.
-        prior: of the motion between them, where it is not people's.
-        between: measurements of both.
-    """
-
-    dt_s: float
-    link: Transition
-    prior: MotionPrior | None = None
-    between: Sequence[Between] = ()
-
-    @property
-    def after(self) -> Estimate:
-        """The later state."""
-        return self.link.after
-
-
-def predict_step(
-    motion: MotionModel, before: Estimate, dt_s: float, prior: MotionPrior | None, between: Sequence[Between]
-) -> Step:
-    """The state ``dt_s`` [s] after another, by the motion prior (A eq. 10-11) and measurements of both (A eq. 2)."""
-    link = condition(motion.predict(before, dt_s, prior), between)
-    return Step(dt_s, link, prior, between)
 
 
 @dataclass(eq=False)
@@ -56,7 +24,7 @@ class ChainState:
     Attributes:
         stamp_ns: its time [ns].
         stamps_ns: camera -> stamp of its own image [ns].
-        step: from the state before, given all measurements until then.
+        link: to the state before, given all measurements until then.
         measured: measurements of this state.
         joints_observed: (J,) whether body cameras observe both segments.
         turning: (J,) whether the rotations of both are measured at least.
@@ -72,7 +40,7 @@ class ChainState:
 
     stamp_ns: int
     stamps_ns: Mapping[str, int]
-    step: Step
+    link: Transition
     measured: Measurements
     joints_observed: Mask
     turning: Mask
@@ -91,7 +59,7 @@ class ChainState:
     @property
     def estimate(self) -> Estimate:
         """The state given all measurements until then."""
-        return self.step.after
+        return self.link.after
 
     @property
     def is_observed(self) -> bool:
@@ -113,7 +81,7 @@ def smooth(states: Sequence[ChainState]) -> list[Coordinates]:
     """Coordinates of states given all of them: the last one, carried back to the first (Rauch, Tung, Striebel 1965)."""
     smoothed = [states[-1].estimate.at]
     for later in reversed(states[1:]):
-        smoothed.append(later.step.link.smoothed(smoothed[-1]))
+        smoothed.append(later.link.smoothed(smoothed[-1]))
     return smoothed[::-1]
 
 

@@ -56,9 +56,9 @@ class Coupling:
     ) -> None:
         mechanism = Mechanism(body, equipment)
         self.body, self.equipment = mechanism.tree, equipment
-        self.motion = EquipmentMotion(self.body, equipment, motion)
-        self.attachments = Attachments(self.body, equipment, settings)
         self._search, self._tangent = EquipmentSearch(mechanism), TreeTangent(self.body, SLIDES_M)
+        self.motion = EquipmentMotion(self._tangent, equipment, motion)
+        self.attachments = Attachments(self.body, equipment, settings)
         tree = self.body.tree_joints
         self._of_equipment = np.array([joint.child in equipment.segments for joint in tree])
         own = [joint.name for joint in tree if joint.child in equipment.segments]
@@ -79,7 +79,6 @@ class Coupling:
 
     def reset(self) -> None:
         """After a pause: the equipment is searched again, its lengths are known as well as before."""
-        self.motion.reset()
         self.placed = self._was_placed = False
         self._first_shifts, self._first_sigmas = self._shifts, self._sigmas
         self._search_due_ns, self._search_wait_ns = -(1 << 62), _SEARCH_NS
@@ -199,7 +198,7 @@ class Coupling:
             name=self.equipment.name,
             placed=active is not None,
             attachments=names,
-            engaged=np.array([active is not None and active.active[name] for name in names], bool),
+            engaged=np.zeros(len(names), bool) if active is None else active.engaged,
             deviations=np.full(len(names), np.nan) if active is None else gaps,
             lengths=self._lengths.names,
             priors=self._lengths.priors,

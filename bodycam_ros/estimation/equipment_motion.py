@@ -1,22 +1,18 @@
 """How equipment moves by itself: parts with inertia keep their speed, and lead the limbs that hold them.
 
-Forwards such a hinge goes on at its speed. Over a whole recording its trajectory joins the speeds that were measured
+Forwards such a hinge keeps its speed. Over a whole recording its trajectory joins the speeds that were measured
 before and after a gap, by as many turns as fit best between them.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
-from bodycam_ros.estimation.estimate import Coordinates
+from bodycam_ros.estimation.estimate import MotionPrior
 from bodycam_ros.estimation.measurements import JointRotations
-from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionPrior, MotionSettings
+from bodycam_ros.estimation.motion_model import FADE_S, LASTS_S, MotionSettings
 from bodycam_ros.geometry import Array
-from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
@@ -30,82 +26,53 @@ class EquipmentMotion:
     """Motion prior of the equipment's joints.
 
     Args:
-        body: with the equipment.
+        tangent: coordinates of the body with the equipment.
         equipment: how its segments move.
         motion: how suddenly segments change their motion, where the equipment's file has none.
 
     Attributes:
-        accelerations: (E, 6) of the segments [rad/s^2], [m/s^2].
         coasting_rows: in the body's ``tree_joints``, of hinges whose child keeps its speed.
     """
 
-    def __init__(self, body: BodyModel, equipment: Equipment, motion: MotionSettings) -> None:
-        self._body, self._attachments = body, equipment.attachments
-        self._row = {name: row for row, name in enumerate(equipment.segments)}
-        usual = np.repeat([motion.angular_acceleration_sigma, motion.acceleration_sigma], 3)
-        self.accelerations = np.tile(usual, (len(self._row), 1))
-        for row, moves in enumerate(equipment.segments.values()):
-            if moves.angular_acceleration_sigma is not None:
-                self.accelerations[row, :3] = moves.angular_acceleration_sigma
-            if moves.acceleration_sigma is not None:
-                self.accelerations[row, 3:] = moves.acceleration_sigma
-        self.coasting_rows = [
-            row
-            for row, joint in enumerate(body.tree_joints)
-            if joint.type == "hinge" and joint.child in self._row and equipment.segments[joint.child].keeps_speed
+    def __init__(self, tangent: TreeTangent, equipment: Equipment, motion: MotionSettings) -> None:
+        body, self._tangent = tangent.tree, tangent
+        self.coasting_rows: list[int] = []
+        self._density, self._fade_s = np.full(tangent.count, np.nan), np.full(tangent.count, FADE_S)
+        for row, joint in enumerate(body.tree_joints):
+            columns, moves = tangent.columns[row], equipment.segments.get(joint.child)
+            if moves is not None:
+                given = moves.angular_acceleration_sigma, moves.acceleration_sigma
+                usual = motion.angular_acceleration_sigma, motion.acceleration_sigma
+                sigmas = [own if sigma is None else sigma for sigma, own in zip(given, usual, strict=True)]
+                self._density[columns] = np.where(tangent.twists[row][:3].any(axis=0), *sigmas) ** 2 * LASTS_S
+                if moves.keeps_speed and joint.type == "hinge":
+                    self.coasting_rows.append(row)
+                    self._fade_s[columns] = _KEPT_S
+            elif joint.child in body.equipment_segments:
+                self._density[columns] = _CONSTANT
+        ends = [
+            (body.segment_index[e.body_segment], body.segment_index[e.equipment_segment]) for e in equipment.attachments
         ]
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget which hinges were driven."""
-        self._driven: set[int] = set()
-
-    def _held_below(self, joint: Joint) -> list[str]:
-        """Attachments to a joint's child and to what hangs on it."""
-        below = self._body.moves[:, self._body.joint_row[joint.name]]
-        return [each.name for each in self._attachments if below[self._body.segment_index[each.equipment_segment]]]
+        limbs, held = np.array(ends, np.int64).reshape(-1, 2).T
+        self._limbs, self._held = body.moves[limbs], body.moves[held]
 
     def is_driven(self, row: int, active: ActiveAttachments | None) -> bool:
-        """Whether an observed limb drives the child of a joint of the tree."""
-        return active is not None and active.drive(self._held_below(self._body.tree_joints[row]))
+        """Whether an observed limb drives the child of a joint of the tree, or what hangs on it."""
+        return active is not None and bool((active.driving & self._held[:, row]).any())
 
-    def prior(self, model: MotionModel, active: ActiveAttachments) -> MotionPrior:
-        """How the equipment's coordinates move, and those of limbs that it leads."""
-        tangent = model.tangent
-        density, fade_s = np.full(tangent.count, np.nan), model.fade_s.copy()
-        for row, joint in enumerate(tangent.tree.tree_joints):
-            if joint.child in self._row:
-                columns, sigmas = tangent.columns[row], self.accelerations[self._row[joint.child]]
-                turns = tangent.twists[row][:3].any(axis=0)
-                density[columns] = np.where(turns, sigmas[0], sigmas[3]) ** 2 * LASTS_S
-            elif joint.child in tangent.tree.equipment_segments:
-                density[tangent.columns[row]] = _CONSTANT
+    def prior(self, active: ActiveAttachments) -> MotionPrior:
+        """How the equipment's coordinates move, and those of limbs that it leads: they hold what no limb drives."""
+        density = self._density.copy()
         for row in self.coasting_rows:
-            fade_s[tangent.columns[row]] = _KEPT_S
-            density[self._led_columns(row, tangent, active)] = _LED**2 * LASTS_S
-        return MotionPrior(density, fade_s)
-
-    def _led_columns(self, row: int, tangent: TreeTangent, active: ActiveAttachments) -> NDArray[np.bool_]:
-        """(K,) coordinates of the limbs that hold a hinge's child, while none of them drives it."""
-        led, held = np.zeros(tangent.count, bool), self._held_below(self._body.tree_joints[row])
-        if not active.drive(held):
-            for each in self._attachments:
-                if each.name in held and active.active[each.name]:
-                    for above in np.flatnonzero(self._body.moves[self._body.segment_index[each.body_segment]]):
-                        led[tangent.columns[above]] = True
-        return led
-
-    def coasting(self, at: Coordinates, active: ActiveAttachments | None) -> JointRotations:
-        """Hinges that were driven and are not now, where the prediction has them; nothing where ``active`` is None."""
-        driven = {row for row in self.coasting_rows if self.is_driven(row, active)}
-        self._driven |= driven
-        rows = sorted(self._driven - driven) if active is not None else []
-        return coasting(rows, at.joints[rows, :3, :3])
+            if not self.is_driven(row, active):
+                held = self._limbs[active.engaged & self._held[:, row]]
+                density[self._tangent.columns_of(np.any(held, axis=0))] = _LED**2 * LASTS_S
+        return MotionPrior(density, self._fade_s)
 
 
-def coasting(rows: Sequence[int], rotations: Array) -> JointRotations:
-    """Hinges, by their rows in ``tree_joints``, that are at rotations (U, 3, 3) of their trajectories."""
-    return JointRotations(np.array(rows, np.int64), rotations, np.full((len(rows), 3), _COAST_RAD))
+def coasting(row: int, rotation: Array) -> JointRotations:
+    """A hinge, by its row in ``tree_joints``, that is at a rotation (3, 3) of its trajectory."""
+    return JointRotations(np.array([row]), rotation[None], np.full((1, 3), _COAST_RAD))
 
 
 def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Array:

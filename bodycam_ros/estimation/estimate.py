@@ -6,6 +6,7 @@ every state, and the covariance of any segment follows from the same matrix.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -96,23 +97,56 @@ class Estimate:
         return np.asarray(0.5 * (information + information.T), np.float64)
 
 
+class MotionPrior(NamedTuple):
+    """How coordinates move that are not people's.
+
+    Attributes:
+        density: (K) spectral densities of their accelerations; NaN of coordinates that move as people do.
+        fade_s: (K) in which velocities fade [s].
+    """
+
+    density: Array
+    fade_s: Array
+
+
+class Between(Protocol):
+    """A measurement of one segment in two states."""
+
+    @property
+    def row(self) -> int:
+        """Of the segment."""
+
+    def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
+        """Its residual (M) in sigmas, of the earlier and the later pose (4, 4) and twist (6).
+
+        With it come the rows (M, 6) by which tangents of the later pose, and of the earlier one, lessen it; or rows
+        (M, 12), the last six for the segment's twist.
+        """
+
+
 @dataclass(frozen=True, eq=False)
 class Transition:
-    """Two states that follow each other, both given the same measurements.
+    """A state and the one before, both given the same measurements: none at first, in the end all until then.
 
     Attributes:
         before, after: the earlier and the later state.
         cross: (2K, 2K) covariance of the later with the earlier.
+        dt_s: between the two [s]; 0 at the first state.
+        prior: of the motion between them, where it is not people's.
+        between: measurements of both.
     """
 
     before: Estimate
     after: Estimate
     cross: Array
+    dt_s: float
+    prior: MotionPrior | None = None
+    between: tuple[Between, ...] = ()
 
     @staticmethod
     def first(initial: Estimate) -> "Transition":
         """Of the first state, which depends on none before."""
-        return Transition(initial, initial, np.zeros_like(initial.covariance))
+        return Transition(initial, initial, np.zeros_like(initial.covariance), 0.0)
 
     @cached_property
     def _gain(self) -> Array:
@@ -137,7 +171,7 @@ class Transition:
         covaries[K:] = cross[K:] - gain @ less_before
         before = Estimate(self.before.at.moved(gain_before @ step), self.before.covariance - gain_before @ less_before)
         at = replace(at, velocity=self.after.at.velocity + gain @ step)
-        return Transition(before, Estimate(at, after), covaries)
+        return replace(self, before=before, after=Estimate(at, after), cross=covaries)
 
     def smoothed(self, after: Coordinates) -> Coordinates:
         """The earlier state where the later one is at other coordinates (Rauch, Tung, Striebel 1965).

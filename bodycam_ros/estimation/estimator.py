@@ -17,12 +17,12 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, LatestState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.between_factors import Between, SegmentTurn, condition, measured_turns
+from bodycam_ros.estimation.between_factors import SegmentTurn, condition, measured_turns
 from bodycam_ros.estimation.camera_gate import gate_cameras
-from bodycam_ros.estimation.chain import ChainState, Step, first_poses, predict_step, smooth
+from bodycam_ros.estimation.chain import ChainState, first_poses, smooth
 from bodycam_ros.estimation.contact import ContactSettings, Soles
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.estimate import Coordinates, Transition, body_uncertainty
+from bodycam_ros.estimation.estimate import Between, Coordinates, Estimate, Transition, body_uncertainty
 from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import (
@@ -37,7 +37,6 @@ from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSett
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
-from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.kinematics.tree import all_motion
 
@@ -170,7 +169,7 @@ class BodyEstimator:
         motion = all_motion(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
         initial = self._motion.initial(motion)
         initial = self._coupling.initial(initial) if self._coupling else initial
-        return self._solve(frame, registered, Step(0.0, Transition.first(initial)), placed)
+        return self._solve(frame, registered, Transition.first(initial), placed)
 
     def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> ChainState:
         """A state after another: the motion prior (A eq. 10-11), and the rotations measured since (A eq. 2)."""
@@ -185,47 +184,52 @@ class BodyEstimator:
         between += measured_turns(self.body, frame.matches.values(), before.stamps_ns, needs_turn)
         prior = None
         if coupling:
-            prior = coupling.motion.prior(self._motion, coupling.attachments.active)
+            prior = coupling.motion.prior(coupling.attachments.active)
             between += coupling.standing_points()
-        return self._solve(frame, registered, predict_step(self._motion, before.estimate, dt_s, prior, between))
+        return self._solve(frame, registered, condition(self._motion.predict(before.estimate, dt_s, prior), between))
 
     def _solve(
-        self, frame: BodyFrame, registered: Mapping[str, SegmentPose], step: Step, placed: Sequence[SegmentPose] = ()
+        self,
+        frame: BodyFrame,
+        registered: Mapping[str, SegmentPose],
+        link: Transition,
+        placed: Sequence[SegmentPose] = (),
     ) -> ChainState:
         """One state: gate the cameras, collect the other measurements, fit, then add contacts."""
         static, ends = self._static, self.body.joint_ends
-        accepted, start = self._gate(registered, step)
+        accepted, start = self._gate(registered, link.after)
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
-        step, start = self._add_static_cameras(frame, step, start, known, on_body)
+        link, start = self._add_static_cameras(frame, link, start, known, on_body)
         observed, turning = static.observed, static.observed
-        turning[[factor.row for factor in step.between if isinstance(factor, SegmentTurn)]] = True
-        joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (step.dt_s == 0.0)
+        turning[[factor.row for factor in link.between if isinstance(factor, SegmentTurn)]] = True
+        joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (link.dt_s == 0.0)
         # The measurements of this state.
         cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
-        predicted = self._prior.predict(joints_observed, joints_turning, step.dt_s or LASTS_S)
+        predicted = self._prior.predict(joints_observed, joints_turning, link.dt_s or LASTS_S)
         measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
             evidence = [*accepted.values(), *static.together]
-            measured, step, start = self._couple(frame.stamp_ns, evidence, measured, step, start)
+            measured, link, start = self._couple(frame.stamp_ns, evidence, measured, link, start)
         # The state that fits them best (A eq. 8, B eq. 15).
-        before, step = step.link.before.at.poses, replace(step, link=self._fit.fit(step.link, measured, start))
-        self._prior.add(self.body.joint_rotations(step.after.at.poses), joints_observed, step.dt_s)
-        step = self._add_contacts(before, step, observed, turning)
-        estimate = step.after
+        before, link = link.before.at.poses, self._fit.fit(link, measured, start)
+        self._prior.add(self.body.joint_rotations(link.after.at.poses), joints_observed, link.dt_s)
+        # Points of the soles that rest.
+        link = condition(link, self._soles.resting(before, link.after.at.poses, link.dt_s, observed, turning))
+        estimate = link.after
         if self._coupling:
             self._coupling.remember(estimate)
         state = ChainState(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
-            step=step,
+            link=link,
             measured=measured,
             joints_observed=joints_observed,
             turning=joints_turning,
             by_static=by_static,
             observed=observed,
             cameras_used=len(accepted) + static.camera_count,
-            uncertainty=static.widen(body_uncertainty(estimate, step.dt_s, bool(observed[self._root]))),
+            uncertainty=static.widen(body_uncertainty(estimate, link.dt_s, bool(observed[self._root]))),
             active=self._coupling.active if self._coupling else None,
         )
         rows = self._published
@@ -234,10 +238,12 @@ class BodyEstimator:
         self.latest_states = [*self.latest_states[-1:], now]
         return state
 
-    def _gate(self, registered: Mapping[str, SegmentPose], step: Step) -> tuple[dict[str, SegmentPose], Coordinates]:
+    def _gate(
+        self, registered: Mapping[str, SegmentPose], predicted: Estimate
+    ) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        weights, at = gate_cameras(step.after, poses, self._unobserved_columns())
+        weights, at = gate_cameras(predicted, poses, self._unobserved_columns())
         accepted = dict(registered)
         for name, weight in zip(registered, weights.tolist(), strict=True):
             if weight < 1.0:
@@ -257,57 +263,44 @@ class BodyEstimator:
         return unobserved
 
     def _add_static_cameras(
-        self, frame: BodyFrame, step: Step, start: Coordinates, known: Sequence[SegmentPose], on_body: Mask
-    ) -> tuple[Step, Coordinates]:
-        """Step and initial coordinates, with limbs where static cameras found them.
+        self, frame: BodyFrame, link: Transition, start: Coordinates, known: Sequence[SegmentPose], on_body: Mask
+    ) -> tuple[Transition, Coordinates]:
+        """Transition and initial coordinates, with limbs where static cameras found them.
 
         A limb that was searched and found elsewhere did not move there: its motion restarts.
         """
         poses = start.poses
-        self._static.measure(frame, poses, step.dt_s, known, on_body)
+        self._static.measure(frame, poses, link.dt_s, known, on_body)
         if not self._static.rows.any():
-            return step, start
+            return link, start
         poses = self._static.poses(poses)
         root, motion = poses[self._root], self.body.joint_poses(poses, self._tangent.slides)
         start = start.placed(motion, root)
         jumped = self._static.jumped
         joints = jumped[self.body.joint_ends].any(axis=1)
-        at = step.after.at.placed(
-            np.where(joints[:, None, None], motion, step.after.at.joints), root if jumped[self._root] else None
+        at = link.after.at.placed(
+            np.where(joints[:, None, None], motion, link.after.at.joints), root if jumped[self._root] else None
         )
         columns = self._tangent.columns_of(joints)
         columns[:6] = jumped[self._root]
-        return self._restart_columns(step, at, columns), start
+        return self._motion.restarted(link, at, columns), start
 
     def _couple(
-        self, stamp_ns: int, evidence: Sequence[SegmentPose], measured: Measurements, step: Step, start: Coordinates
-    ) -> tuple[Measurements, Step, Coordinates]:
+        self,
+        stamp_ns: int,
+        evidence: Sequence[SegmentPose],
+        measured: Measurements,
+        link: Transition,
+        start: Coordinates,
+    ) -> tuple[Measurements, Transition, Coordinates]:
         """Measurements and initial estimate with the equipment."""
         coupling = self._coupling
         assert coupling is not None  # by the caller
         start = coupling.update(stamp_ns, start, evidence)
-        at, columns = coupling.restarted(step.after.at, start, self._chain[-1].active if self._chain else None)
-        step = self._restart_columns(step, at, columns)
-        measured = Measurements(
-            cameras=measured.cameras + coupling.upright_measurement(start),
-            expected=measured.expected + coupling.motion.coasting(step.after.at, coupling.active),
-            closed=coupling.closed,
-        )
-        return measured, step, start
-
-    def _restart_columns(self, step: Step, at: Coordinates, columns: Mask) -> Step:
-        """A step after which some columns (K,) are at other coordinates, independent of the state before."""
-        if not columns.any():
-            return step
-        after = self._motion.restarted(step.after, at, columns)
-        cross = step.link.cross.copy()
-        cross[np.concatenate([columns, columns])] = 0.0
-        return replace(step, link=Transition(step.link.before, after, cross))
-
-    def _add_contacts(self, before: Array, step: Step, observed: Mask, turning: Mask) -> Step:
-        """Both states of a step, given the points of the soles that rest since the poses (S, 4, 4) before."""
-        resting = self._soles.resting(before, step.after.at.poses, step.dt_s, observed, turning)
-        return replace(step, link=condition(step.link, resting), between=[*step.between, *resting])
+        at, columns = coupling.restarted(link.after.at, start, self._chain[-1].active if self._chain else None)
+        cameras = measured.cameras + coupling.upright_measurement(start)
+        measured = replace(measured, cameras=cameras, closed=coupling.closed)
+        return measured, self._motion.restarted(link, at, columns), start
 
     def flush(self) -> list[BodyState]:
         """The states that still wait for later frames; the recording is over."""

@@ -5,12 +5,11 @@ change of velocity, whose size in people is known: accelerations of limbs in m/s
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.estimation.estimate import UNKNOWN, Coordinates, Estimate, Transition
+from bodycam_ros.estimation.estimate import UNKNOWN, Coordinates, Estimate, MotionPrior, Transition
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.settings import setting
@@ -33,18 +32,6 @@ class MotionSettings:
     angular_acceleration_sigma: float = setting(
         60.0, unit="rad/s^2", limits=(0.1, 5000.0), reason="of a segment; forearms and shins in quick motion reach 100"
     )
-
-
-class MotionPrior(NamedTuple):
-    """How coordinates move that are not people's.
-
-    Attributes:
-        density: (K) spectral densities of their accelerations; NaN of coordinates that move as people do.
-        fade_s: (K) in which velocities fade [s].
-    """
-
-    density: Array
-    fade_s: Array
 
 
 class MotionModel:
@@ -83,13 +70,15 @@ class MotionModel:
         density[np.ix_(free, free)] = np.linalg.inv(information[np.ix_(free, free)])
         return density
 
-    def restarted(self, estimate: Estimate, at: Coordinates, columns: NDArray[np.bool_]) -> Estimate:
-        """The estimate about other coordinates, of which some columns (K,) are initial."""
-        both = np.concatenate([columns, columns])
-        covariance = estimate.covariance.copy()
-        covariance[both], covariance[:, both] = 0.0, 0.0
+    def restarted(self, link: Transition, at: Coordinates, columns: NDArray[np.bool_]) -> Transition:
+        """A transition to other coordinates, some columns (K,) of which are initial and without a past."""
+        if not columns.any():
+            return link
+        both, covariance, cross = np.concatenate([columns, columns]), link.after.covariance.copy(), link.cross.copy()
+        covariance[both], covariance[:, both], cross[both] = 0.0, 0.0, 0.0
         covariance[both, both] = self._first[both] ** 2
-        return Estimate(replace(at, velocity=np.where(columns, 0.0, at.velocity)), covariance)
+        at = replace(at, velocity=np.where(columns, 0.0, at.velocity))
+        return replace(link, after=Estimate(at, covariance), cross=cross)
 
     def initial(self, motion: Array) -> Estimate:
         """The first state, at motions (1 + J, 4, 4), which its measurements determine alone."""
@@ -111,7 +100,7 @@ class MotionModel:
         covariance[:K, K:] += dt_s**2 / 2.0 * Q
         covariance[K:, :K] += dt_s**2 / 2.0 * Q
         covariance[K:, K:] += dt_s * Q
-        return Transition(before, Estimate(at, covariance), cross)
+        return Transition(before, Estimate(at, covariance), cross, dt_s, prior)
 
 
 def predict(world_T_segment_before: Array, world_T_segment: Array, before_s: float, ahead_s: float) -> Array:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.estimation.chain import ChainState, Step, predict_step, smooth
+from bodycam_ros.estimation.between_factors import condition
+from bodycam_ros.estimation.chain import ChainState, smooth
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
 from bodycam_ros.estimation.estimate import Coordinates, Transition
@@ -54,16 +55,15 @@ class WholeRecording:
         again: list[ChainState] = []
         for number, (state, at, better) in enumerate(zip(states, smoothed, predicted, strict=True)):
             self._on_progress(number / len(states))
-            before, step = again[-1] if again else self._before, state.step
+            before, link = again[-1] if again else self._before, state.link
             if before is None:
                 initial = self._motion.initial(at.motion)
-                step = Step(0.0, Transition.first(coupling.initial(initial) if coupling else initial))
+                link = Transition.first(coupling.initial(initial) if coupling else initial)
             else:
                 dt_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
-                step = predict_step(self._motion, before.estimate, dt_s, step.prior, step.between)
+                link = condition(self._motion.predict(before.estimate, dt_s, link.prior), link.between)
             measured = replace(state.measured, expected=better + coasted.get(number, JointRotations.nothing()))
-            step = replace(step, link=self._fit.fit(step.link, measured, at))
-            again.append(replace(state, step=step, measured=measured))
+            again.append(replace(state, link=self._fit.fit(link, measured, at), measured=measured))
         self._before = again[count - 1]
         self._on_progress(1.0)
         return smooth(again)[:count]
@@ -84,7 +84,7 @@ class WholeRecording:
                 joints = smoothed[place].joints.copy()
                 joints[row, :3, :3] = rotations[place]
                 smoothed[place] = smoothed[place].placed(joints)
-                pin = coasting([row], rotations[place][None])
+                pin = coasting(row, rotations[place])
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 

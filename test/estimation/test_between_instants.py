@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bodycam_ros.estimation.between_factors import Between, InertialStep, RestingPoint, SegmentTurn
+from bodycam_ros.estimation.between_factors import InertialStep, RestingPoint, SegmentTurn
+from bodycam_ros.estimation.estimate import Between
 from bodycam_ros.geometry import exp_se3, exp_so3
 
 SMALL = 1e-6
