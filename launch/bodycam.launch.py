@@ -102,10 +102,7 @@ def _nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 def _word(of: SettingDescription, text: str) -> list[str]:
     """An argument as the executable ``graph`` takes it."""
-    flag = f"--{of.name.replace('_', '-')}"
-    if of.type is bool:
-        return [flag if text == "true" else f"--no-{flag[2:]}"]
-    return [f"{flag}={text}"] if text else []
+    return [f"--{of.name.replace('_', '-')}={text}"] if text else []
 
 
 def _action(

@@ -83,19 +83,10 @@ def run(arguments: argparse.Namespace) -> int:
     settings = read_settings(arguments, MapSettings)
     check_output(output, input_paths(arguments))
     check_replaceable(output, arguments.force)
-    known = _check_source(arguments)
-    with shown_progress() as progress, _opened_photographs(arguments, known, settings, progress) as photographs:
+    with shown_progress() as progress, _opened_source(arguments, settings, progress) as (photographs, known, imus):
         board_path = None if arguments.no_board else arguments.board or photographs.board_path
-        built = build_map(
-            photographs,
-            board_path,
-            settings,
-            arguments.jobs,
-            progress,
-            known,
-            _inertial_samples(arguments, photographs),
-            partial(registered_poses, recording_path=arguments.from_bag, jobs=arguments.jobs),
-        )
+        register = partial(registered_poses, recording_path=arguments.from_bag, jobs=arguments.jobs)
+        built = build_map(photographs, board_path, settings, arguments.jobs, progress, known, imus, register)
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
     replace(built, reference_map=reference_map).save(output, force=arguments.force, also=draw)
     lines = (
@@ -177,19 +168,49 @@ def _vertical_line(built: BuiltMap) -> str:
     )
 
 
-def _check_source(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
-    """Refuse flags that do not go together, before the work; what --known-distance measures.
+@contextmanager
+def _opened_source(
+    arguments: argparse.Namespace, settings: MapSettings, progress: Progress
+) -> Iterator[tuple[Photographs, Sequence[KnownDistance], Mapping[str, ImuSamples]]]:
+    """The photographs, what --known-distance measures, and samples of the inertial sensors of body cameras.
+
+    Frames of a recording are removed when the block ends.
 
     Raises:
         MapError: there is no source, or a flag that does not apply to it.
+        BodycamError: the source cannot be read, or has no usable images.
     """
     source: Path | None = arguments.source
-    if arguments.from_bag is not None:
+    bag: Path | None = arguments.from_bag
+    known: list[KnownDistance] = []
+    cameras: Mapping[str, MovingCamera]
+    if bag is not None:
         if source is not None:
-            raise MapError(f"give either {source} or --from-bag {arguments.from_bag}: a map is made of one of them")
+            raise MapError(f"give either {source} or --from-bag {bag}: a map is made of one of them")
         for flag in given_flags(arguments, "camera"):
             raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
-        return _known_distances(arguments)
+        rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
+        known = [_known_distance(a, b, text, rig, arguments.rig) for a, b, text in arguments.known_distance]
+        needed = [camera for each in known for camera in (each.first, each.second)]
+        cameras = open_body_cameras(bag, None if rig is None else tuple(rig.cameras), needed)
+        path, name = bag, bag.resolve().name
+    else:
+        path = _existing(source)
+        if not path.is_file():
+            yield find_photographs(path, arguments.camera), (), {}
+            return
+        camera = video_camera(path, arguments.camera)
+        warn_of_mismatch(camera)
+        cameras, name = {camera.name: camera}, camera.name
+    board = path.resolve().parent / BOARD_FILE
+    with scratch_folder(Path(tempfile.gettempdir())) as scratch:
+        at_most, beside = settings.frames.most, board if board.is_file() else None
+        photographs = keep_sharp_frames(cameras, scratch, name, at_most, arguments.jobs, progress, beside)
+        used = sorted({camera.name for camera in photographs.camera_of_name.values()})
+        yield photographs, known, {} if bag is None else read_imus((bag, *arguments.imu), used)
+
+
+def _existing(source: Path | None) -> Path:
     if source is None:
         raise MapError("give REFERENCE_DIR or VIDEO, or --from-bag BAG, to make a map of")
     if not source.exists():
@@ -198,79 +219,28 @@ def _check_source(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
         )
     if is_bag(source):
         raise MapError(f"{source}: is a bag; give it with --from-bag")
-    return ()
+    return source
 
 
-def _known_distances(arguments: argparse.Namespace) -> tuple[KnownDistance, ...]:
-    """Those of --known-distance.
-
-    Raises:
-        MapError: one of them is no number, or between cameras on different segments.
-    """
-    rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
-    distances = []
-    for first, second, text in arguments.known_distance:
-        try:
-            metres = float(text)
-        except ValueError as error:
-            raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
-        if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
-            raise MapError(
-                f"--known-distance {first} {second}: {arguments.rig} has no camera {unknown[0]}; it has "
-                f"{', '.join(sorted(rig.cameras))}"
-            )
-        if rig and rig.cameras[first] != rig.cameras[second]:
-            raise MapError(
-                f"--known-distance {first} {second}: by {arguments.rig} they are on different segments, "
-                f"{rig.cameras[first]} and {rig.cameras[second]}, so their distance changes; measure one between "
-                "cameras on the same segment"
-            )
-        distances.append(KnownDistance(first, second, metres))
-    return tuple(distances)
-
-
-def _inertial_samples(arguments: argparse.Namespace, photographs: Photographs) -> dict[str, ImuSamples]:
-    """Body camera -> samples of its inertial sensor, of those that have one.
+def _known_distance(first: str, second: str, text: str, rig: Rig | None, rig_path: Path) -> KnownDistance:
+    """One of --known-distance.
 
     Raises:
-        RecordingError: a bag of --imu has none of these cameras' sensors.
+        MapError: it is no number, or between cameras on different segments.
     """
-    if arguments.from_bag is None:
-        return {}
-    cameras = sorted({camera.name for camera in photographs.camera_of_name.values()})
-    return read_imus((arguments.from_bag, *arguments.imu), cameras)
-
-
-@contextmanager
-def _opened_photographs(
-    arguments: argparse.Namespace, known: Sequence[KnownDistance], settings: MapSettings, progress: Progress
-) -> Iterator[Photographs]:
-    """The photographs; frames of a recording are removed when the block ends.
-
-    Raises:
-        BodycamError: the source cannot be read, or has no usable images.
-    """
-    source: Path = arguments.from_bag or arguments.source
-    if arguments.from_bag is None and not source.is_file():
-        yield find_photographs(source, arguments.camera)
-        return
-    board = source.resolve().parent / BOARD_FILE
-    cameras: Mapping[str, MovingCamera]
-    if arguments.from_bag is not None:
-        body_cameras = None if arguments.rig is None else tuple(Rig.from_yaml(arguments.rig).cameras)
-        cameras = open_body_cameras(source, body_cameras, [each for one in known for each in (one.first, one.second)])
-        name = source.resolve().name
-    else:
-        camera = video_camera(source, arguments.camera)
-        warn_of_mismatch(camera)
-        cameras, name = {camera.name: camera}, camera.name
-    with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        yield keep_sharp_frames(
-            cameras,
-            scratch,
-            name,
-            settings.frames.most,
-            arguments.jobs,
-            progress,
-            board if board.is_file() else None,
+    try:
+        metres = float(text)
+    except ValueError as error:
+        raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
+    if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
+        raise MapError(
+            f"--known-distance {first} {second}: {rig_path} has no camera {unknown[0]}; it has "
+            f"{', '.join(sorted(rig.cameras))}"
         )
+    if rig and rig.cameras[first] != rig.cameras[second]:
+        raise MapError(
+            f"--known-distance {first} {second}: by {rig_path} they are on different segments, "
+            f"{rig.cameras[first]} and {rig.cameras[second]}, so their distance changes; measure one between "
+            "cameras on the same segment"
+        )
+    return KnownDistance(first, second, metres)

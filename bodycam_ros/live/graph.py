@@ -10,8 +10,11 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, Final, NoReturn
+from typing import Any, Final
+
+import msgspec
 
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StationError
@@ -95,7 +98,7 @@ class GraphArguments:
             SettingsError: a word is not what the argument needs.
         """
         kinds = {each.name: each.type for each in describe(cls)}
-        values = {name: _value(name, text, kinds[name]) for name, text in texts.items() if name in kinds}
+        values = {name: _value(text, kinds[name]) for name, text in texts.items() if name in kinds}
         return settings_from_mapping(cls, values, "arguments")
 
 
@@ -181,21 +184,15 @@ def from_command_line(words: Sequence[str]) -> list[GraphNode]:
     )
     for each in describe(GraphArguments):
         flag = f"--{each.name.replace('_', '-')}"
-        if each.type is bool:
-            parser.add_argument(flag, action=argparse.BooleanOptionalAction, default=each.default, help=each.text())
-        else:
-            parser.add_argument(flag, default="", help=each.text().replace("%", "%%"))
+        switch: dict[str, Any] = {"nargs": "?", "const": "true", "metavar": "true|false"} if each.type is bool else {}
+        parser.add_argument(flag, default="", help=each.text().replace("%", "%%"), **switch)
     own = words[: words.index("--ros-args")] if "--ros-args" in words else words
-    given = {name: str(value) for name, value in vars(parser.parse_args(own)).items() if value != ""}
+    given = {name: text for name, text in vars(parser.parse_args(own)).items() if text}
     try:
         return graph(GraphArguments.from_texts(given))
     except BodycamError as error:
-        _refuse(parser, error)
-
-
-def _refuse(parser: argparse.ArgumentParser, error: BodycamError) -> NoReturn:
-    print(f"{parser.prog}: error: {error}", file=sys.stderr)
-    sys.exit(2)
+        print(f"{parser.prog}: error: {error}", file=sys.stderr)
+        sys.exit(USER_ERROR)
 
 
 def _node(executable: str, name: str, of: GraphArguments, **own: Any) -> GraphNode:
@@ -260,16 +257,13 @@ def _names(nodes: Sequence[GraphNode]) -> list[str]:
     return list(dict.fromkeys([*(node.executable for node in nodes), *(node.name for node in nodes)]))
 
 
-def _value(name: str, text: str, kind: type) -> Any:
+def _value(text: str, kind: type) -> Any:
+    """A word in the type of its argument; as it is if it is none, which is refused with the argument's name."""
     if kind is tuple:
         return tuple(each.strip() for each in text.split(",") if each.strip())
-    if kind is str:
-        return text
-    try:
-        return {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
-    except (KeyError, ValueError):
-        expected = "true or false" if kind is bool else "a number"
-        raise SettingsError(f"{name}: expected {expected}, got {text!r}") from None
+    with suppress(msgspec.ValidationError):
+        return text if kind is str else msgspec.convert(text.lower(), kind, strict=False)
+    return text
 
 
 _CALLBACKS_S = 5
