@@ -15,11 +15,8 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
-from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.errors import StationError
-from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.output_place import check_output
-from bodycam_ros.terminal import Terminal
 
 if TYPE_CHECKING:
     from bodycam_ros.offline.extend import ExtensionRound
@@ -76,8 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.offline.worker_process import warm_up
 
     warm_up()
+    from bodycam_ros.cli.output import shown_progress
     from bodycam_ros.offline.replay import replay
-    from bodycam_ros.recording.bag_reader import open_recording
     from bodycam_ros.recording.bag_writer import check_replaceable
 
     settings = pipeline_settings(arguments)
@@ -85,8 +82,6 @@ def run(arguments: argparse.Namespace) -> int:
     check_output(arguments.output, input_paths(arguments))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
-    with open_recording(arguments.recording) as recording:
-        duration_s = max(recording.duration_s, 1e-9)
     with shown_progress() as progress:
         summary = replay(
             arguments.recording,
@@ -98,7 +93,6 @@ def run(arguments: argparse.Namespace) -> int:
             passes=arguments.passes,
             force=arguments.force,
             on_step=progress.show,
-            on_progress=lambda seconds: progress.show(f"replay of {duration_s:.1f} s", seconds / duration_s),
             equipment=arguments.equipment,
             outside=outside,
             slim=arguments.slim,
@@ -126,8 +120,11 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
 
 def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
     """Print the summary; the exit code."""
+    from bodycam_ros.cli.output import print_sections, print_verdict
+    from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.lens.lens_check import find_mismatches
     from bodycam_ros.offline.replay_output import clock_remarks
+    from bodycam_ros.terminal import Terminal
 
     terminal = Terminal()
     if summary.rounds:
@@ -167,6 +164,10 @@ def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
 
 def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
     """Print the share of registered images per camera and round of map extension."""
+    from bodycam_ros.cli.output import print_sections
+    from bodycam_ros.evaluate.sections import column_table
+    from bodycam_ros.terminal import Terminal
+
     columns = [(f"round {count}", str(count), ".1%") for count in range(1, len(rounds) + 1)]
     rows = {
         camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)

@@ -38,6 +38,9 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 logger = logging.getLogger(__name__)
 
+BATCH = 8
+"""Results that are sent together: waking the other process costs as much as a result."""
+
 _PR_SET_PDEATHSIG = 1
 _HEAD_START = 0.13
 """In periods: the first image is well within its period, and jitter of later stamps does not separate the cameras."""
@@ -169,10 +172,10 @@ class RegistrationTask:
 def run_camera_worker(
     task: RegistrationTask,
     cameras: tuple[str, ...],
-    outbox: "Queue[WorkerItem]",
+    outbox: "Queue[list[WorkerItem]]",
     inbox: "Queue[MapUpdate]",
 ) -> None:
-    """Entry of the process: register the cameras' images and send the results, ending with None.
+    """Entry of the process: register the cameras' images and send the results, some at a time, ending with None.
 
     Args:
         task: what is to be done.
@@ -185,14 +188,19 @@ def run_camera_worker(
     # Warnings are for the parent, which counts them and prints each once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
     cv2.setNumThreads(1)
+    ready: list[WorkerItem] = []
     try:
         for item in register_images(task, cameras, inbox):
-            outbox.put(item)
-        outbox.put(None)
+            ready.append(item)
+            if len(ready) == BATCH or isinstance(item, AwaitedUpdate):
+                outbox.put(ready)
+                ready = []
+        last: WorkerItem = None
     except BodycamError as error:
-        outbox.put(WorkerFailure(error))
+        last = WorkerFailure(error)
     except MemoryError:
-        outbox.put(WorkerFailure(RecordingError("there is not enough memory; give fewer processes (--jobs)")))
+        last = WorkerFailure(RecordingError("there is not enough memory; give fewer processes (--jobs)"))
+    outbox.put([*ready, last])
 
 
 def _end_with_parent() -> None:

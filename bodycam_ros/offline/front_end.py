@@ -2,15 +2,17 @@
 
 import queue
 import signal
+from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing.context import ForkServerProcess
 from multiprocessing.queues import Queue
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.offline.camera_worker import (
+    BATCH,
     AwaitedUpdate,
     RegisteredImage,
     RegistrationTask,
@@ -25,8 +27,8 @@ from bodycam_ros.offline.worker_process import ready_to_start, warm_up
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-_QUEUE_LENGTH = 256
-"""Results a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""
+_QUEUE_LENGTH = 256 // BATCH
+"""Batches a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""
 
 _POLL_S = 1.0
 
@@ -114,7 +116,7 @@ def start_workers(task: RegistrationTask, cameras: Collection[str], jobs: int) -
         with ready_to_start() as context:
             for share in shares:
                 own = replace(task, turns={camera: task.turns[camera] for camera in share if camera in task.turns})
-                outbox: Queue[WorkerItem] = context.Queue(_QUEUE_LENGTH)
+                outbox: Queue[list[WorkerItem]] = context.Queue(_QUEUE_LENGTH)
                 inbox: Queue[MapUpdate] = context.Queue()
                 process = context.Process(target=run_camera_worker, args=(own, share, outbox, inbox), daemon=True)
                 process.start()
@@ -136,17 +138,20 @@ class Worker:
     """A process with its queues."""
 
     process: ForkServerProcess
-    outbox: "Queue[WorkerItem]"
+    outbox: "Queue[list[WorkerItem]]"
     inbox: "Queue[MapUpdate]"
+    received: deque[WorkerItem] = field(default_factory=deque)
 
     def next_result(self) -> Result | AwaitedUpdate | None:
         """The worker's next result, or None after its last; raises as ``register_recording``."""
-        item = self._receive()
+        if not self.received:
+            self.received.extend(self._receive())
+        item = self.received.popleft()
         if isinstance(item, WorkerFailure):
             raise item.error
         return item
 
-    def _receive(self) -> WorkerItem:
+    def _receive(self) -> list[WorkerItem]:
         while self.process.is_alive():
             with suppress(queue.Empty):
                 return self.outbox.get(timeout=_POLL_S)

@@ -17,7 +17,6 @@ from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
@@ -60,7 +59,6 @@ def replay(
     settings: PipelineSettings,
     jobs: int,
     force: bool = False,
-    on_progress: Callable[[float], None] = lambda seconds: None,
     equipment: str | Path | None = None,
     on_step: Callable[[str, float], None] = lambda step, share: None,
     outside: StaticCameraFiles | None = None,
@@ -78,9 +76,8 @@ def replay(
         settings: of all stages.
         jobs: processes for the cameras.
         force: replace an output that is there already.
-        on_progress: called with the seconds of the recording that are done.
         equipment: name or file of the equipment that the body is coupled to.
-        on_step: called with each other step, and the share of it that is done.
+        on_step: called with each step, and the share of it that is done.
         outside: static cameras, if there are any.
         slim: write no tracks, and of landmarks the poses by them alone.
         passes: over the recording: all but the last extend the map by the recording itself.
@@ -90,28 +87,29 @@ def replay(
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    own = read_body(body_path)
-    person = with_hands(own) if outside else own
-    coupling = None if equipment is None else held_equipment(equipment, person)
-    body = coupled_body(person, coupling)
     started = time.monotonic()
     with ExitStack() as stack:
+        recording = stack.enter_context(open_recording(recording_path))
+        own = read_body(body_path)
+        person = with_hands(own) if outside else own
+        coupling = None if equipment is None else held_equipment(equipment, person)
+        body = coupled_body(person, coupling)
         rounds: tuple[ExtensionRound, ...] = ()
         if passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
-            map_path, rounds = _extend(recording_path, map_path, body, settings, jobs, passes, on_step, scratch)
+            map_path, rounds = _extend(recording, map_path, body, settings, jobs, passes, on_step, scratch)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
-        with open_recording(recording_path) as recording:
-            stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
-            cameras = _mounted_cameras(recording, body, stations) if map_path else {}
-            summary = ReplaySummary(recording.duration_s, rounds=rounds)
-        imus = read_imus((recording_path, *imu_paths), cameras) if settings.inertial.enabled and cameras else {}
+        stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
+        mounted = _mounted_cameras(recording, body, stations) if map_path else []
+        summary = ReplaySummary(recording.duration_s, rounds=rounds)
+        imus = read_imus((recording_path, *imu_paths), mounted) if settings.inertial.enabled and mounted else {}
         turns = camera_turns(body, imus)
         task = RegistrationTask(
             recording_path, map_path or Path(), settings, readouts=body.readout_starts, slim=slim, turns=turns
         )
         # As early as can be: cameras are registered while the rest is made ready.
-        workers = stack.enter_context(start_workers(task, cameras, jobs))
+        workers = stack.enter_context(start_workers(task, mounted, jobs))
+        cameras = {camera: recording.camera_model(camera) for camera in mounted}
         reference_map = metric_map()
         if reference_map is not None and not reference_map.gravity_aligned:
             logger.warning("%s: %s", map_path, ASSUMED_VERTICAL)
@@ -143,11 +141,11 @@ def replay(
         rows = ReadoutLog(cameras)
         spans = CameraSpans([*cameras, *stations])
         unusable = UnusableCount()
-        start_ns = None
+        start_ns, images_step = None, f"replay of {summary.recorded_s:.1f} s"
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
             registered = merged_results(workers, settings.growth, reference_map)
-        for item in _with_images(registered, recording_path, stations):
+        for item in _with_images(registered, recording, stations):
             if not isinstance(item, RegisteredImage | CameraImage):
                 unusable.add(item)
                 continue
@@ -164,7 +162,7 @@ def replay(
                 out.write_states(skeleton.add(item.matches))
             while seen:
                 out.write_seen(*seen.popleft())
-            on_progress(1e-9 * (item.stamp_ns - start_ns))
+            on_step(images_step, 1e-9 * (item.stamp_ns - start_ns) / max(summary.recorded_s, 1e-9))
         out.write_states(skeleton.flush())
         while seen:
             out.write_seen(*seen.popleft())
@@ -201,7 +199,7 @@ def replay(
 
 
 def _extend(
-    recording_path: Path,
+    recording: Recording,
     map_path: Path,
     body: BodyModel,
     settings: PipelineSettings,
@@ -211,24 +209,21 @@ def _extend(
     scratch: Path,
 ) -> tuple[Path, tuple[ExtensionRound, ...]]:
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
-    with open_recording(recording_path) as recording:
-        cameras = [camera for camera in recording.cameras if camera in body.mounts]
-        readouts = body.readout_starts
+    cameras = [camera for camera in recording.cameras if camera in body.mounts]
     limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    extension = extend_map(recording_path, map_path, limited, jobs, cameras, readouts, on_step)
+    extension = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
     extension.reference_map.save(scratch / "map")
     return scratch / "map", extension.rounds
 
 
 def _with_images(
-    registered: Iterator[Result], recording_path: Path, stations: Collection[str]
+    registered: Iterator[Result], recording: Recording, stations: Collection[str]
 ) -> Iterator[Result | CameraImage]:
     """Registrations of worn cameras, and images of static ones, in order of their stamps."""
     if not stations:
         yield from registered
         return
-    with open_recording(recording_path) as recording:
-        yield from merge(registered, recording.images(stations), key=lambda item: item.stamp_ns)
+    yield from merge(registered, recording.images(stations), key=lambda item: item.stamp_ns)
 
 
 def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:
@@ -246,8 +241,8 @@ def _nothing_solved(recording_path: Path, map_path: Path | None, outside: Static
     )
 
 
-def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection[str]) -> dict[str, CameraModel]:
-    """Models of the cameras that the recording has and the body carries; others that are no stations are warned about.
+def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection[str]) -> list[str]:
+    """Cameras that the recording has and the body carries; others that are no stations are warned about.
 
     Raises:
         BodyError: there are none, and no stations either.
@@ -264,4 +259,4 @@ def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection
             f"none of the cameras of {recording.path} ({', '.join(recording.cameras)}) is on body {body.name} "
             f"({', '.join(body.mounts)}); is this the body of this recording?"
         )
-    return {camera: recording.camera_model(camera) for camera in mounted}
+    return mounted
