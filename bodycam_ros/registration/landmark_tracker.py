@@ -55,7 +55,8 @@ class LandmarkTracker:
         self._motion = CameraMotion()
         self._before: DirectView | None = None
         self._located_ns = 0
-        self._track_of_landmark: dict[int, int] = {}
+        rows = 0 if reference_map is None else len(reference_map.landmark_ids)
+        self._track_of_row = np.zeros(rows, np.uint32)  # of the map; 0 for a landmark that is not tracked
         self._latest: TrackFrame | None = None
 
     def track(self, image: NDArray[np.uint8], stamp_ns: int) -> TrackFrame:
@@ -179,7 +180,7 @@ class LandmarkTracker:
         more = np.flatnonzero(~both)
         # Tracks that flow has lost get new ids, larger than all others.
         fresh = self._features.new_ids(len(more))
-        self._track_of_landmark |= dict(zip(view.rows[more].tolist(), fresh.tolist(), strict=True))
+        self._track_of_row[view.rows[more]] = fresh
         return replace(
             frame,
             track_ids=np.concatenate([frame.track_ids, fresh]),
@@ -189,11 +190,15 @@ class LandmarkTracker:
 
     def _track_ids(self, rows: NDArray[np.int64]) -> NDArray[np.uint32]:
         """(N,) the tracks of landmarks; one that had none in the frame before gets a new id."""
-        known = self._track_of_landmark
-        without = [row for row in rows.tolist() if row not in known]
-        known |= dict(zip(without, self._features.new_ids(len(without)).tolist(), strict=True))
-        self._track_of_landmark = {row: known[row] for row in rows.tolist()}
-        return np.array(list(self._track_of_landmark.values()), np.uint32)
+        ids = self._track_of_row[rows]
+        ids[ids == 0] = self._features.new_ids(int(np.count_nonzero(ids == 0)))
+        self._set_tracks(rows, ids)
+        return ids
+
+    def _set_tracks(self, rows: NDArray[np.int64], ids: NDArray[np.uint32]) -> None:
+        """The tracks of landmarks (N,), the only ones that are tracked."""
+        self._track_of_row[:] = 0
+        self._track_of_row[rows] = ids
 
     def _locate(self, matches: LandmarkMatches, near: Array) -> None:
         """Pose of the latest image, by those of its tracks that the registrar has matched."""
@@ -217,6 +222,5 @@ class LandmarkTracker:
             return
         self._located_ns = latest.stamp_ns
         self._before = DirectView(latest.stamp_ns, fit.world_T_camera, landmarks[agree], pixels[agree])
-        ids = latest.track_ids[rows[agree]].tolist()
-        self._track_of_landmark = dict(zip(landmarks[agree].tolist(), ids, strict=True))
+        self._set_tracks(landmarks[agree], latest.track_ids[rows[agree]])
         self._motion.add(latest.stamp_ns, fit.world_T_camera, latest.previous_stamp_ns)
