@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName, mirrored
 from bodycam_ros.geometry import Array
-from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
 
 _GENERATIONS = ((200, np.inf), (100, 0.4), (100, 0.2))
@@ -116,11 +115,10 @@ _USUAL = {
 
 def with_usual_limits(body: BodyModel) -> BodyModel:
     """The body with limits on the balls of known segments that have none; a range of motion measured its own."""
-    return replace(body, joints=tuple(_limited(joint) for joint in body.joints))
-
-
-def _limited(joint: Joint) -> Joint:
-    usual = _USUAL.get(SegmentName(joint.child).kind)
-    if joint.type != "ball" or joint.limits or usual is None:
-        return joint
-    return replace(joint, limits=tuple(usual[axis] for axis in joint.angle_axes))
+    joints = []
+    for joint in body.joints:
+        usual = _USUAL.get(SegmentName(joint.child).kind)
+        if joint.type == "ball" and not joint.limits and usual is not None:
+            joint = replace(joint, limits=tuple(usual[axis] for axis in joint.angle_axes))
+        joints.append(joint)
+    return replace(body, joints=tuple(joints))

@@ -270,7 +270,10 @@ class RegionTracker:
         self._cameras.update(fit.measured)
         misplaced = self._cameras.misplaced
         seen = {
-            name: self._is_seen(regions) & ~self._support.unconfirmed & (name not in misplaced)
+            name: (regions.lines >= _MIN_LINES)
+            & (regions.confidence >= self._settings.least_confidence)
+            & ~self._support.unconfirmed
+            & (name not in misplaced)
             for name, regions in fit.measured.items()
         }
         by_any = np.any([*seen.values()], axis=0)
@@ -331,12 +334,6 @@ class RegionTracker:
             information[row] += weight
             vector[row] += weight @ log_se3(inverse(poses[row]) @ segment.world_T_segment)
         return information, vector
-
-    def _is_seen(self, regions: RegionEvidence) -> Mask:
-        """Which segments (S,) have enough lines for a measurement."""
-        seen: Mask = regions.lines >= _MIN_LINES
-        seen &= regions.confidence >= self._settings.least_confidence
-        return seen
 
     def _evidence(self, before: Array, regions: RegionEvidence, seen: Mask) -> list[SegmentPose]:
         """One camera's condensed poses, linearised at poses (S, 4, 4); what no line measures has a wide sigma."""
