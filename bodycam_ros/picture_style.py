@@ -1,6 +1,6 @@
 """Colours and typography of all pictures."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -85,6 +85,14 @@ def panel_title(axes: Axes, title: str, note: str = "") -> None:
     )
     if note:
         axes.annotate(note, (1.0, 0.0), (8.0, 0.0), xycoords=text, color=QUIET, fontsize=8.5, va="bottom", **offset)
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Name the rows of a panel without a frame by cameras, each in the colour of its side."""
+    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    for label, name in zip(axes.get_yticklabels(), names, strict=True):
+        label.set_color(side_colour(name))
+    axes.spines[:].set_visible(False)
 
 
 def light_grid(axes: Axes) -> None:

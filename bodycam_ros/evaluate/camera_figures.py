@@ -1,6 +1,7 @@
 """Figures of a solved recording's cameras, with their inertial sensors, and of its body, without any truth."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ from scipy.integrate import cumulative_trapezoid
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.sections import spread
-from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import sensor_quality
@@ -19,8 +19,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import distance_in_time, interpolated
 from bodycam_ros.results.camera_picture import project_landmarks
-from bodycam_ros.results.camera_record import CameraRecord, StationRecord
-from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StationRecord
 from bodycam_ros.timing.clock_state import ClockHistory
 
 _EVEN_SHARE = 0.2  # by which even steps in time may differ from the usual one
@@ -189,6 +188,19 @@ def station_figures(record: StationRecord) -> dict[str, Any]:
         "segments": float(record.segments.mean()),
         "confidence": float(record.confidence.mean()),
     }
+
+
+@dataclass(frozen=True, eq=False)
+class GyroscopeResiduals:
+    """One gyroscope, corrected by the body file, less the solved angular velocity of its camera.
+
+    Attributes:
+        seconds: (N,) since the first state [s].
+        rad_s: (N, 3) in the camera's axes, means from state to state [rad/s].
+    """
+
+    seconds: Array
+    rad_s: Array
 
 
 def sensor_figures(

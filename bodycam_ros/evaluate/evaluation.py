@@ -21,7 +21,6 @@ from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motio
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.gait import solved_gait
 from bodycam_ros.evaluate.sections import spread
-from bodycam_ros.evaluate.sensor_picture import GyroscopeResiduals
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
@@ -62,7 +61,7 @@ class Evaluation:
     jitter: Array
     comparison: Comparison | None
     agreement: Agreement | None
-    gyroscopes: Mapping[str, GyroscopeResiduals]
+    gyroscopes: Mapping[str, camera_figures.GyroscopeResiduals]
 
     @property
     def truth_name(self) -> str:

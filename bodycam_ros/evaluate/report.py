@@ -10,9 +10,8 @@ from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
 from bodycam_ros.evaluate.report_sections import report_sections
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
-from bodycam_ros.evaluate.sensor_picture import draw_sensors
 from bodycam_ros.evaluate.summary_picture import draw_summary
-from bodycam_ros.evaluate.time_panels import draw_joint_errors
+from bodycam_ros.evaluate.time_panels import draw_joint_errors, draw_sensors
 from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.whole_file import whole_files
 

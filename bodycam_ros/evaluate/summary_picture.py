@@ -151,16 +151,14 @@ def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
         cells[sights == sight] = to_rgba(colour)
     axes.imshow(cells, extent=(0.0, end_s, len(rows) - 0.5, -0.5), aspect="auto", interpolation="nearest")
     axes.hlines(np.arange(len(rows) - 1) + 0.5, 0.0, end_s, color="white", linewidth=1.5)
-    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
-    for row, (label, (name, registered)) in enumerate(zip(axes.get_yticklabels(), rows.items(), strict=True)):
-        label.set_color(style.side_colour(name))
+    style.name_rows(axes, [*rows])
+    for row, registered in enumerate(rows.values()):
         share = float(registered.mean())
         axes.annotate(
             "100 %" if share == 1.0 else f"{100.0 * share:.1f} %", (1.0, row), (5, 0),
             xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
             color=style.QUIET if share == 1.0 else style.WARNING,
         )  # fmt: skip
-    axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
     title, what = ("Camera registration", "landmarks") if solved.cameras else ("Static cameras", "observed segments")
     style.panel_title(axes, title, f"dark: {most:.0f} {what} or more")

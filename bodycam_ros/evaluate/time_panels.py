@@ -1,15 +1,17 @@
-"""Curves over time: errors or, without truth, the uncertainty; errors of each joint."""
+"""Panels over time: errors or, without truth, the uncertainty; errors of each joint; residuals of gyroscopes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
 from bodycam_ros import picture_style as style
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
+from bodycam_ros.evaluate.camera_figures import GyroscopeResiduals
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
 
@@ -115,3 +117,35 @@ def _draw_panel(axes: Axes, kind: str, curves: Mapping[str, tuple[Array, Array]]
     style.panel_title(axes, kind, f"mean {known.mean():.2f}")
     axes.set_ylim(0.0, 1.1 * float(known.max()) + 1e-6)
     style.light_grid(axes)
+
+
+_STRIP_WIDTH, _STRIP_ROW, _STRIP_MARGINS = 10.0, 0.28, 0.85  # [in]
+_STRIP_COLUMN_S = 0.2  # of a cell, at least; several states, so that one image does not decide
+_MAX_COLUMNS = 300
+_LEAST, _MOST = 0.3, 30.0  # [deg/s] ends of the scale: noise of the solved turn from image to image, and a sensor off
+
+
+def draw_sensors(residuals: Mapping[str, GyroscopeResiduals], path: Path) -> None:
+    """Write a picture with a row for each camera: medians of its residual [deg/s], darker the larger."""
+    end_s = max(float(each.seconds.max()) for each in residuals.values())
+    edges = np.linspace(0.0, end_s, int(np.clip(end_s / _STRIP_COLUMN_S, 1, _MAX_COLUMNS)) + 1)
+    table = np.full((len(residuals), len(edges) - 1), np.nan)
+    for row, each in enumerate(residuals.values()):
+        size, column = np.degrees(np.linalg.norm(each.rad_s, axis=1)), np.digitize(each.seconds, edges[1:-1])
+        for cell in np.unique(column).tolist():
+            table[row, cell] = np.median(size[column == cell])
+    with style.open_picture(path, _STRIP_WIDTH, _STRIP_MARGINS + _STRIP_ROW * len(residuals)) as figure:
+        axes = figure.add_axes(
+            (0.13, 0.45 / figure.get_figheight(), 0.85, 1.0 - _STRIP_MARGINS / figure.get_figheight())
+        )
+        extent = (0.0, end_s, len(residuals) - 0.5, -0.5)
+        image = axes.imshow(
+            np.clip(table, _LEAST, _MOST), cmap=style.LANDMARKS, norm=LogNorm(_LEAST, _MOST), extent=extent,
+            aspect="auto", interpolation="nearest",
+        )  # fmt: skip
+        style.name_rows(axes, [*residuals])
+        axes.set_xlabel("s")
+        style.panel_title(axes, "Gyroscopes against the solved cameras", "difference of angular velocities, deg/s")
+        bar = figure.colorbar(image, ax=axes, pad=0.02, ticks=[_LEAST, 1.0, 3.0, 10.0, _MOST])
+        bar.ax.set_yticklabels(["0.3", "1", "3", "10", "30"])
+        bar.outline.set_visible(False)

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.evaluate.camera_figures import gyroscope_residuals, sensor_figures
 from bodycam_ros.evaluate.evaluation import evaluate
-from bodycam_ros.evaluate.sensor_picture import draw_sensors
+from bodycam_ros.evaluate.time_panels import draw_sensors
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
