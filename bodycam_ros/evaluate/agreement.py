@@ -133,23 +133,16 @@ class Agreement:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the two may be of different motions, and what to do; empty where nothing indicates it."""
-        clock, doubts = self.clock, []
-        if clock.start_sigma_s > 0.0 and clock.lead < _MIN_LEAD:
-            doubts.append(
-                f"the best clock offset is hardly better than the second best (by {clock.lead:.1f} standard "
-                f"deviations of chance, expected {_MIN_LEAD:g} or more)"
-            )
-        if clock.start_sigma_s > _MAX_SIGMA_S:
-            doubts.append(
-                f"the clock offset is known to +-{1e3 * clock.start_sigma_s:.0f} ms only, expected "
-                f"{1e3 * _MAX_SIGMA_S:.0f} ms or less"
-            )
-        if abs(self.scale - 1.0) > _MAX_SCALE:
-            doubts.append(
-                f"the scale is {100.0 * (self.scale - 1.0):+.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less"
-            )
+        clock, off = self.clock, self.scale - 1.0
+        doubts = {
+            f"the best clock offset is hardly better than the second best (by {clock.lead:.1f} standard deviations of "
+            f"chance, expected {_MIN_LEAD:g} or more)": clock.start_sigma_s > 0.0 and clock.lead < _MIN_LEAD,
+            f"the clock offset is known to +-{1e3 * clock.start_sigma_s:.0f} ms only, expected "
+            f"{1e3 * _MAX_SIGMA_S:.0f} ms or less": clock.start_sigma_s > _MAX_SIGMA_S,
+            f"the scale is {100.0 * off:+.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less": abs(off) > _MAX_SCALE,
+        }
         remedy = "is it of the same recording and person, and is each point the right one (--points)?"
-        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in doubts)
+        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt, is_there in doubts.items() if is_there)
 
     @property
     def joints(self) -> tuple[PointAgreement, ...]:

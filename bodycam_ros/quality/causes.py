@@ -205,8 +205,7 @@ def _spread(places: Array, centre: Array) -> float:
 
 def _joint_views(poses: CameraPoses, core: Sequence[str], camera: str) -> list[JointView]:
     """A camera's nearest joints, or its own segment, by the core."""
-    others = [name for name in core if name != camera]
-    links = camera_links(poses.body, [*others, camera], of=camera)
+    links = camera_links(poses.body, core, of=camera)
     views = [JointView(poses, link, camera) for link in links if link.is_exact]
     return [view for view in views if len(view.places) >= _MIN_ROWS]
 
@@ -254,7 +253,7 @@ def _exchanged_places(poses: CameraPoses, found: Contradiction) -> dict[str, str
         for camera, place in product(wanted, free):
             if place == camera:
                 continue
-            links = camera_links(body, [*core, camera], {**moved, camera: body.mounts[place]}, of=camera)
+            links = camera_links(body, core, {**moved, camera: body.mounts[place]}, of=camera)
             gaps = lasting_gaps(poses, links)
             is_next = place in found.gaps or any(link.is_exact and link.pair in gaps for link in links)
             if gaps and is_next and max(gaps.values()) <= DOUBTFUL_GAP_M:

@@ -103,8 +103,9 @@ def camera_links(
         body: segments and joints.
         cameras: names.
         mounts: camera -> its mount; by default that of the body.
-        of: only links of this camera.
+        of: only links of this camera, to the others.
     """
+    cameras = cameras if of is None else [*(camera for camera in cameras if camera != of), of]
     mounts = body.mounts if mounts is None else mounts
     carried = {mounts[camera].segment for camera in cameras}
     paths = {segment: _paths(body, segment, carried) for segment in carried}
@@ -244,8 +245,7 @@ def lasting(values: Array, seconds: Array) -> float:
 
 def gaps_over_time(poses: CameraPoses, core: Sequence[str], camera: str) -> Array:
     """(T,) by how much a camera contradicts the core [m], the median of its links; NaN where unknown."""
-    others = [name for name in core if name != camera]
-    links = camera_links(poses.body, [*others, camera], of=camera)
+    links = camera_links(poses.body, core, of=camera)
     gaps = np.array([link.gap(poses) for link in links]).reshape(-1, len(poses.seconds))
     medians, known = np.full(gaps.shape[1], np.nan), np.isfinite(gaps).any(axis=0)
     medians[known] = np.nanmedian(gaps[:, known], axis=0)
