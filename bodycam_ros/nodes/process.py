@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import rclpy
@@ -54,27 +54,15 @@ class Signals:
         self._received = True
 
 
-class WorkingNode(Protocol):
-    """A node as its process uses it."""
-
-    def bring_up(self) -> None:
-        """Start; raises a BodycamError if that is not possible."""
-
-    def work(self, stopped: Callable[[], bool]) -> None:
-        """Work until done or stopped; raises the BodycamError that ends it."""
-
-    def finish(self) -> None:
-        """Last step; publishing still works."""
-
-
-def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
+def run(name: str, *make_nodes: Callable[[], Any]) -> int:
     """Run nodes in this process until one fails, all are done, or SIGINT, SIGTERM or SIGHUP comes; the exit code.
 
     Each has a thread and an executor of its own: numba's kernels and OpenCV let other threads run meanwhile.
 
     Args:
         name: of the executable, for its errors.
-        make_nodes: make the nodes.
+        make_nodes: make the nodes, which have ``bring_up()``, ``work(stopped)`` until they are done or stopped, and
+            ``finish()``, in which publishing still works; all may raise a BodycamError.
     """
     cv2.setNumThreads(1)
     logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
@@ -89,11 +77,11 @@ def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
             nodes.append(make())
             nodes[-1].bring_up()
         _work(nodes, signals.is_received)
-    except BodycamError as error:
-        return _printed(name, error)
-    except (rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
-        # Without keys DDS does not admit the node, or its ROS arguments are invalid.
-        return _printed(name, " ".join(str(error).split()))
+    except (BodycamError, rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
+        # Of rclpy: without keys DDS does not admit the node, or its ROS arguments are invalid.
+        with suppress(OSError):  # the terminal may be gone
+            print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
+        return USER_ERROR
     finally:
         # A second signal, which a launch file sends, must not cut this short.
         signals.ignore()
@@ -101,7 +89,7 @@ def run(name: str, *make_nodes: Callable[[], WorkingNode]) -> int:
     return 0
 
 
-def _work(nodes: Sequence[WorkingNode], stopped: Callable[[], bool]) -> None:
+def _work(nodes: Sequence[Any], stopped: Callable[[], bool]) -> None:
     if len(nodes) == 1:
         nodes[0].work(stopped)
         nodes[0].finish()
@@ -109,7 +97,7 @@ def _work(nodes: Sequence[WorkingNode], stopped: Callable[[], bool]) -> None:
     over = threading.Event()
     errors: list[BaseException] = []
 
-    def work(node: WorkingNode) -> None:
+    def work(node: Any) -> None:
         try:
             node.work(over.is_set)
             node.finish()
@@ -176,11 +164,3 @@ def ignore_discovery(node: Node) -> bool:
     """Switch off the discovery callbacks of a node's participant in DDS; whether that was possible."""
     with node.handle:
         return without_discovery_callbacks(node.handle.pointer)
-
-
-def _printed(name: str, error: object) -> int:
-    """Print an error in one line; return the exit code."""
-    # The terminal may be gone.
-    with suppress(OSError):
-        print(f"{name}: error: {error}", file=sys.stderr, flush=True)
-    return USER_ERROR

@@ -5,6 +5,7 @@ Clocks that are off by less than the recording are learned from the motion, see 
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics, verdict_status
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.diagnostics import Status, diagnostics_message, text_message
+from bodycam_ros.messages.factory import MessageFactory
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
 from bodycam_ros.messages.timing import TIMING, timing_messages
 from bodycam_ros.messages.tracks import map_points_message
@@ -35,6 +37,7 @@ from bodycam_ros.verdict import VERDICT, Verdict, verdict_text
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
+@dataclass
 class ReplayOutput:
     """The messages of a replay, on their way into the bag.
 
@@ -43,28 +46,18 @@ class ReplayOutput:
         static: what static cameras observed so far.
     """
 
-    def __init__(
-        self,
-        writer: RecordingWriter,
-        body: BodyModel,
-        diagnostics: RegistrationDiagnostics,
-        summary: ReplaySummary,
-        log: CameraPoseLog,
-        clocks: ClockEstimator,
-        equipment: Equipment | None,
-    ) -> None:
-        self._writer = writer
-        self._body = body
-        self._diagnostics = diagnostics
-        self._summary = summary
-        self._log = log
-        self._clocks = clocks
-        self._equipment = equipment
-        self._make = recorded_messages()
-        self._report_due_ns = -1
-        self._begun_ns = 0
-        self.coupled = EquipmentLog()
-        self.static = StaticCameraLog()
+    _writer: RecordingWriter
+    _body: BodyModel
+    _diagnostics: RegistrationDiagnostics
+    _summary: ReplaySummary
+    _log: CameraPoseLog
+    _clocks: ClockEstimator
+    _equipment: Equipment | None
+    coupled: EquipmentLog = field(default_factory=EquipmentLog, init=False)
+    static: StaticCameraLog = field(default_factory=StaticCameraLog, init=False)
+    _make: MessageFactory = field(default_factory=recorded_messages, init=False)
+    _report_due_ns: int = field(default=-1, init=False)
+    _begun_ns: int = field(default=0, init=False)
 
     def write_latched(self, stamp_ns: int, reference_map: ReferenceMap | None) -> None:
         """What is known from the start: the map, if there is one."""
