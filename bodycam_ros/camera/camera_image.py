@@ -1,5 +1,6 @@
 """One image of one camera, decoded only where it is looked at."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.shown import shown
 
 _BITS = {"8": 8, "16": 16}
@@ -156,8 +157,8 @@ def file_values(camera: str, stamp_ns: int, file: bytes, mode: int) -> NDArray[A
     return values
 
 
-def read_image_file(path: Path, mode: int) -> NDArray[np.uint8] | None:
-    """Pixels of an image file; None if it is none.
+def read_image_file(path: Path, mode: int, error: type[BodycamError] = RecordingError) -> NDArray[np.uint8]:
+    """Pixels of an image file.
 
     Orientation tags are ignored: a calibration holds for the sensor's own rows and columns. OpenCV's own reading of
     files crashes on names that are not UTF-8.
@@ -165,12 +166,16 @@ def read_image_file(path: Path, mode: int) -> NDArray[np.uint8] | None:
     Args:
         path: of the file.
         mode: IMREAD_COLOR or IMREAD_GRAYSCALE of OpenCV.
+        error: raised where it is none.
+
+    Raises:
+        BodycamError: it cannot be read.
     """
-    try:
-        file = path.read_bytes()
-    except OSError:
-        return None
-    return _decoded(file, mode | cv2.IMREAD_IGNORE_ORIENTATION)
+    with suppress(OSError):
+        pixels = _decoded(path.read_bytes(), mode | cv2.IMREAD_IGNORE_ORIENTATION)
+        if pixels is not None:
+            return pixels
+    raise error(f"{path}: is no image that can be read; expected a whole JPEG or PNG file")
 
 
 def _decoded(file: bytes, mode: int) -> NDArray[Any] | None:

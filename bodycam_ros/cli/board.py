@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     description = pdf.with_suffix(".yaml")
     check_files(arguments, (pdf, b"%PDF", "PDF"), (description, MARK.encode(), "board that bodycam wrote"))
     page: tuple[float, float] = arguments.page
-    layout = design_layout(arguments.kind, print_area(page))
+    layout = design_layout(arguments.kind, *print_area(page)[1].tolist())
     words, rulers = board_caption(layout), ruler_lengths(page)
     content = board_pdf(layout, page, words)
     printed = layout if arguments.ruler_mm is None else scale_layout(layout, _shares(arguments.ruler_mm, rulers))

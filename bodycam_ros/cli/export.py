@@ -102,21 +102,17 @@ def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
         raise SettingsError(f"--to {ROBOT} takes one recording a call, not {len(arguments.sources)}")
     check_output(arguments.output, (*arguments.sources, arguments.urdf, arguments.mapping))
     with shown_progress() as progress:
-        summary = write_robot(
-            arguments.sources[0],
-            arguments.urdf,
-            arguments.mapping,
-            arguments.output,
-            arguments.force,
-            progress,
+        scale, states, cpu_s = write_robot(
+            arguments.sources[0], arguments.urdf, arguments.mapping, arguments.output, arguments.force, progress
         )
-    errors_cm = 100.0 * np.concatenate(list(summary.errors_m.values()))
+    errors_cm = 100.0 * np.array([list(state.errors_m.values()) for state in states])
     figures = (errors_cm.mean(), np.percentile(errors_cm, 95), errors_cm.max())
     print("hands and feet from their scaled targets: mean {:.2f}, 95 % {:.2f}, at most {:.2f} cm".format(*figures))
-    nearest = "no two links near" if math.isinf(summary.nearest_m) else f"{100.0 * summary.nearest_m:.1f} cm at least"
-    print(f"{summary.frames} frames at {summary.scale:.2f} of the person's size; between its links {nearest}")
-    if summary.blocked:
-        print(f"at {summary.blocked} of them no step satisfied all limits")
-    each_ms = 1e3 * summary.cpu_s / summary.frames
+    nearest_m = min(state.nearest_m for state in states)
+    nearest = "no two links near" if math.isinf(nearest_m) else f"{100.0 * nearest_m:.1f} cm at least"
+    print(f"{len(states)} frames at {scale:.2f} of the person's size; between its links {nearest}")
+    if blocked := sum(state.blocked for state in states):
+        print(f"at {blocked} of them no step satisfied all limits")
+    each_ms = 1e3 * cpu_s / len(states)
     print(f"{each_ms:.1f} ms of inverse kinematics a frame; written to {printable(str(arguments.output))}")
     return 0

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _CLOCKS = (
     ("by", "by", ""), ("start [s]", "time.start_s", "+.4f"), ("sigma [ms]", "time.start_sigma_s", ".1f", 1e3),
     ("drift [ppm]", "time.drift", "+.1f", 1e6), ("sigma [ppm]", "time.drift_sigma", ".1f", 1e6),
-    ("confidence", "confidence", ".2f"),
+    ("confidence", "time.confidence", ".2f"),
 )  # fmt: skip
 _WRITTEN = (
     ("frames", "frames", "d"), ("per second", "rate_hz", ".2f"), ("size", "size", ""),
@@ -90,17 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
         elif arguments.offsets is not None:
             offsets = read_offsets(arguments.offsets, [camera.name for camera in cameras])
         else:
-            offsets = find_offsets(cameras, rig, lambda step, n, total: progress.show(step, n / max(1, total)))
-        summary = ingest(
-            cameras,
-            offsets.times,
-            arguments.output,
-            jobs=arguments.jobs,
-            force=arguments.force,
-            on_progress=lambda share: progress.show("writing", share),
-        )
+            offsets = find_offsets(cameras, rig, progress)
+        summary = ingest(cameras, offsets.times, arguments.output, arguments.jobs, arguments.force, progress)
         write_timing_report(offsets, report)
-        faults += lens_remarks(cameras, lambda done, total: progress.show("comparing lenses", done / max(1, total)))
+        faults += lens_remarks(cameras, progress)
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
     console = Terminal()
     print_sections(console, _tables(summary, offsets))
@@ -132,9 +125,7 @@ def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
     """Clocks, in the order in which the cameras started, and what was written of each camera."""
     times = dict(sorted(offsets.times.items(), key=lambda item: item[1].start_s))
     by = {name: "reference" if name == offsets.reference else time.source for name, time in times.items()}
-    clocks = {
-        name: {"time": time, "by": by[name], "confidence": offsets.confidence[name]} for name, time in times.items()
-    }
+    clocks = {name: {"time": time, "by": by[name]} for name, time in times.items()}
     yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
     written = {}
     for stream in summary.streams:
@@ -145,7 +136,7 @@ def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
             "rate_hz": (tally.frames - 1) / seconds if tally.frames > 1 else 0.0,
             "size": f"{source.written_lens.width} x {source.written_lens.height}",
             "readout_s": source.readout_s,
-            "imu_hz": tally.imu_samples / max(1e-9, source.video.duration_s) or None,
+            "imu_hz": tally.imu_samples / max(1e-9, source.video.facts.duration_s) or None,
             "encoding": _encoding(source),
         }
     flagged = {stream.camera.name for stream in summary.streams if stream.remarks()}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.results.body_motion import between_neighbours, interpolated
+from bodycam_ros.results.body_motion import between_neighbours, interpolated, nearest_rows
 from bodycam_ros.results.solved_body import SolvedBody, plain_name
 from bodycam_ros.results.solved_recording import GAP_FRAMES
 
@@ -144,9 +144,9 @@ def sample_motion(solved: SolvedBody, rate: float | None, even: bool) -> Sampled
         frames = replace(
             solved,
             stamps_ns=at_ns,
-            joint_angles=angles.angles(joints, solved.joint_angles[_nearest(stamps, at_ns)]),
+            joint_angles=angles.angles(joints, solved.joint_angles[nearest_rows(stamps, at_ns)]),
             world_T_root=interpolated(stamps, solved.world_T_root, at_ns),
-            root_covariance=solved.root_covariance[_nearest(stamps, at_ns)],
+            root_covariance=solved.root_covariance[nearest_rows(stamps, at_ns)],
         )
     before, after = np.searchsorted(stamps, at_ns, side="right") - 1, np.searchsorted(stamps, at_ns, side="left")
     known = between_neighbours(stamps, at_ns, GAP_FRAMES * step_ns) | np.isin(at_ns, stamps)
@@ -173,14 +173,9 @@ def _even_stamps(solved: SolvedBody, step_ns: float) -> NDArray[np.int64]:
     if count > _MAX_FRAMES:
         raise RecordingError(f"{solved.path}: {count} frames are more than {_MAX_FRAMES}; choose a lower --rate")
     at_ns = stamps[0] + np.round(np.arange(count) * step_ns).astype(np.int64)
-    nearest = stamps[_nearest(stamps, at_ns)]
+    nearest = stamps[nearest_rows(stamps, at_ns)]
     even: NDArray[np.int64] = np.where(np.abs(nearest - at_ns) <= _SAME_NS, nearest, at_ns)
     return even
-
-
-def _nearest(stamps: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
-    after = np.clip(np.searchsorted(stamps, at_ns), 1, len(stamps) - 1)
-    return np.where(at_ns - stamps[after - 1] < stamps[after] - at_ns, after - 1, after)
 
 
 def _warn_of_gaps(solved: SolvedBody, longest_ns: float) -> None:

@@ -3,13 +3,13 @@
 Sources after the sound are used in turn, for the cameras that those before do not place.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
+from itertools import takewhile
 from threading import Event
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
@@ -19,10 +19,10 @@ from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.ingest.motion_sync import motion_times
 from bodycam_ros.ingest.sound_envelope import CameraSound, scan_sound
 from bodycam_ros.ingest.sound_sync import sound_times
+from bodycam_ros.progress import Progress
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.sound import SoundBlock, SoundSource
-from bodycam_ros.recording.video_file import grey_pixels
 from bodycam_ros.tracking.angular_speed import AngularSpeed, angular_speed
 
 _SIGMAS = 4.0  # from which on two sources contradict each other
@@ -34,9 +34,6 @@ _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: ca
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
 
-Progress = Callable[[str, int, int], None]
-"""Called with what is done, how much of it is done, and of how much."""
-
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
@@ -45,35 +42,29 @@ class Offsets:
     Attributes:
         reference: camera whose media time is the recording's.
         times: camera -> its clock, in the order in which they were given.
-        confidence: camera -> 0 to 1: how far ahead the chosen offset is of the second best; 1 of a given one.
-        unplaced: camera without a clock -> why; it is in neither ``times`` nor ``confidence``.
+        unplaced: camera without a clock, which is not in ``times`` -> why.
         remarks: for the user, a line each.
     """
 
     reference: str
     times: Mapping[str, CameraTime]
-    confidence: Mapping[str, float]
     unplaced: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
 
-def find_offsets(
-    cameras: Sequence[IngestCamera],
-    rig: Rig | None,
-    on_progress: Progress = lambda what, done, count: None,
-) -> Offsets:
+def find_offsets(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress) -> Offsets:
     """Find the clocks of all cameras from their files; see ``camera_times``."""
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
-    sources = [_motion(cameras, rig, on_progress), creation_clock(videos)]
-    return camera_times(sounds, None if rig is None else rig.cameras, sources, on_progress)
+    sources = [_motion(cameras, rig, progress), creation_clock(videos)]
+    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress)
 
 
 def camera_times(
     sounds: Mapping[str, SoundSource],
-    segments: Mapping[str, str] | None = None,
-    sources: Sequence[TimeSource] = (),
-    on_progress: Progress = lambda what, done, count: None,
+    segments: Mapping[str, str] | None,
+    sources: Sequence[TimeSource],
+    progress: Progress,
 ) -> Offsets:
     """Find the clocks of all cameras.
 
@@ -81,58 +72,49 @@ def camera_times(
         sounds: camera -> its sound, opened once; no block at all is a camera without sound.
         segments: camera -> segment that it is strapped to, if that is known.
         sources: used after the sound, in this order.
-        on_progress: called from the calling thread.
+        progress: of scanning and comparing.
 
     Raises:
         RecordingError: no two cameras can be placed; the message gives the reason for each, and what to do.
     """
     if len(sounds) == 1:
         only = next(iter(sounds))
-        return Offsets(only, {only: CameraTime(only, 0.0, 0.0, 0.0, 0.0, "given")}, {only: 1.0})
-    scanned, remarks = _scan(sounds, on_progress)
+        return Offsets(only, {only: CameraTime(only)})
+    scanned, remarks = _scan(sounds, progress)
     without = {name: fault for name, sound in scanned.items() if (fault := _silence(sound))}
     remarks += [f"{name}: {fault}" for name, fault in without.items()]
     # A camera in the middle of the body: claps reach it with the mean delay.
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
-    found = sound_times(scanned, middle, lambda done, count: on_progress("comparing sounds", done, count))
-    times, confidence = dict(found.times), dict(found.confidence)
+    times = dict(sound_times(scanned, middle, progress).times)
     tried = []
     for source in sources:
         more = source(times)
         tried.append(more.source)
-        remarks += [*more.remarks, *_added(more, times, confidence, scanned)]
-    placed = [name for name in sounds if name in times]
-    reasons = {name: _reason(name, without, placed, tried) for name in sounds if name not in times}
+        remarks += [*more.remarks, *_added(more, times, scanned)]
+    placed = {name: times[name] for name in sounds if name in times}
     if len(placed) < 2:
         raise RecordingError(_unknown_clocks({name: _reason(name, without, (), tried) for name in sounds}))
-    reference = next((name for name in placed if times[name].start_sigma_s == 0.0), placed[0])
-    return Offsets(
-        reference,
-        relative_to(reference, {name: times[name] for name in placed}),
-        {name: confidence[name] for name in placed},
-        reasons,
-        tuple(remarks + _doubts(placed, times, confidence)),
-    )
+    unplaced = {name: _reason(name, without, list(placed), tried) for name in sounds if name not in times}
+    remarks += [
+        f"{name}: another start fits nearly as well (confidence {time.confidence:.2f})"
+        for name, time in placed.items()
+        if time.confidence < _DOUBTFUL and time.start_sigma_s <= _ROUGH_S
+    ]
+    reference = next((name for name, time in placed.items() if time.start_sigma_s == 0.0), next(iter(placed)))
+    return Offsets(reference, relative_to(reference, placed), unplaced, tuple(remarks))
 
 
-def _scan(sounds: Mapping[str, SoundSource], on_progress: Progress) -> tuple[dict[str, CameraSound], list[str]]:
+def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[str, CameraSound], list[str]]:
     """Scan all sounds, as many at once as there are cores; of a sound that breaks off, what was read counts."""
     faults: dict[str, str] = {}
 
     def blocks(name: str, ended: Event) -> Iterator[SoundBlock]:
         try:
-            for block in sounds[name]():
-                if ended.is_set():
-                    return
-                yield block
+            yield from takewhile(lambda _: not ended.is_set(), sounds[name]())
         except RecordingError as error:
             faults[name] = str(error)
 
-    scanned = for_each_camera(
-        sounds,
-        lambda name, ended: scan_sound(blocks(name, ended)),
-        lambda done, count: on_progress("scanning sound", done, count),
-    )
+    scanned = for_each_camera(sounds, lambda name, ended: scan_sound(blocks(name, ended)), "scanning sound", progress)
     return scanned, [f"{name}: {faults[name]}" for name in sounds if name in faults]
 
 
@@ -143,12 +125,7 @@ def _silence(sound: CameraSound) -> str:
     return "its sound is silence" if sound.loudest <= 0.0 else ""
 
 
-def _added(
-    found: FoundTimes,
-    times: dict[str, CameraTime],
-    confidence: dict[str, float],
-    scanned: Mapping[str, CameraSound],
-) -> list[str]:
+def _added(found: FoundTimes, times: dict[str, CameraTime], scanned: Mapping[str, CameraSound]) -> list[str]:
     """Add the cameras that another source places; remarks on them, and on those that it contradicts."""
     common = [name for name in found.times if name in times]
     common = [name for name in common if times[name].start_sigma_s == 0.0] or common
@@ -161,7 +138,7 @@ def _added(
         if name not in scanned:
             continue
         if name not in times:
-            times[name], confidence[name] = time, found.confidence.get(name, 0.0)
+            times[name] = time
             within = f" to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
             remarks.append(f"{name}: its clock cannot be found by sound; found by {found.source}{within}")
             continue
@@ -173,14 +150,6 @@ def _added(
                 f"{1e3 * gap_s:+.1f} ms, {abs(gap_s) / sigma_s:.0f} sigmas, and is not used"
             )
     return remarks
-
-
-def _doubts(names: Sequence[str], times: Mapping[str, CameraTime], confidence: Mapping[str, float]) -> list[str]:
-    return [
-        f"{n}: another start fits nearly as well (confidence {confidence[n]:.2f})"
-        for n in names
-        if confidence[n] < _DOUBTFUL and times[n].start_sigma_s <= _ROUGH_S
-    ]
 
 
 def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Sequence[str]) -> str:
@@ -200,17 +169,17 @@ def _unknown_clocks(reasons: Mapping[str, str]) -> str:
 
 def creation_clock(videos: Sequence[CameraVideo | ImageFolder]) -> TimeSource:
     """By the time of creation that the camera's own clock gave its file, if that was ever set."""
-    created = {video.camera: plausible_time(video.created) for video in videos}
+    created = {video.camera: plausible_time(video.facts.created) for video in videos}
     starts_s = {name: time.timestamp() for name, time in created.items() if time is not None}
 
     def found(known: Mapping[str, CameraTime]) -> FoundTimes:
         first = next(iter(starts_s), "")
         times = {
-            name: CameraTime(name, start_s - starts_s[first], 0.0, _CREATION_SIGMA_S, _FILE_DRIFT_SIGMA, "given")
+            name: CameraTime(name, start_s - starts_s[first], 0.0, _CREATION_SIGMA_S, _FILE_DRIFT_SIGMA, confidence=0.0)
             for name, start_s in starts_s.items()
         }
         if first and not known:
-            times[first] = CameraTime(first, 0.0, 0.0, 0.0, 0.0, "given")
+            times[first] = CameraTime(first, confidence=0.0)
         return FoundTimes("given", times)
 
     return found
@@ -223,27 +192,20 @@ def plausible_time(created: datetime | None) -> datetime | None:
     return created
 
 
-def _motion(cameras: Sequence[IngestCamera], rig: Rig | None, on_progress: Progress) -> TimeSource:
+def _motion(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress) -> TimeSource:
     """By how the cameras turned; only where one is not placed yet, as all images have to be decoded."""
     by_name = {camera.name: camera for camera in cameras}
 
     def speed(name: str, ended: Event) -> AngularSpeed | None:
         try:
-            return angular_speed(by_name[name].lens, _grey_images(by_name[name], ended))
+            return angular_speed(by_name[name].lens, by_name[name].grey_images(ended))
         except RecordingError:
             return None  # a video that cannot be decoded is named when it is written
 
     def found(known: Mapping[str, CameraTime]) -> FoundTimes:
         if all(name in known for name in by_name):
             return FoundTimes("motion", {})
-        speeds = for_each_camera(by_name, speed, lambda done, count: on_progress("measuring rotation", done, count))
+        speeds = for_each_camera(by_name, speed, "measuring rotation", progress)
         return motion_times({name: each for name, each in speeds.items() if each is not None}, rig)
 
     return found
-
-
-def _grey_images(camera: IngestCamera, ended: Event) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    for media_s, frame in camera.video.frames(threads=1):
-        if ended.is_set():
-            return
-        yield media_s, grey_pixels(frame)

@@ -4,7 +4,7 @@ A camera c that records the event e at its media time a has ``start_c + (1 + dri
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,14 +31,16 @@ class CameraTime:
         start_sigma_s: standard deviation of ``start_s`` [s].
         drift_sigma: standard deviation of ``drift``.
         source: what it was found by: sound, motion or given.
+        confidence: 0 to 1, how far ahead its start is of the second best; 1 of a given one.
     """
 
     camera: str
-    start_s: float
-    drift: float
-    start_sigma_s: float
-    drift_sigma: float
-    source: str
+    start_s: float = 0.0
+    drift: float = 0.0
+    start_sigma_s: float = 0.0
+    drift_sigma: float = 0.0
+    source: str = "given"
+    confidence: float = 1.0
 
     def recording_s(self, media_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Times of the recording (N,) [s] at media times (N,) [s]."""
@@ -133,7 +135,7 @@ def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, Ca
         )
         for name, time in times.items()
     }
-    return moved | {reference: CameraTime(reference, 0.0, 0.0, 0.0, 0.0, zero.source)}
+    return moved | {reference: CameraTime(reference, source=zero.source, confidence=zero.confidence)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,13 +145,11 @@ class FoundTimes:
     Attributes:
         source: sound, motion or given.
         times: camera -> its clock, in the time of those known before, or in one of its own.
-        confidence: camera -> 0 to 1, the lead over the second best offset; 0 of one that is not in it.
         remarks: for the user, a sentence each.
     """
 
     source: str
     times: Mapping[str, CameraTime]
-    confidence: Mapping[str, float] = field(default_factory=dict)
     remarks: Sequence[str] = ()
 
 

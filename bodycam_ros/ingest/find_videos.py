@@ -9,12 +9,11 @@ from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.recording.image_folder import IMAGE_SUFFIXES
 from bodycam_ros.recording.video_file import SUFFIXES
 
-_GOPRO = re.compile(r"(?P<kind>G[HXL])(?P<chapter>\d\d)(?P<number>\d{4})", re.IGNORECASE)
-_GOPRO_OLD = re.compile(r"(?P<kind>GOPR|GP(?P<chapter>\d\d))(?P<number>\d{4})", re.IGNORECASE)
-_NUMBERED = re.compile(r"(?P<name>.+?)_(?P<chapter>\d{1,3})")
+_CHAPTER = re.compile(r"G[HXL](?P<hero>\d\d)\d{4}|GP(?P<old>\d\d)\d{4}|.+?(?P<number>_\d{1,3})", re.IGNORECASE)
+_FIRST_OLD = re.compile(r"GOPR(?=\d{4}$)", re.IGNORECASE)
 
-Recordings = dict[str, list[tuple[Path, ...]]]
-"""Camera -> its recordings, each by its chapters."""
+Recordings = list[tuple[str, tuple[Path, ...]]]
+"""Camera and chapters of each."""
 
 
 @dataclass(frozen=True)
@@ -66,18 +65,21 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     Raises:
         RecordingError: something given does not exist, or has no video.
     """
-    cameras: Recordings = {}
+    recordings: Recordings = []
     files = [path for path in given if not path.is_dir()]
     for folder in dict.fromkeys(path.parent for path in files):
-        _add(cameras, _recordings([path for path in files if path.parent == folder], lens_folder))
+        recordings += _recordings([path for path in files if path.parent == folder], lens_folder)
     for path in given:
         if path.is_dir():
-            _add(cameras, _in_folder(path, lens_folder))
+            recordings += _in_folder(path, lens_folder)
         elif not path.exists():
             raise RecordingError(f"{path}: does not exist; give video files, or folders with them")
+    cameras: dict[str, dict[tuple[Path, ...], tuple[Path, ...]]] = {}
+    for camera, paths in recordings:
+        cameras.setdefault(camera, {})[tuple(path.resolve() for path in paths)] = paths
     found, faults = [], []
-    for camera, recordings in sorted(cameras.items()):
-        distinct = list({tuple(path.resolve() for path in paths): paths for paths in recordings}.values())
+    for camera, by_place in sorted(cameras.items()):
+        distinct = list(by_place.values())
         if len(distinct) == 1:
             found.append(CameraFiles(camera, distinct[0]))
             continue
@@ -89,25 +91,20 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     return found, faults
 
 
-def _add(cameras: Recordings, more: Recordings) -> None:
-    for camera, recordings in more.items():
-        cameras.setdefault(camera, []).extend(recordings)
-
-
 def _in_folder(folder: Path, lens_folder: Path | None) -> Recordings:
     if videos := _files_in(folder, SUFFIXES):
         return _recordings(videos, lens_folder)
     if images := _files_in(folder, IMAGE_SUFFIXES):
-        return {folder.resolve().name: [tuple(images)]}
-    cameras: Recordings = {}
+        return [(folder.resolve().name, tuple(images))]
+    recordings: Recordings = []
     for inner in sorted(path for path in folder.iterdir() if path.is_dir()):
         if videos := _files_in(inner, SUFFIXES):
-            cameras[inner.name] = [paths for each in _recordings(videos, None).values() for paths in each]
+            recordings += [(inner.name, paths) for _, paths in _recordings(videos, None)]
         elif images := _files_in(inner, IMAGE_SUFFIXES):
-            cameras[inner.name] = [tuple(images)]
-    if not cameras:
+            recordings.append((inner.name, tuple(images)))
+    if not recordings:
         raise RecordingError(f"{folder}: has no video; expected files such as head.mp4, or a folder for each camera")
-    return cameras
+    return recordings
 
 
 def _files_in(folder: Path, suffixes: frozenset[str]) -> list[Path]:
@@ -119,44 +116,33 @@ def _files_in(folder: Path, suffixes: frozenset[str]) -> list[Path]:
 
 
 def _recordings(videos: Sequence[Path], lens_folder: Path | None) -> Recordings:
-    """Camera -> its recordings among the videos of one folder."""
-    with_lens = {path.stem for path in videos if ((lens_folder or path.parent) / f"{path.stem}.yaml").exists()}
-    numbered = _numbered_names({path.stem for path in videos}, with_lens)
+    """Cameras and their recordings among the videos of one folder."""
     groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
     for path in videos:
-        recording, chapter = _chapter(path.stem, numbered)
-        groups.setdefault((recording, path.suffix.lower()), []).append((chapter, path))
-    cameras: Recordings = {}
-    for (recording, _), chapters in sorted(groups.items()):
-        paths = tuple(path for _, path in sorted(chapters))
-        cameras.setdefault(recording if recording in numbered else paths[0].stem, []).append(paths)
-    return cameras
+        name, chapter = _chapter(path.stem)
+        groups.setdefault((name, path.suffix.lower()), []).append((chapter, path))
+    recordings: Recordings = []
+    for (name, _), chapters in sorted(groups.items()):
+        numbers, paths = zip(*sorted(chapters), strict=True)
+        is_numbered = any(_number(path.stem) for path in paths)
+        lenses = [((lens_folder or path.parent) / f"{path.stem}.yaml").exists() for path in paths]
+        if is_numbered and (numbers != tuple(range(1, 1 + len(paths))) or any(lenses[1:]) or len(paths) == 1):
+            recordings += [(path.stem, (path,)) for path in paths]
+        else:
+            recordings.append((name if is_numbered else paths[0].stem, paths))
+    return recordings
 
 
-def _chapter(stem: str, numbered: set[str]) -> tuple[str, int]:
-    """What a recording's files have in common, and which chapter of it a file is."""
-    if found := _GOPRO.fullmatch(stem):
-        return f"{found['kind'].upper()}{found['number']}", int(found["chapter"])
-    if found := _GOPRO_OLD.fullmatch(stem):
-        return f"GOPR{found['number']}", int(found["chapter"] or 0)
-    if (found := _NUMBERED.fullmatch(stem)) and found["name"] in numbered:
-        return found["name"], int(found["chapter"])
-    return (stem, 0)
+def _chapter(stem: str) -> tuple[str, int]:
+    """What a recording's files have in common, and which chapter of it a file may be; 1 without a number."""
+    found = _CHAPTER.fullmatch(stem)
+    if found is None:
+        return _FIRST_OLD.sub("GP", stem), 1
+    kind = found.lastgroup or ""
+    name, chapter = stem[: found.start(kind)] + stem[found.end(kind) :], int(found[kind].lstrip("_"))
+    return name, chapter + 1 if kind == "old" else chapter
 
 
-def _numbered_names(stems: set[str], with_lens: set[str]) -> set[str]:
-    """Names whose files are numbered without a gap from 1 on, or from 2 on behind one that has no number."""
-    numbers: dict[str, set[int]] = {}
-    apart = set()
-    for stem in stems:
-        if found := _NUMBERED.fullmatch(stem):
-            name, chapter = found["name"], int(found["chapter"])
-            numbers.setdefault(name, set()).add(chapter)
-            if chapter > 1 and stem in with_lens:
-                apart.add(name)
-    names = set()
-    for name, present in numbers.items():
-        start = 2 if name in stems else 1
-        if len(present) + (name in stems) > 1 and present == set(range(start, start + len(present))):
-            names.add(name)
-    return names - apart
+def _number(stem: str) -> str | None:
+    found = _CHAPTER.fullmatch(stem)
+    return found["number"] if found else None

@@ -21,6 +21,7 @@ from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, time_message
 from bodycam_ros.messages.images import COMPRESSED_VIDEO, camera_info_message
 from bodycam_ros.messages.timing import CameraTiming, timing_message
+from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
@@ -119,7 +120,7 @@ class FrameStream:
     def _stamped_frames(self) -> Iterator[SerializedMessage]:
         make, name, lens = recorded_messages(), self.camera.topic_name, self.camera.written_lens
         info_due_ns: int | None = None
-        latest_s = (self.camera.video.duration_s or math.inf) + _ASTRAY_S
+        latest_s = (self.camera.video.facts.duration_s or math.inf) + _ASTRAY_S
         for media_s, topic, message in self._frames():
             if not -_ASTRAY_S < media_s < min(latest_s, _LONGEST_S):
                 self.tally.unordered += 1
@@ -159,10 +160,9 @@ class FrameStream:
                 yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format=kind, data=data)
         else:
             frame_id = optical_frame(self.camera.topic_name)
-            for timed in self._packets():
-                data, kind = np.frombuffer(timed.packet.data, dtype=np.uint8), _FORMATS[timed.packet.codec]
-                message = make(COMPRESSED_VIDEO, frame_id=frame_id, data=data, format=kind)
-                yield timed.media_s, "compressed_video", message
+            for media_s, packet in self._packets():
+                data, kind = np.frombuffer(packet.data, dtype=np.uint8), _FORMATS[packet.codec]
+                yield media_s, "compressed_video", make(COMPRESSED_VIDEO, frame_id=frame_id, data=data, format=kind)
 
     def _packets(self) -> Iterator[TimedPacket]:
         video, facts = self.camera.video, self.camera.video.facts
@@ -171,10 +171,10 @@ class FrameStream:
             yield from h264_packets(frames, facts.rotation_deg, facts.rate_hz, self.threads, self._size)
             return
         has_key = False
-        for timed in video.packets():
-            has_key = has_key or timed.packet.is_key
+        for media_s, packet in video.packets():
+            has_key = has_key or packet.is_key
             if has_key:
-                yield timed
+                yield media_s, packet
             else:
                 self.tally.without_key += 1
 
@@ -205,26 +205,22 @@ def merged_ahead(streams: Sequence[Iterator[T]], order: Callable[[T], int], jobs
 
 
 def for_each_camera(
-    cameras: Iterable[str], work: Callable[[str, Event], T], on_done: Callable[[int, int], None]
+    cameras: Iterable[str], work: Callable[[str, Event], T], step: str, progress: Progress
 ) -> dict[str, T]:
     """Camera -> the result of its work.
 
     Args:
         cameras: names.
         work: done in threads; ends soon once the event is set: Ctrl-C must not wait for two hours of video.
-        on_done: called with how many are done, and of how many, from the calling thread.
+        step: name of the whole.
+        progress: of the cameras.
     """
-    ended = Event()
-    results: dict[str, T] = {}
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        waiting = {camera: pool.submit(work, camera, ended) for camera in cameras}
-        try:
-            for done, (camera, result) in enumerate(waiting.items()):
-                on_done(done, len(waiting))
-                results[camera] = result.result()
-        except BaseException:
-            ended.set()
-            pool.shutdown(cancel_futures=True)
-            raise
-        on_done(len(waiting), len(waiting))
+    ended, names, results = Event(), list(cameras), dict[str, T]()
+    try:
+        with progress.step(step, len(names)) as advance:
+            for result in in_parallel(lambda name: work(name, ended), names, os.cpu_count() or 1):
+                results[names[len(results)]] = result
+                advance()
+    finally:
+        ended.set()
     return results

@@ -1,13 +1,10 @@
 """Videos of cameras into one bag, in the time of one of them."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event
-
-import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import plausible_time
@@ -16,9 +13,9 @@ from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged
 from bodycam_ros.ingest.inertial_stream import imu_messages, read_inertial_samples
 from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
 from bodycam_ros.lens.lens_check import LensMatch, match_images
-from bodycam_ros.recording.bag_writer import INGEST, write_recording
+from bodycam_ros.progress import Progress
+from bodycam_ros.recording.bag_writer import INGEST, SerializedMessage, write_recording
 from bodycam_ros.recording.telemetry import InertialSamples
-from bodycam_ros.recording.video_file import grey_pixels
 
 _EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
 _MOST_LENS_FRAMES = 900  # a camera that lies still for all of them is not compared with its lens
@@ -49,9 +46,9 @@ def ingest(
     cameras: Sequence[IngestCamera],
     times: Mapping[str, CameraTime],
     output: Path,
-    jobs: int = 1,
-    force: bool = False,
-    on_progress: Callable[[float], None] = lambda share: None,
+    jobs: int,
+    force: bool,
+    progress: Progress,
 ) -> IngestSummary:
     """Write the bag: every frame at ``base + CameraTime.recording_s(its own media time)``.
 
@@ -64,7 +61,7 @@ def ingest(
         output: ros2 bag folder to be; it appears whole or not at all.
         jobs: threads that decode and compress.
         force: replace a bag that an ingest wrote.
-        on_progress: called with the share that is done, 0 to 1.
+        progress: of the frames.
 
     Raises:
         RecordingError: no camera can be read.
@@ -76,8 +73,7 @@ def ingest(
     base_ns = round(base.timestamp() * 1e6) * 1000
     threads = max(1, jobs // len(timed))
     streams = [FrameStream(camera, times[camera.name], base_ns, threads) for camera in timed]
-    start_s = min(_interval(camera, times)[0] for camera in timed)
-    total_s = max(_interval(camera, times)[1] for camera in timed) - start_s
+    frames = sum(camera.video.facts.about_frames for camera in timed)
     imus = _inertial_samples(streams)
     with write_recording(output, force, INGEST) as writer:
         messages = [stream.messages() for stream in streams]
@@ -86,10 +82,11 @@ def ingest(
             for camera in timed
             if camera.name in imus
         ]
-        with merged_ahead(messages, lambda message: message.stamp_ns, jobs) as merged:
+        by_stamp: Callable[[SerializedMessage], int] = lambda message: message.stamp_ns  # noqa: E731
+        with merged_ahead(messages, by_stamp, jobs) as merged, progress.step("writing", frames) as advance:
             for message in merged:
                 writer.write_serialized(*message)
-                on_progress((1e-9 * (message.stamp_ns - base_ns) - start_s) / max(total_s, 1e-9))
+                advance(int("/image_raw" in message.topic))
         faults += [_left_out(stream) for stream in streams if not stream.tally.frames]
         written = [stream for stream in streams if stream.tally.frames]
         check_any([stream.camera for stream in written], faults)
@@ -114,7 +111,7 @@ def _inertial_samples(streams: Sequence[FrameStream]) -> dict[str, InertialSampl
 def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
     """Start and end of a camera in the recording's time [s]."""
     time = times[camera.name]
-    return time.start_s, time.start_s + (1.0 + time.drift) * camera.video.duration_s
+    return time.start_s, time.start_s + (1.0 + time.drift) * camera.video.facts.duration_s
 
 
 def _overlapping(
@@ -143,7 +140,7 @@ def _overlapping(
 def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> datetime:
     """UTC of the recording's time 0: when the reference began, by its own clock, if that was set."""
     reference = min(cameras, key=lambda camera: (abs(times[camera.name].start_s), times[camera.name].start_sigma_s))
-    return plausible_time(reference.video.created) or _EPOCH
+    return plausible_time(reference.video.facts.created) or _EPOCH
 
 
 def _left_out(stream: FrameStream) -> str:
@@ -151,27 +148,16 @@ def _left_out(stream: FrameStream) -> str:
     return f"camera {stream.camera.name}: left out: {why}"
 
 
-def lens_remarks(cameras: Sequence[IngestCamera], on_progress: Callable[[int, int], None]) -> list[str]:
-    """A line for each camera whose images do not fit its lens, with the likely mode.
-
-    Args:
-        cameras: all of them.
-        on_progress: called with how many are done, and of how many.
-    """
+def lens_remarks(cameras: Sequence[IngestCamera], progress: Progress) -> list[str]:
+    """A line for each camera whose images do not fit its lens, with the likely mode."""
     by_name = {camera.name: camera for camera in cameras}
-    matches = for_each_camera(by_name, lambda name, ended: _match(by_name[name], ended), on_progress)
-    return [matches[name].text for name in by_name if not matches[name].matches]
 
+    def match(name: str, ended: Event) -> LensMatch:
+        lens, images = by_name[name].lens, by_name[name].grey_images(ended)
+        try:
+            return match_images(lens, (grey for _, grey in images), _MOST_LENS_FRAMES)
+        except RecordingError:  # named when it is written
+            return match_images(lens, [])
 
-def _match(camera: IngestCamera, ended: Event) -> LensMatch:
-    def images() -> Iterator[NDArray[np.uint8]]:
-        turns = camera.video.facts.rotation_deg // 90
-        for _, frame in camera.video.frames(threads=1):
-            if ended.is_set():
-                return
-            yield np.ascontiguousarray(np.rot90(grey_pixels(frame), turns))
-
-    try:
-        return match_images(camera.lens, images(), _MOST_LENS_FRAMES)
-    except RecordingError:  # named when it is written
-        return match_images(camera.lens, [])
+    matches = for_each_camera(by_name, match, "comparing lenses", progress)
+    return [each.text for each in matches.values() if not each.matches]

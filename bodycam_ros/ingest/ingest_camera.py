@@ -1,9 +1,13 @@
 """A camera to be ingested: its video or images, its lens, and the size of its frames in the bag."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
@@ -11,6 +15,7 @@ from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
+from bodycam_ros.recording.video_file import grey_pixels
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.stations_file import read_stations
 
@@ -44,6 +49,14 @@ class IngestCamera:
     def written_lens(self) -> CameraModel:
         """The lens of the frames in the bag."""
         return self.lens if self.scale == 1.0 else scaled_camera(self.lens, self.scale)
+
+    def grey_images(self, ended: Event) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+        """Media time [s] and grey pixels (H, W), upright, of the frames until the event is set."""
+        rotation_deg = self.video.facts.rotation_deg
+        for media_s, frame in self.video.frames(threads=1):
+            if ended.is_set():
+                return
+            yield media_s, grey_pixels(frame, rotation_deg)
 
     @property
     def is_copied(self) -> bool:
@@ -132,13 +145,7 @@ def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, s
     else:
         video = open_video(files)
     lens, readout_s, lens_path = read_lens(files, lens_folder)
-    facts = video.facts
-    if (lens.width, lens.height) != (facts.width, facts.height):
-        turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""
-        raise LensError(
-            f"{lens_path}: is for {lens.width} x {lens.height} pixels, but {video.path} has "
-            f"{facts.width} x {facts.height}{turned}; calibrate the camera in the mode that it recorded in"
-        )
+    video.facts.check_size(video.path, lens, lens_path)
     if isinstance(video, CameraVideo) and (reason := video.stabilisation()):
         raise RecordingError(
             f"{video.path}: was recorded with electronic stabilisation ({reason}), which moves and bends each image as "

@@ -40,7 +40,7 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
         if camera not in lively
     ]
     if not lively:
-        return FoundTimes("motion", {}, {}, remarks)
+        return FoundTimes("motion", {}, remarks)
     on_root = [camera for camera in lively if rig is not None and rig.cameras.get(camera) == rig.root]
     reference = next(iter(on_root or lively))
     begin_s = _liveliest(lively)
@@ -65,11 +65,16 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
                 "turn the whole body to and fro once"
             )
     times = {
-        camera: CameraTime(camera, offset.samples / SEARCH_RATE, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion")
-        for camera, offset in sure.items()
+        camera: CameraTime(
+            camera, each.samples / SEARCH_RATE, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence
+        )
+        for camera, each in sure.items()
     }
-    times |= {reference: CameraTime(reference, 0.0, 0.0, 0.0, 0.0, "motion")}
-    return FoundTimes("motion", times, {camera: sure[camera].confidence for camera in sure}, remarks)
+    return FoundTimes(
+        "motion",
+        times | {reference: CameraTime(reference, source="motion", confidence=agreed[reference].confidence)},
+        remarks,
+    )
 
 
 def _is_lively(speed: AngularSpeed) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,14 +39,8 @@ class OffsetCurve:
         return self.lowest + int(np.argmax(self.values))
 
 
-@dataclass(frozen=True)
-class AgreedOffset:
-    """Where one camera starts.
-
-    Attributes:
-        samples: its offset from the reference.
-        confidence: 0 to 1, how far its evidence is above the next best offset's and above chance.
-    """
+class AgreedOffset(NamedTuple):
+    """Offset from the reference [samples], and 0 to 1 how far its evidence is above the next best's and chance."""
 
     samples: int
     confidence: float

@@ -54,13 +54,12 @@ def scan_sound(blocks: Iterable[SoundBlock]) -> CameraSound:
     """What is kept of a camera's sound, which is read once from its beginning to its end."""
     envelopes: list[tuple[float, NDArray[np.float16]]] = []
     end_s, loudest = 0.0, 0.0
-    for chunk in _chunks(blocks):
+    for chunk, begin_s, until_s in _chunks(blocks):
         loudest = max(loudest, float(np.abs(chunk.samples).max()))
-        begin, end = (round(1e3 * seconds) for seconds in (chunk.begin_s, chunk.end_s))
-        flux = _flux(_band_energies(chunk))[begin:end]
+        flux = _flux(_band_energies(chunk))[round(1e3 * begin_s) : round(1e3 * until_s)]
         even = flux[: len(flux) - len(flux) % _STEP].reshape(-1, _STEP).max(axis=1)
-        envelopes.append((chunk.start_s + chunk.begin_s, even.astype(np.float16)))
-        end_s = max(end_s, chunk.start_s + chunk.end_s)
+        envelopes.append((chunk.start_s + begin_s, even.astype(np.float16)))
+        end_s = max(end_s, chunk.start_s + until_s)
     if not envelopes:
         return CameraSound(0.0, 0.0, 0.0, np.zeros(0, dtype=np.float16))
     start_s = envelopes[0][0]
@@ -71,46 +70,33 @@ def scan_sound(blocks: Iterable[SoundBlock]) -> CameraSound:
     return CameraSound(start_s, end_s, loudest, envelope)
 
 
-@dataclass(frozen=True, eq=False)
-class _Chunk:
-    """Samples (N,) without a gap, with context on both sides of what is new in it.
+def _chunks(blocks: Iterable[SoundBlock]) -> Iterator[tuple[SoundBlock, float, float]]:
+    """Sound without a gap, with context on both sides of what is new in it, and from where to where that is [s].
 
-    ``start_s`` is the media time of the first sample; ``begin_s`` to ``end_s`` [s] after it is what is new.
+    Chunks are of 10 s, the last of each run without a gap longer or shorter; the same whatever the size of blocks.
     """
-
-    samples: NDArray[np.float32]
-    rate_hz: float
-    start_s: float
-    begin_s: float
-    end_s: float
-
-
-def _chunks(blocks: Iterable[SoundBlock]) -> Iterator[_Chunk]:
-    """Chunks of 10 s, the last of each run without a gap longer or shorter; the same whatever the size of blocks."""
-    buffered = np.zeros(0, np.float32)
-    rate_hz, start_s, begin_s = 0.0, 0.0, 0.0
+    pieces: list[NDArray[np.float32]] = []
+    count, rate_hz, start_s, begin_s = 0, 0.0, 0.0, 0.0
     for block in blocks:
-        if not len(block.samples):
-            continue
-        late_s = block.start_s - start_s - len(buffered) / max(rate_hz, 1.0)
-        if len(buffered) and (block.rate_hz != rate_hz or abs(late_s) > _RATE_TOLERANCE_S):
-            yield _Chunk(buffered, rate_hz, start_s, begin_s, len(buffered) / rate_hz)
-            buffered = buffered[:0]
-        if not len(buffered):
+        late_s = block.start_s - start_s - count / max(rate_hz, 1.0)
+        if count and (block.rate_hz != rate_hz or abs(late_s) > _RATE_TOLERANCE_S):
+            yield SoundBlock(start_s, np.concatenate(pieces), rate_hz), begin_s, count / rate_hz
+            pieces, count = [], 0
+        if not count:
             rate_hz, start_s, begin_s = block.rate_hz, block.start_s, 0.0
-        buffered = np.concatenate((buffered, np.nan_to_num(np.asarray(block.samples, dtype=np.float32))))
-        while len(buffered) >= round((begin_s + _CHUNK_S + _CONTEXT_S) * rate_hz):
-            size = round((begin_s + _CHUNK_S + _CONTEXT_S) * rate_hz)
-            passed = round((begin_s + _CHUNK_S - _CONTEXT_S) * rate_hz)
-            yield _Chunk(buffered[:size], rate_hz, start_s, begin_s, begin_s + _CHUNK_S)
+        pieces.append(np.nan_to_num(block.samples))
+        count += len(block.samples)
+        while count >= (size := round((begin_s + _CHUNK_S + _CONTEXT_S) * rate_hz)):
+            sound, passed = np.concatenate(pieces), round((begin_s + _CHUNK_S - _CONTEXT_S) * rate_hz)
+            yield SoundBlock(start_s, sound[:size], rate_hz), begin_s, begin_s + _CHUNK_S
             # Stamps are rounded, and clocks of sound drift against those of images: each chunk follows the stamps.
             start_s, begin_s = start_s + passed / rate_hz, _CONTEXT_S
-            buffered = buffered[passed:]
-    if len(buffered):
-        yield _Chunk(buffered, rate_hz, start_s, begin_s, len(buffered) / rate_hz)
+            pieces, count = [sound[passed:]], count - passed
+    if count:
+        yield SoundBlock(start_s, np.concatenate(pieces), rate_hz), begin_s, count / rate_hz
 
 
-def _band_energies(chunk: _Chunk) -> Array:
+def _band_energies(chunk: SoundBlock) -> Array:
     """Mean squares (3, K) of frames of a millisecond; bands above half of the rate are silent."""
     frames = int(len(chunk.samples) / (_FRAME_S * chunk.rate_hz))
     edges = np.ceil(np.arange(frames + 1) * _FRAME_S * chunk.rate_hz - 1e-6).astype(int)

@@ -5,16 +5,18 @@ Windows of each pair then give offset and drift to a millisecond or two: a clap 
 exact to a tenth, but the first picture of an MP4 may be exposed a frame after its first sound.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import correlate
 
 from bodycam_ros.ingest.clock_fit import FoundTimes, fit_clocks
 from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
 from bodycam_ros.ingest.sound_envelope import ENVELOPE_S, CameraSound
+from bodycam_ros.progress import Progress
 
 Array = NDArray[np.float64]
 
@@ -40,23 +42,24 @@ _SOUND_SPEED = 343.0  # of air at 20 degrees [m/s]; at -10 degrees 325
 
 def sound_times(
     sounds: Mapping[str, CameraSound],
-    reference: str = "",
-    on_pair: Callable[[int, int], None] = lambda done, count: None,
+    reference: str,
+    progress: Progress,
 ) -> FoundTimes:
     """Clocks of cameras by sound, in the time of one of them; those that it cannot place are not in it.
 
     Args:
         sounds: camera -> its sound.
         reference: camera whose time is the recording's, if it can be placed; else the one with most evidence.
-        on_pair: called with how many of how many pairs were compared.
+        progress: of the pairs.
     """
     curves: dict[Pair, OffsetCurve] = {}
     pairs = list(combinations(sounds, 2))
-    for number, (first, second) in enumerate(pairs):
-        curve = _envelope_curve(sounds[first], sounds[second])
-        if curve is not None:
-            curves[first, second] = curve
-        on_pair(number + 1, len(pairs))
+    with progress.step("comparing sounds", len(pairs)) as advance:
+        for first, second in pairs:
+            curve = _envelope_curve(sounds[first], sounds[second])
+            if curve is not None:
+                curves[first, second] = curve
+            advance()
     if not curves:
         return FoundTimes("sound", {})
     evidence = {name: sum(float(c.values.max()) for pair, c in curves.items() if name in pair) for name in sounds}
@@ -76,7 +79,9 @@ def sound_times(
     floor_s = np.hypot(np.sqrt(2.0) * _DISTANCE_SIGMA_M / _SOUND_SPEED, 0.5 * _WINDOW_SIGMA_S)
     reference = reference if reference in placed else root
     times = fit_clocks(placed, records, reference, "sound", float(floor_s))
-    return FoundTimes("sound", times, {name: agreed[name].confidence for name in times})
+    return FoundTimes(
+        "sound", {name: replace(time, confidence=agreed[name].confidence) for name, time in times.items()}
+    )
 
 
 def _envelope_curve(first: CameraSound, second: CameraSound) -> OffsetCurve | None:
@@ -90,7 +95,7 @@ def _envelope_curve(first: CameraSound, second: CameraSound) -> OffsetCurve | No
     for begin in sorted({0, max(0, (len(one) - piece) // 2), max(0, len(one) - piece)}):
         part = one[begin : begin + piece]
         shifts = np.arange(-len(part) + 1, len(other))
-        values = _correlation(part, other)[shifts]
+        values = correlate(other, part, method="fft")
         overlap = np.minimum(len(part), len(other) - shifts) - np.maximum(0, -shifts)
         least = min(_LEAST_OVERLAP_S / _COARSE_S, 0.5 * min(len(part), len(other)))
         # Not by how long they overlap: one clap met by chance at the very ends must not outdo two that meet.
@@ -114,13 +119,6 @@ def _levelled(envelope: NDArray[np.float16]) -> Array:
     return values - values.mean() if len(values) else values
 
 
-def _correlation(part: Array, whole: Array) -> Array:
-    """Sums over k of part[k] whole[k + shift]; index it by the shift, negative ones from the end."""
-    length = next_fast_len(len(part) + len(whole), real=True)
-    correlation: Array = irfft(np.conj(rfft(part, length)) * rfft(whole, length), length)
-    return correlation
-
-
 def _window_times(first: CameraSound, second: CameraSound, offset_s: float) -> list[tuple[float, float]]:
     """Media times of the two cameras [s] at the middle of windows in which their envelopes agree clearly.
 
@@ -132,16 +130,16 @@ def _window_times(first: CameraSound, second: CameraSound, offset_s: float) -> l
     lag = round((first.start_s - second.start_s - offset_s) / ENVELOPE_S)
     begin, end = max(0, -lag), min(len(one), len(other) - lag)
     window = int(min(_WINDOW_S / ENVELOPE_S, end - begin))
-    if window < 2:
+    reach = int((_NEAR_S + _LARGEST_DRIFT * ENVELOPE_S * max(len(one), len(other))) / ENVELOPE_S)
+    if window <= reach:
         return []
     times = []
     count = min(_MOST_WINDOWS, -(-(end - begin) // window))
     for start in np.linspace(begin, end - window, count).astype(int):
-        reach = int((_NEAR_S + _LARGEST_DRIFT * ENVELOPE_S * max(len(one), len(other))) / ENVELOPE_S)
         part = one[start : start + window]
         low, high = max(0, start + lag - reach), min(len(other), start + lag + window + reach)
         candidates = np.arange(start + lag - reach - low, start + lag + reach - low + 1)
-        near = _correlation(part, other[low:high])[candidates]
+        near = correlate(other[low:high], part, method="fft")[len(part) - 1 + candidates]
         best = int(np.argmax(near))
         chance = float(np.linalg.norm(part)) * float(other[low:high].std())
         if not 0 < best < len(near) - 1 or near[best] < _WINDOW_STRENGTH * chance:

@@ -43,8 +43,7 @@ def synchronous_offsets(cameras: Sequence[str]) -> Offsets:
             f"{', '.join(parts)}: files do not follow each other without a gap, so it is unknown when the later ones "
             "started; give the starts with --offsets"
         )
-    times = {name: CameraTime(name, 0.0, 0.0, 0.0, 0.0, "given") for name in cameras}
-    return Offsets(cameras[0], times, dict.fromkeys(cameras, 1.0))
+    return Offsets(cameras[0], {name: CameraTime(name) for name in cameras})
 
 
 def read_offsets(path: Path, cameras: Sequence[str]) -> Offsets:
@@ -66,7 +65,7 @@ def read_offsets(path: Path, cameras: Sequence[str]) -> Offsets:
         )
     reference = next((name for name, time in times.items() if time.start_s == 0.0), next(iter(times)))
     unplaced = {name: f"{path} has no offset of it" for name in cameras if name not in times}
-    return Offsets(reference, relative_to(reference, times), dict.fromkeys(times, 1.0), unplaced=unplaced)
+    return Offsets(reference, relative_to(reference, times), unplaced)
 
 
 def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
@@ -87,7 +86,6 @@ def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
         1e-6 * values["drift_ppm"],
         float(values["start_sigma_s"]),
         1e-6 * values["drift_sigma_ppm"],
-        "given",
     )
 
 
@@ -106,7 +104,7 @@ def write_timing_report(offsets: Offsets, folder: Path) -> None:
                 "drift_ppm": round(_PPM * time.drift, 3),
                 "drift_sigma_ppm": round(_PPM * time.drift_sigma, 3),
                 "source": time.source,
-                "confidence": round(offsets.confidence[name], 3),
+                "confidence": round(time.confidence, 3),
             }
             for name, time in offsets.times.items()
         },

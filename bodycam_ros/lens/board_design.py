@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from bodycam_ros.errors import LensError
-from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, PrintArea, tags_in
+from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, tags_in
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
@@ -154,11 +154,11 @@ def _lengths(document: Mapping[Any, Any], name: str) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def design_layout(kind: str, area: PrintArea) -> BoardLayout:
+def design_layout(kind: str, width_mm: float, height_mm: float) -> BoardLayout:
     """The board of a kind that fills an area of paper, in whole millimetres."""
     columns, rows = _COUNTS[kind]
     gaps = _GAP_OF_TAG if kind == APRILTAG else 0.0
-    side_mm = min(area.width / (columns + gaps * (columns - 1)), area.height / (rows + gaps * (rows - 1)))
+    side_mm = min(width_mm / (columns + gaps * (columns - 1)), height_mm / (rows + gaps * (rows - 1)))
     side = 1e-3 * float(np.floor(side_mm) if side_mm >= 1.0 else side_mm)
     pitch, tag = (side * (1.0 + gaps), side) if kind == APRILTAG else (side, _TAG_OF_SQUARE * side)
     tags = (0.0, 0.0) if kind == CHECKERBOARD else (tag, tag)

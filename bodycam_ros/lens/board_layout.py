@@ -104,18 +104,3 @@ def tag_cells(dictionary: cv2.aruco.Dictionary, tag: int) -> NDArray[np.bool_]:
 def tags_in(dictionary: int) -> int:
     """How many tags a family of ``cv2.aruco`` has."""
     return len(cv2.aruco.getPredefinedDictionary(dictionary).bytesList)
-
-
-@dataclass(frozen=True)
-class PrintArea:
-    """Area of a page for the board.
-
-    Attributes:
-        left, lower: of its lower left corner [mm].
-        width, height: [mm].
-    """
-
-    left: float
-    lower: float
-    width: float
-    height: float

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from bodycam_ros.lens.board_layout import BoardLayout, PrintArea
+from bodycam_ros.geometry import Array
+from bodycam_ros.lens.board_layout import BoardLayout
 
 _MM_PER_INCH = 25.4
 _BORDER = 8.0  # [mm] that printers leave white
@@ -18,17 +19,18 @@ _LETTERS_PT, _TICKS_PT = 7.0, 5.5
 _RULER_STEP = 50.0  # [mm] a ruler is a whole number of these long
 
 
-def print_area(page_mm: tuple[float, float]) -> PrintArea:
-    """Area beside the rulers; the text beneath the board shares its strip with the lower one."""
-    beside = _BORDER + _RULER + _QUIET
-    lower = beside + 4.0
-    return PrintArea(beside, lower, page_mm[0] - beside - _BORDER, page_mm[1] - lower - _BORDER)
+def print_area(page_mm: tuple[float, float]) -> tuple[Array, Array]:
+    """Lower left corner (2,), and width and height (2,), of the area beside the rulers [mm].
+
+    The text beneath the board shares its strip with the lower ruler.
+    """
+    corner = _BORDER + _RULER + _QUIET + np.array([0.0, 4.0])
+    return corner, page_mm - corner - _BORDER
 
 
 def ruler_lengths(page_mm: tuple[float, float]) -> tuple[float, float]:
     """Lengths of the rulers across and upwards [mm]."""
-    area = print_area(page_mm)
-    across, up = (max(1.0, side // _RULER_STEP) * _RULER_STEP for side in (area.width, area.height))
+    across, up = (max(1.0, side // _RULER_STEP) * _RULER_STEP for side in print_area(page_mm)[1].tolist())
     return across, up
 
 
@@ -40,21 +42,20 @@ def board_pdf(layout: BoardLayout, page_mm: tuple[float, float], words: str) -> 
         page_mm: width and height of the paper [mm].
         words: printed beneath the board.
     """
-    area = print_area(page_mm)
+    corner, size = print_area(page_mm)
     figure = Figure(figsize=(page_mm[0] / _MM_PER_INCH, page_mm[1] / _MM_PER_INCH))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_xlim(0.0, page_mm[0])
     axes.set_ylim(0.0, page_mm[1])
     axes.axis("off")
-    middle = np.array([area.left + 0.5 * area.width, area.lower + 0.5 * area.height])
-    loops = [middle + 1e3 * loop for loop in layout.outlines()]
+    loops = [corner + 0.5 * size + 1e3 * loop for loop in layout.outlines()]
     outline = Outline.make_compound_path(*(Outline(np.vstack([loop, loop[:1]]), closed=True) for loop in loops))
     axes.add_patch(PathPatch(outline, facecolor="black", edgecolor="none", linewidth=0.0))
     across, up = ruler_lengths(page_mm)
-    _draw_ruler(axes, (area.left, _BORDER + _RULER), across, upwards=False)
-    _draw_ruler(axes, (_BORDER + _RULER, area.lower), up, upwards=True)
+    _draw_ruler(axes, (corner[0], _BORDER + _RULER), across, upwards=False)
+    _draw_ruler(axes, (_BORDER + _RULER, corner[1]), up, upwards=True)
     beneath = f"{words}; print at 100 %; this is the lower edge"
-    axes.text(area.left, _BORDER + _RULER + 2.0, beneath, fontsize=_LETTERS_PT, va="bottom", ha="left")
+    axes.text(corner[0], _BORDER + _RULER + 2.0, beneath, fontsize=_LETTERS_PT, va="bottom", ha="left")
     written = BytesIO()
     figure.savefig(written, format="pdf", metadata={"Title": words, "Creator": "bodycam board"})
     return written.getvalue()

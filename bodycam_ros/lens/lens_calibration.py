@@ -16,23 +16,19 @@ from bodycam_ros.lens.board_layout import CHECKERBOARD
 from bodycam_ros.lens.lens_fit import LensFit, as_model, fit_lens, fit_unplaced, initial_fit
 from bodycam_ros.lens.lens_images import LensImage, illuminated_pixels
 from bodycam_ros.lens.lens_quality import (
-    CELLS,
-    DIRECTIONS,
     TRUSTED_RADIUS,
     BoardCoverage,
     Validation,
     board_coverage,
-    cell_numbers,
     objections,
     ray_grid,
-    turned,
     validate,
     warnings,
 )
 from bodycam_ros.progress import Progress, in_parallel
 
 _MIN_VIEWS = 3  # as many as cameras' five to twelve numbers need
-_MAX_VIEWS = 60  # sharp pictures that are spread best; more add time, hardly truth
+_MAX_VIEWS = 60  # sharp pictures; more add time, hardly truth
 _TRIED_PICTURES = 12  # on which variants of the board are compared
 _FLAT = 0.9  # share of the points that lie in a plane, from which on no other way of reading the board is tried
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
@@ -111,7 +107,7 @@ def calibrate_lens(
         # What was found without a lens is good to a pixel at best; and a lens finds more, where it bends much.
         fit = fit_unplaced(fit.camera, _find(pictures, board, fit.camera, "finding it through the lens", progress))
     found = len(fit.views)
-    rows = _spread_views(fit, width, height)
+    rows = _sharp_views(fit)
     fit = fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows])
     reach = min(TRUSTED_RADIUS, board_coverage(fit, is_lit).reach)
     trials = []
@@ -175,23 +171,11 @@ def _check_one_camera(best: ModelTrial, grid: Array) -> None:
         )
 
 
-def _spread_views(fit: LensFit, width: int, height: int) -> list[int]:
-    """Rows of the sharp pictures to take, spread over the image and over the ways the board was turned, best first."""
+def _sharp_views(fit: LensFit) -> NDArray[np.intp]:
+    """Rows of the sharp pictures, evenly thinned out where there are many."""
     sharpness = np.array([view.sharpness for view in fit.views])
-    usual = max(1e-9, float(np.percentile(sharpness, _SHARP)))
-    left = [row for row in range(len(fit.views)) if sharpness[row] >= _MIN_SHARPNESS * usual]
-    kinds = turned(fit.poses)
-    cells = [np.unique(cell_numbers(view.pixels, width, height)) for view in fit.views]
-    seen = np.zeros((1 + DIRECTIONS, CELLS[0] * CELLS[1]))
-    chosen: list[int] = []
-    while left and len(chosen) < _MAX_VIEWS:
-        gains = [
-            float((1.0 / (1.0 + seen[kinds[row], cells[row]])).sum()) * min(1.0, sharpness[row] / usual) for row in left
-        ]
-        row = left.pop(int(np.argmax(gains)))
-        seen[kinds[row], cells[row]] += 1.0
-        chosen.append(row)
-    return chosen
+    sharp = np.flatnonzero(sharpness >= _MIN_SHARPNESS * np.percentile(sharpness, _SHARP))
+    return sharp[:: -(-len(sharp) // _MAX_VIEWS)]
 
 
 def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:

@@ -221,9 +221,8 @@ def initial_fit(views: Sequence[BoardView], width: int, height: int) -> LensFit:
     """
     most_points = sorted(views, key=lambda view: -len(view.pixels))
     tried = most_points[: 3 * _TRIED : 3] if len(views) >= 3 * _TRIED else most_points[:_TRIED]
-    costs = [_start_cost(_plain(focal * max(width, height), width, height), tried) for focal in _FOCAL_OF_WIDTH]
-    camera = _plain(float(_FOCAL_OF_WIDTH[int(np.argmin(costs))]) * max(width, height), width, height)
-    return fit_unplaced(camera, views)
+    cameras = [_plain(focal * max(width, height), width, height) for focal in _FOCAL_OF_WIDTH.tolist()]
+    return fit_unplaced(min(cameras, key=lambda camera: _start_cost(camera, tried)), views)
 
 
 def fit_unplaced(camera: CameraModel, views: Sequence[BoardView]) -> LensFit:

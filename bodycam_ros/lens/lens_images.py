@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import read_image_file
-from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.errors import LensError
 from bodycam_ros.mapping.frame_choice import sharpness
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import grey_pixels
@@ -52,11 +52,14 @@ def lens_images(sources: Sequence[Path]) -> list[LensImage]:
             pictures += _of_video(source, source.name if alike == 1 else str(source))
     images = list(dict.fromkeys(images))  # one may be given by itself and by its folder
     if images:
-        most = max(2, min(_MOST_PICTURES, _MOST_BYTES // max(1, _image(images[0]).size)))
+        most = max(2, min(_MOST_PICTURES, _MOST_BYTES // max(1, read_image_file(images[0], cv2.IMREAD_GRAYSCALE).size)))
         if len(images) > most:
             images = [images[row] for row in np.linspace(0, len(images) - 1, most).round().astype(int).tolist()]
         called = Counter(path.name for path in images)
-        pictures += [LensImage(path.name if called[path.name] == 1 else str(path), _image(path)) for path in images]
+        pictures += [
+            LensImage(path.name if called[path.name] == 1 else str(path), read_image_file(path, cv2.IMREAD_GRAYSCALE))
+            for path in images
+        ]
     if not pictures:
         raise LensError(f"{', '.join(map(str, sources))}: no pictures; give a video, images (jpg, png) or their folder")
     first = pictures[0]
@@ -82,28 +85,19 @@ def illuminated_pixels(pictures: Sequence[LensImage]) -> NDArray[np.bool_]:
 def _of_video(path: Path, name: str) -> Iterator[LensImage]:
     video = CameraVideo.of_files(path.stem, [path])
     facts = video.facts
-    frames = facts.frames or round(facts.rate_hz * facts.duration_s)
     most = max(2, min(_MOST_PICTURES, _MOST_BYTES // (facts.width * facts.height)))
-    length = max(1, -(-frames // most))
+    length = max(1, -(-facts.about_frames // most))
     best: tuple[float, LensImage] | None = None
     for number, (seconds, frame) in enumerate(video.frames()):
         if number % length == 0 and best is not None:
             yield best[1]
             best = None
-        grey = grey_pixels(frame)
+        grey = grey_pixels(frame, facts.rotation_deg)
         score = sharpness(grey)
         if best is None or score > best[0]:
-            upright = np.ascontiguousarray(np.rot90(grey, facts.rotation_deg // 90))
-            best = score, LensImage(f"{name} at {seconds:.2f} s", upright)
+            best = score, LensImage(f"{name} at {seconds:.2f} s", grey)
     if best is not None:
         yield best[1]
-
-
-def _image(path: Path) -> Grey:
-    grey = read_image_file(path, cv2.IMREAD_GRAYSCALE)
-    if grey is None:
-        raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
-    return grey
 
 
 def _describe(picture: LensImage) -> str:

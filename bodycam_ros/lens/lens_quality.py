@@ -17,12 +17,10 @@ TRUSTED_RADIUS = 0.9
 CELLS = (6, 8)
 """Rows and columns that a picture is divided into."""
 
-DIRECTIONS = 4
-"""That the board's face may be turned to, beside straight at the camera."""
-
 _GRID = (25, 33)
 _FOLDS, _FOLD_ROUNDS = 5, 2  # rounds of weights; they start from the whole fit
 _REACHED = 99.5  # percentile of the points' distances from the centre
+_DIRECTIONS = 4  # that the board's face may be turned to, beside straight at the camera
 _TILTED = np.sin(np.radians(15.0))
 _LIT_SHARE, _LEAST_POINTS = 0.5, 2  # of a cell that the lens shows; points in a cell that is covered
 
@@ -142,27 +140,19 @@ def ray_grid(is_lit: NDArray[np.bool_], share: float = TRUSTED_RADIUS) -> Array:
     return inside
 
 
-def cell_numbers(pixels: Array, width: int, height: int) -> NDArray[np.int64]:
-    """(N,) number of the cell that each pixel (N, 2) is in."""
-    rows, columns = CELLS
-    across = np.clip((pixels[:, 0] + 0.5) / width * columns, 0, columns - 1).astype(np.int64)
-    down = np.clip((pixels[:, 1] + 0.5) / height * rows, 0, rows - 1).astype(np.int64)
-    return down * columns + across
-
-
 def board_coverage(fit: LensFit, is_lit: NDArray[np.bool_]) -> BoardCoverage:
     """Where the board was seen, in a picture of which some pixels (H, W) are lit."""
     height, width = is_lit.shape
     share = np.asarray(cv2.resize(is_lit.astype(np.float32), CELLS[::-1], interpolation=cv2.INTER_AREA))
-    points = np.bincount(cell_numbers(fit.pixels, width, height), minlength=CELLS[0] * CELLS[1])
+    points = np.histogram2d(fit.pixels[:, 1], fit.pixels[:, 0], CELLS, ((-0.5, height - 0.5), (-0.5, width - 0.5)))[0]
     radius = image_radius(is_lit)
     distances = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1)
     return BoardCoverage(
         is_lit=share >= _LIT_SHARE,
-        is_covered=(points >= _LEAST_POINTS).reshape(CELLS),
+        is_covered=points >= _LEAST_POINTS,
         radius_px=radius,
         reach=min(1.0, float(np.percentile(distances, _REACHED)) / radius),
-        tilts=len(np.unique(turned(fit.poses))),
+        tilts=len(np.unique(_ways_turned(fit.poses))),
     )
 
 
@@ -227,10 +217,10 @@ def _pixels(error_px: float) -> str:
     return f"{error_px:.1f} px" if np.isfinite(error_px) else "some have no ray"
 
 
-def turned(poses: Array) -> NDArray[np.int64]:
+def _ways_turned(poses: Array) -> NDArray[np.int64]:
     """(V,) 0 where the board faces the camera, by poses (V, 4, 4), else the number of the way it is turned."""
     towards = poses[:, :3, 3] / np.linalg.norm(poses[:, :3, 3], axis=1, keepdims=True)
     faces = poses[:, :3, 2]
     across = faces - np.sum(faces * towards, axis=1, keepdims=True) * towards
-    way = np.floor((np.arctan2(across[:, 1], across[:, 0]) + np.pi) / (2.0 * np.pi) * DIRECTIONS).astype(np.int64)
-    return np.where(np.linalg.norm(across, axis=1) < _TILTED, 0, 1 + np.clip(way, 0, DIRECTIONS - 1))
+    way = np.floor((np.arctan2(across[:, 1], across[:, 0]) + np.pi) / (2.0 * np.pi) * _DIRECTIONS).astype(np.int64)
+    return np.where(np.linalg.norm(across, axis=1) < _TILTED, 0, 1 + np.clip(way, 0, _DIRECTIONS - 1))

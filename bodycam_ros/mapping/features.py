@@ -111,10 +111,7 @@ def read_photograph(path: Path) -> NDArray[np.uint8]:
     Raises:
         MapError: the file is not an image that OpenCV reads.
     """
-    image = read_image_file(path, cv2.IMREAD_COLOR)
-    if image is None:
-        raise MapError(f"{path}: not a readable image; expected a whole JPEG or PNG file")
-    return image
+    return read_image_file(path, cv2.IMREAD_COLOR, MapError)
 
 
 def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32]) -> NDArray[np.uint32]:

@@ -104,12 +104,7 @@ def video_camera(path: Path, lens_path: Path | None) -> MovingCamera:
             f"calibration tools write it), or put it at {lens_path}"
         )
     camera = camera_from_yaml(lens_path)
-    if (camera.width, camera.height) != (facts.width, facts.height):
-        turned = f" (turned by {facts.rotation_deg} deg to be upright)" if facts.rotation_deg else ""
-        raise LensError(
-            f"{lens_path}: is for {camera.width} x {camera.height} pixels, but {path} has {facts.width} x "
-            f"{facts.height}{turned}; calibrate the camera in the mode that it recorded in"
-        )
+    facts.check_size(path, camera, lens_path)
     readout_s, (right, down) = readout_time_from_yaml(lens_path) or 0.0, _DIRECTIONS[facts.rotation_deg]
 
     @contextmanager
@@ -119,8 +114,9 @@ def video_camera(path: Path, lens_path: Path | None) -> MovingCamera:
             for media_s, frame in video.frames()
         )
 
-    count = facts.frames or round(facts.rate_hz * facts.duration_s)
-    return MovingCamera(path.name, camera, count, facts.duration_s, (right * readout_s, down * readout_s), frames)
+    return MovingCamera(
+        path.name, camera, facts.about_frames, facts.duration_s, (right * readout_s, down * readout_s), frames
+    )
 
 
 def open_body_cameras(

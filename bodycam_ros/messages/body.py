@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import LinkTransform
@@ -43,48 +42,11 @@ def joint_state_message(
     )
 
 
-def joint_rotations_message(
-    make: MessageFactory, stamp_ns: int, names: Sequence[str], parent_T_child: Array
-) -> Message:
-    """sensor_msgs/MultiDOFJointState: poses (J, 4, 4) of child segments in their parents, without singularity."""
-    return make(
-        "sensor_msgs/msg/MultiDOFJointState",
-        header=header_message(make, stamp_ns, ""),
-        joint_names=list(names),
-        transforms=transform_messages(make, parent_T_child),
-    )
-
-
-def joint_covariances_message(
-    make: MessageFactory, stamp_ns: int, names: Sequence[str], observed: NDArray[np.bool_], covariances: Array
-) -> Message:
-    """bodycam_msgs/JointCovariances of J joints.
-
-    Args:
-        names: J names, in the order of the joint rotations.
-        observed: (J,) whether both segments of the joint are observed.
-        covariances: (J, 3, 3) of the rotations, in the child segments' axes [rad^2].
-    """
-    return make(
-        "bodycam_msgs/msg/JointCovariances",
-        header=header_message(make, stamp_ns, ""),
-        names=list(names),
-        observed=make.array(observed, np.uint8),
-        covariances=make.array(covariances, np.float64),
-    )
-
-
-def odometry_message(make: MessageFactory, state: BodyState, root: str, root_velocity: Array) -> Message:
-    """nav_msgs/Odometry of the root segment in the map.
-
-    Args:
-        root: name of the root segment; ``state.uncertainty`` has the covariances of its pose and velocity.
-        root_velocity: (6,) angular [rad/s] then linear [m/s], both in the root's axes.
-    """
+def _odometry(make: MessageFactory, output: BodyOutput, root: str) -> Message:
+    """nav_msgs/Odometry of the root segment in the map; its twist is in the root's axes."""
+    state, velocity = output.state, output.root_velocity
     twist = make(
-        "geometry_msgs/msg/Twist",
-        angular=vector_message(make, root_velocity[:3]),
-        linear=vector_message(make, root_velocity[3:]),
+        "geometry_msgs/msg/Twist", angular=vector_message(make, velocity[:3]), linear=vector_message(make, velocity[3:])
     )
     covariance = twist_covariance(state.uncertainty.root_twist).reshape(-1)
     world_T_root = state.world_T_segment[state.segments.index(root)]
@@ -112,13 +74,10 @@ def transforms_message(make: MessageFactory, stamp_ns: int, transforms: Sequence
     return make("tf2_msgs/msg/TFMessage", transforms=stamped)
 
 
-def skeleton_message(make: MessageFactory, state: BodyState, bones: Sequence[tuple[int, int]]) -> Message:
-    """visualization_msgs/MarkerArray: a sphere at each segment's origin, a line along each bone.
+def _skeleton(make: MessageFactory, state: BodyState, bones: Sequence[tuple[int, int]]) -> Message:
+    """visualization_msgs/MarkerArray: a sphere at each segment's origin, a line for each bone (rows of its ends).
 
     Segments, and the lines to them, have one colour if they are observed and another if they are not.
-
-    Args:
-        bones: pairs of rows of ``state.segments``, parent and child.
     """
     points = [point_message(make, world_T_segment[:3, 3]) for world_T_segment in state.world_T_segment]
     observed, unobserved = (
@@ -161,15 +120,24 @@ def output_messages(
     world_T_root = state.world_T_segment[body.segment_index[body.root]]
     joint_names = [joint.name for joint in body.tree_joints]
     bones = [ends for ends, joint in zip(rows, body.tree_joints, strict=True) if joint.type != "free"]
-    observed = state.observed[parents] & state.observed[children]
+    header = header_message(make, stamp_ns, "")
     coupling = {} if state.equipment is None else {EQUIPMENT: equipment_message(make, stamp_ns, state.equipment)}
     return coupling | {
         "/joint_states": joint_state_message(make, stamp_ns, output.joint_names, output.positions, output.velocities),
-        "/joint_rotations": joint_rotations_message(make, stamp_ns, joint_names, parent_T_child),
-        "/joint_covariances": joint_covariances_message(
-            make, stamp_ns, joint_names, observed, state.uncertainty.joints
+        "/joint_rotations": make(
+            "sensor_msgs/msg/MultiDOFJointState",
+            header=header,
+            joint_names=joint_names,
+            transforms=transform_messages(make, parent_T_child),
         ),
-        "/odometry": odometry_message(make, state, body.root, output.root_velocity),
+        "/joint_covariances": make(
+            "bodycam_msgs/msg/JointCovariances",
+            header=header,
+            names=joint_names,
+            observed=make.array(state.observed[parents] & state.observed[children], np.uint8),
+            covariances=make.array(state.uncertainty.joints, np.float64),
+        ),
+        "/odometry": _odometry(make, output, body.root),
         "/tf": transforms_message(make, stamp_ns, [(MAP_FRAME, body.root, world_T_root), *links]),
-        "/skeleton": skeleton_message(make, state, bones),
+        "/skeleton": _skeleton(make, state, bones),
     }

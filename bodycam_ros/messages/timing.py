@@ -93,12 +93,7 @@ def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tup
         yield clock.since_ns, timing_message(make, history.camera, timing)
 
 
-def has_clock(message: Message) -> bool:
-    """Whether a message has a clock, and not the read-out time alone."""
-    return not math.isnan(message.offset_sigma)
-
-
 def clock_state(message: Message) -> ClockState:
-    """Clock state of a message."""
+    """Clock state of a message; one without a clock, with the read-out time alone, has NaN sigmas."""
     since_ns = stamp_ns(message.header.stamp)
     return ClockState(since_ns, since_ns, message.offset, message.drift, message.offset_sigma, message.drift_sigma)

@@ -182,7 +182,7 @@ def sample_videos(
             left_out.append(f"camera {files.camera}: left out: {error}")
     if not videos:
         raise RecordingError(f"{path}: none of its videos can be read: {'; '.join(left_out)}")
-    duration_s = max(video.duration_s for _, video in videos)
+    duration_s = max(video.facts.duration_s for _, video in videos)
     instants_s = instants(duration_s)
     keyframes: dict[str, dict[float, tuple[int, Grey]]] = {files.camera: {} for files, _ in videos}
     faults: dict[str, str] = {}
@@ -208,13 +208,12 @@ def sample_videos(
 
 def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:
     """Add the keyframe before a time, unless it is that of an earlier sample."""
-    if seconds > video.duration_s:
+    if seconds > video.facts.duration_s:
         return
     chapter = [chapter for chapter in video.chapters if chapter.start_s <= seconds][-1]
     found = keyframe_near(chapter.path, seconds - chapter.start_s)
     if found is not None and (keyframe_s := chapter.start_s + found[0]) not in known:
-        turned = np.rot90(grey_pixels(found[1]), chapter.facts.rotation_deg // 90)
-        known[keyframe_s] = number, np.ascontiguousarray(turned)
+        known[keyframe_s] = number, grey_pixels(found[1], chapter.facts.rotation_deg)
 
 
 _HOPELESS = 2

@@ -129,15 +129,13 @@ class Recording:
         the first of them warned about, and so is one of before 1970. ``lost`` counts missing ones once all are read.
         Of a video every frame is decoded, wanted or not: the next one is made of it.
         """
-        wanted = self._begun(cameras)
+        wanted = self.cameras if cameras is None else cameras
+        for camera in wanted:
+            self.dropped[camera] = self.lost[camera] = 0
         decoders = {camera: VideoDecoder() for camera in wanted}
         decoded = (ready for image in self._messages(wanted) for ready in decoders[image.camera].feed(image))
         last = (image for decoder in decoders.values() for image in decoder.flush())
         yield from self._increasing(chain(decoded, last))
-
-    def encoded_images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
-        """As ``images``, but frames of a video stay packets, which ``decode_last`` takes from a keyframe on."""
-        yield from self._increasing(self._messages(self._begun(cameras)))
 
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
         """Camera -> one image of it, of a video decoded from the keyframe before it on; those that are there.
@@ -170,23 +168,6 @@ class Recording:
         for topic, recorded_ns, stamp_ns in self._bag.header_stamps(cameras):
             times[cameras[topic]].append((recorded_ns, stamp_ns))
         return {camera: np.array(rows, np.int64).reshape(-1, 2) for camera, rows in times.items()}
-
-    def first_image(self, camera: str, from_ns: int) -> CameraImage | None:
-        """A camera's first image that is not before a time; of a video no more is decoded than it takes."""
-        since_key: list[CameraImage] = []
-        for image in self.encoded_images([camera]):
-            if _stands_alone(image):
-                since_key.clear()
-            since_key.append(image)
-            if image.stamp_ns >= from_ns:
-                return decode_last(since_key)
-        return None
-
-    def _begun(self, cameras: Collection[str] | None) -> Collection[str]:
-        wanted = self.cameras if cameras is None else cameras
-        for camera in wanted:
-            self.dropped[camera] = self.lost[camera] = 0
-        return wanted
 
     def _messages(
         self, cameras: Collection[str], start_ns: int | None = None, stop_ns: int | None = None

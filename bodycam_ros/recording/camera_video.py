@@ -3,7 +3,6 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 
 import av
@@ -111,21 +110,11 @@ class CameraVideo:
             has_sound=any(f.has_sound for f in facts),
         )
 
-    @property
-    def duration_s(self) -> float:
-        """From media time 0 to the end of the last frame, by the files' indices [s]."""
-        return self.facts.duration_s
-
-    @property
-    def created(self) -> datetime | None:
-        """When the recording began by the camera's own clock, if the file has it."""
-        return self.chapters[0].facts.created
-
     def packets(self) -> Iterator[TimedPacket]:
         """The frames, compressed, in the order stored; see ``video_file.packets``."""
         for chapter in self.chapters:
-            for timed in video_file.packets(chapter.path):
-                yield replace(timed, media_s=timed.media_s + chapter.start_s)
+            for media_s, packet in video_file.packets(chapter.path):
+                yield media_s + chapter.start_s, packet
 
     def frames(self, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]]:
         """The frames, decoded, in the order shown; see ``video_file.frames``."""
@@ -137,7 +126,7 @@ class CameraVideo:
         """The sound; none if the camera has none. See ``sound_blocks``."""
         for chapter in self.chapters:
             for block in sound_blocks(chapter.path):
-                yield block.later(chapter.start_s)
+                yield replace(block, start_s=block.start_s + chapter.start_s)
 
     def stabilisation(self) -> str:
         """What in a GoPro's file shows that frames are stabilised electronically; empty if nothing does."""

@@ -30,14 +30,12 @@ class ImageFolder:
         paths: the images, in order.
         times_s: (N,) media times, the first 0 [s].
         facts: of the images.
-        created: time of the first image, if its name has it.
     """
 
     camera: str
     paths: tuple[Path, ...]
     times_s: NDArray[np.float64]
     facts: FileFacts
-    created: datetime | None
 
     @classmethod
     def from_files(cls, camera: str, paths: Sequence[Path], rate_hz: float | None) -> "ImageFolder":
@@ -58,31 +56,16 @@ class ImageFolder:
                 f"{paths[0].parent}: images have no time; give their rate with --rate, or name them by their stamps "
                 "in nanoseconds"
             )
-        height, width = _pixels(paths[0]).shape[:2]
+        height, width = read_image_file(paths[0], cv2.IMREAD_COLOR).shape[:2]
         interval_s = float(np.median(np.diff(times_s))) if len(paths) > 1 else 1.0
-        facts = FileFacts(
-            codec="images",
-            width=width,
-            height=height,
-            rotation_deg=0,
-            has_b_frames=False,
-            duration_s=float(times_s[-1]) + interval_s,
-            frames=len(paths),
-            rate_hz=1.0 / interval_s,
-            has_sound=False,
-            created=created,
-        )
-        return cls(camera, tuple(paths), times_s, facts, created)
+        duration_s = float(times_s[-1]) + interval_s
+        facts = FileFacts("images", width, height, duration_s, len(paths), 1.0 / interval_s, created=created)
+        return cls(camera, tuple(paths), times_s, facts)
 
     @property
     def path(self) -> Path:
         """The folder."""
         return self.paths[0].parent
-
-    @property
-    def duration_s(self) -> float:
-        """From the first image to the end of the last [s]."""
-        return self.facts.duration_s
 
     def files(self) -> Iterator[tuple[float, str, bytes]]:
         """Media time [s], format (jpeg or png) and content of each image."""
@@ -92,15 +75,8 @@ class ImageFolder:
     def frames(self, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]]:
         """The images, decoded: media time [s] and frame."""
         for media_s, path in zip(self.times_s.tolist(), self.paths, strict=True):
-            yield media_s, av.VideoFrame.from_ndarray(_pixels(path), format="bgr24")
+            yield media_s, av.VideoFrame.from_ndarray(read_image_file(path, cv2.IMREAD_COLOR), format="bgr24")
 
     def sound(self) -> Iterator[SoundBlock]:
         """None: images have no sound."""
         return iter(())
-
-
-def _pixels(path: Path) -> NDArray[np.uint8]:
-    pixels = read_image_file(path, cv2.IMREAD_COLOR)
-    if pixels is None:
-        raise RecordingError(f"{path}: is no image that can be read; expected jpg or png")
-    return pixels

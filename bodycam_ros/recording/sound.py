@@ -1,7 +1,7 @@
 """The sound of a file, block by block: two hours of it never are in memory together."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +10,6 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from bodycam_ros.recording.video_file import demuxed, opened
-
-_BLOCK_S = 0.5
-_GAP_S = 0.002
-"""Sound that goes on within this time is one block; times in a file are rounded, to a millisecond at worst."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,39 +26,19 @@ class SoundBlock:
     samples: NDArray[np.float32]
     rate_hz: float
 
-    def later(self, seconds: float) -> "SoundBlock":
-        """The same sound at a later time."""
-        return replace(self, start_s=self.start_s + seconds)
-
 
 SoundSource = Callable[[], Iterator[SoundBlock]]
 """Opens a camera's sound from its beginning; blocks come in order of time, and none if the camera has no sound."""
 
 
 def sound_blocks(path: Path) -> Iterator[SoundBlock]:
-    """The sound of a file, in blocks of half a second; where some is missing or damaged a block ends.
+    """The sound of a file, in blocks as the decoder gives it; what is missing or damaged is left out.
 
     A file without sound gives none; one that is cut off ends where it does.
 
     Raises:
         RecordingError: the file cannot be opened.
     """
-    pending: list[NDArray[np.float32]] = []
-    start_s, rate_hz, count = 0.0, 0.0, 0
-    for at_s, rate, samples in _pieces(path):
-        if pending and (abs(at_s - start_s - count / rate_hz) > _GAP_S or rate != rate_hz or count >= _BLOCK_S * rate):
-            yield SoundBlock(start_s, np.concatenate(pending), rate_hz)
-            pending = []
-        if not pending:
-            start_s, rate_hz, count = at_s, rate, 0
-        pending.append(samples)
-        count += len(samples)
-    if pending:
-        yield SoundBlock(start_s, np.concatenate(pending), rate_hz)
-
-
-def _pieces(path: Path) -> Iterator[tuple[float, float, NDArray[np.float32]]]:
-    """What the decoder gives: media time [s], rate [Hz] and samples."""
     with opened(path) as container:
         if not container.streams.audio:
             return
@@ -73,7 +49,8 @@ def _pieces(path: Path) -> Iterator[tuple[float, float, NDArray[np.float32]]]:
                 continue  # damaged
             for frame in frames:
                 if frame.pts is not None and frame.samples:
-                    yield float(frame.pts * (frame.time_base or 0)), float(frame.sample_rate), _mono(frame)
+                    start_s = float(frame.pts * (frame.time_base or 0))
+                    yield SoundBlock(start_s, _mono(frame), float(frame.sample_rate))
 
 
 def _mono(frame: AudioFrame) -> NDArray[np.float32]:

@@ -42,7 +42,7 @@ def h264_packets(
     threads: int,
     size: tuple[int, int] | None = None,
 ) -> Iterator[TimedPacket]:
-    """Compress frames anew as H.264 without B-frames, with a keyframe a second.
+    """Compress frames anew as H.264 without B-frames, with a keyframe a second: presentation time [s] and packet.
 
     Args:
         frames: presentation time [s] and frame, in the order shown.
@@ -115,7 +115,7 @@ def _encoder(frame: av.VideoFrame, rate_hz: float, threads: int) -> VideoCodecCo
 def _timed(packets: "Iterable[av.Packet[av.VideoStream]]", time_of: dict[int, float]) -> Iterator[TimedPacket]:
     for packet in packets:
         if packet.pts is not None:
-            yield TimedPacket(time_of.pop(packet.pts), VideoPacket("h264", bytes(packet)))
+            yield time_of.pop(packet.pts), VideoPacket("h264", bytes(packet))
 
 
 @contextmanager

@@ -16,8 +16,9 @@ from av.error import FFmpegError
 from av.stream import Discard, Stream
 from numpy.typing import NDArray
 
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import VideoPacket
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.own_process import MOST_PIXELS
 
 SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
@@ -38,11 +39,11 @@ class FileFacts:
     Attributes:
         codec: of the video, as FFmpeg names it.
         width, height: of a frame as it is to be shown, after the rotation [px].
-        rotation_deg: counter-clockwise by which a frame has to be turned to be upright: 0, 90, 180 or 270.
-        has_b_frames: whether frames are stored in another order than they are shown.
         duration_s: from media time 0 to the end of the last frame, by the file's index [s].
         frames: that the index lists; 0 if it does not.
         rate_hz: frames per second on average.
+        rotation_deg: counter-clockwise by which a frame has to be turned to be upright: 0, 90, 180 or 270.
+        has_b_frames: whether frames are stored in another order than they are shown.
         has_sound: whether there is sound.
         created: when the recording began by the camera's clock; None if the file does not have it.
     """
@@ -50,13 +51,31 @@ class FileFacts:
     codec: str
     width: int
     height: int
-    rotation_deg: int
-    has_b_frames: bool
     duration_s: float
     frames: int
     rate_hz: float
-    has_sound: bool
-    created: datetime | None
+    rotation_deg: int = 0
+    has_b_frames: bool = False
+    has_sound: bool = False
+    created: datetime | None = None
+
+    @property
+    def about_frames(self) -> int:
+        """Frames by the index, or by rate and duration."""
+        return self.frames or round(self.rate_hz * self.duration_s)
+
+    def check_size(self, path: Path, lens: CameraModel, lens_path: Path) -> None:
+        """Refuse a lens that is for frames of another size.
+
+        Raises:
+            LensError: it is; the message names both files and what to do.
+        """
+        if (lens.width, lens.height) != (self.width, self.height):
+            turned = f" (turned by {self.rotation_deg} deg to be upright)" if self.rotation_deg else ""
+            raise LensError(
+                f"{lens_path}: is for {lens.width} x {lens.height} pixels, but {path} has {self.width} x "
+                f"{self.height}{turned}; calibrate the camera in the mode that it recorded in"
+            )
 
     @property
     def is_upright_annex_b(self) -> bool:
@@ -64,17 +83,8 @@ class FileFacts:
         return self.codec in _BITSTREAM_FILTERS and not self.has_b_frames and self.rotation_deg == 0
 
 
-@dataclass(frozen=True)
-class TimedPacket:
-    """A frame that is still compressed.
-
-    Attributes:
-        media_s: its presentation time in the file [s].
-        packet: what decodes to it.
-    """
-
-    media_s: float
-    packet: VideoPacket
+TimedPacket = tuple[float, VideoPacket]
+"""Presentation time in its file [s], and a frame that is still compressed."""
 
 
 def read_facts(path: Path) -> FileFacts:
@@ -138,7 +148,7 @@ def opened(path: Path) -> Iterator[InputContainer]:
 
 
 def packets(path: Path) -> Iterator[TimedPacket]:
-    """The frames of an H.264 or HEVC stream in the order stored, in the form of Annex B.
+    """The frames of an H.264 or HEVC stream in the order stored: presentation time [s] and packet of Annex B.
 
     A file that is cut off ends where it does.
 
@@ -154,7 +164,7 @@ def packets(path: Path) -> Iterator[TimedPacket]:
                 continue
             media_s = float(packet.pts * (stream.time_base or 0))
             for filtered in to_annex_b.filter(packet):
-                yield TimedPacket(media_s, VideoPacket(codec, bytes(filtered)))
+                yield media_s, VideoPacket(codec, bytes(filtered))
 
 
 def frames(path: Path, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]]:
@@ -304,7 +314,7 @@ class DecodedFrame:
     """
 
     def __init__(self, frame: av.VideoFrame, rotation_deg: int = 0) -> None:
-        self._frame, self._turns = frame, rotation_deg // 90
+        self._frame, self._rotation_deg = frame, rotation_deg
 
     def grey(self) -> NDArray[np.uint8]:
         """Grey pixels (H, W), black 0 and white 255.
@@ -312,7 +322,7 @@ class DecodedFrame:
         Raises:
             RecordingError: a pixel format that cannot be converted.
         """
-        return np.ascontiguousarray(np.rot90(grey_pixels(self._frame), self._turns))
+        return grey_pixels(self._frame, self._rotation_deg)
 
     def colour(self) -> NDArray[np.uint8]:
         """Pixels (H, W, 3): blue, green, red.
@@ -320,11 +330,11 @@ class DecodedFrame:
         Raises:
             RecordingError: a pixel format that cannot be converted.
         """
-        return np.ascontiguousarray(np.rot90(bgr_pixels(self._frame), self._turns))
+        return np.ascontiguousarray(np.rot90(bgr_pixels(self._frame), self._rotation_deg // 90))
 
 
-def grey_pixels(frame: av.VideoFrame) -> NDArray[np.uint8]:
-    """Grey pixels (H, W) of a frame, black 0 and white 255: its luma, without a detour over colours.
+def grey_pixels(frame: av.VideoFrame, rotation_deg: int = 0) -> NDArray[np.uint8]:
+    """Grey pixels (H, W) of a frame, turned as a ``DecodedFrame``: its luma, without a detour over colours.
 
     Raises:
         RecordingError: a pixel format that cannot be converted.
@@ -332,17 +342,18 @@ def grey_pixels(frame: av.VideoFrame) -> NDArray[np.uint8]:
     name = frame.format.name
     try:
         if name not in _LUMA_FIRST:
-            return np.asarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
-        plane = frame.planes[0]
-        rows = np.frombuffer(memoryview(plane), dtype=np.uint8).reshape(-1, plane.line_size)[
-            : frame.height, : frame.width
-        ]
+            grey = np.asarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
+        else:
+            plane = frame.planes[0]
+            rows = np.frombuffer(memoryview(plane), dtype=np.uint8).reshape(-1, plane.line_size)
+            grey = rows[: frame.height, : frame.width]
+            if not (name.startswith("yuvj") or name == "gray" or frame.color_range == _FULL_RANGE):
+                grey = np.asarray(cv2.LUT(grey, _WITHOUT_ROOM), dtype=np.uint8)
     except (FFmpegError, ValueError) as error:
         raise RecordingError(
             f"a video frame of the pixel format {name} cannot be converted to grey: {error}"
         ) from error
-    is_full = name.startswith("yuvj") or name == "gray" or frame.color_range == _FULL_RANGE
-    return np.ascontiguousarray(rows) if is_full else np.asarray(cv2.LUT(rows, _WITHOUT_ROOM), dtype=np.uint8)
+    return np.ascontiguousarray(np.rot90(grey, rotation_deg // 90))
 
 
 def bgr_pixels(frame: av.VideoFrame) -> NDArray[np.uint8]:

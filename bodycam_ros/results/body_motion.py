@@ -44,12 +44,15 @@ def nearest(stamps_ns: NDArray[np.int64], at_ns: int, within_ns: int) -> int | N
     return row if abs(int(stamps_ns[row]) - at_ns) <= within_ns else None
 
 
+def nearest_rows(stamps_ns: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """(N,) row of the stamp (K,), which increase, nearest to each time (N,)."""
+    after = np.clip(np.searchsorted(stamps_ns, at_ns), 1, len(stamps_ns) - 1)
+    return np.where(at_ns - stamps_ns[after - 1] < stamps_ns[after] - at_ns, after - 1, after)
+
+
 def distance_in_time(stamps_ns: NDArray[np.int64], others_ns: NDArray[np.int64]) -> NDArray[np.int64]:
     """(K,) distance [ns] of each stamp (K,) to the nearest of others (T,), which increase; the largest without any."""
     if not len(others_ns):
         return np.full(len(stamps_ns), np.iinfo(np.int64).max)
-    after = np.searchsorted(others_ns, stamps_ns)
-    next_one = others_ns[np.minimum(after, len(others_ns) - 1)]
-    one_before = others_ns[np.maximum(after - 1, 0)]
-    distance: NDArray[np.int64] = np.minimum(np.abs(next_one - stamps_ns), np.abs(stamps_ns - one_before))
+    distance: NDArray[np.int64] = np.abs(others_ns[nearest_rows(others_ns, stamps_ns)] - stamps_ns)
     return distance

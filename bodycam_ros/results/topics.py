@@ -9,7 +9,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state, has_clock
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -76,7 +76,7 @@ def clock_history(camera: str, timings: Iterable[Message]) -> ClockHistory | Non
     """The clock by bodycam_msgs/CameraTiming of a camera, with the last read-out time; None where none has a clock."""
     clocks, readout = {}, (math.nan, math.nan)
     for message in timings:
-        if has_clock(message):
+        if not math.isnan(message.offset_sigma):
             clock = clock_state(message)
             clocks[clock.since_ns] = clock
         if not math.isnan(message.readout_sigma):

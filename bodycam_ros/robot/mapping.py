@@ -22,13 +22,14 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from msgspec import Meta
-from msgspec.structs import asdict, astuple
+from msgspec.structs import astuple
 
 from bodycam_ros.body.checked_fields import Entry, Name, read_entry
 from bodycam_ros.errors import BodyError
 from bodycam_ros.yaml_file import read_yaml
 
 SIDES = ("left", "right")
+_Side = Literal["left", "right"]
 
 
 class _LegEntry(Entry):
@@ -44,15 +45,10 @@ class _ArmEntry(Entry):
     wrist: Name
 
 
-class _LegsEntry(Entry):
-    left: _LegEntry
-    right: _LegEntry
-
-
 class _MappingEntry(Entry):
     root: Name
-    legs: _LegsEntry
-    arms: dict[Literal["left", "right"], _ArmEntry] = {}
+    legs: Annotated[dict[_Side, _LegEntry], Meta(min_length=2)]
+    arms: dict[_Side, _ArmEntry] = {}
     trunk: Name | None = None
     head: Name | None = None
     n_pose: dict[Name, Annotated[float, Meta(ge=-2.0 * pi, le=2.0 * pi)]] = {}
@@ -97,6 +93,5 @@ def read_mapping(path: Path) -> RobotMapping:
         BodyError: not a mapping; the message names the file and the key.
     """
     entry: _MappingEntry = read_entry(_MappingEntry, read_yaml(path, "mapping to a robot", BodyError), str(path))
-    legs = {side: astuple(leg) for side, leg in asdict(entry.legs).items()}
-    arms: dict[str, tuple[str, ...]] = {side: astuple(arm) for side, arm in sorted(entry.arms.items())}
+    legs, arms = ({str(side): astuple(limb) for side, limb in sorted(of.items())} for of in (entry.legs, entry.arms))
     return RobotMapping(path, entry.root, entry.trunk, entry.head, legs, arms, entry.n_pose, entry.feet_apart)

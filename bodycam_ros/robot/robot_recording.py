@@ -1,11 +1,8 @@
 """A solved recording as a robot's: joint states and pose in the world, in a bag of their own."""
 
 import time
-from collections import defaultdict
-from dataclasses import dataclass, field
 from pathlib import Path
-
-import numpy as np
+from typing import NamedTuple
 
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.body import joint_state_message, transforms_message
@@ -22,33 +19,12 @@ from bodycam_ros.robot.robot_model import Robot
 _COMMAND = "bodycam export --to robot"
 
 
-@dataclass
-class RobotSummary:
-    """Quality of a robot's motion.
-
-    Attributes:
-        scale: length of its trajectories over the person's.
-        frames: of the recording.
-        blocked: with a round in which no step satisfied all limits.
-        errors_m: hand or foot -> distance from its target, at each state.
-        nearest_m: smallest distance of its links; infinite if none were near.
-        cpu_s: of inverse kinematics [s].
-    """
+class RobotMotion(NamedTuple):
+    """Length of a robot's trajectories over the person's, its states, and the time of inverse kinematics [s]."""
 
     scale: float
-    frames: int = 0
-    blocked: int = 0
-    errors_m: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-    nearest_m: float = np.inf
-    cpu_s: float = 0.0
-
-    def add(self, state: RobotState) -> None:
-        """Add a state."""
-        self.frames += 1
-        self.blocked += state.blocked
-        self.nearest_m = min(self.nearest_m, state.nearest_m)
-        for link, error_m in state.errors_m.items():
-            self.errors_m[link].append(error_m)
+    states: list[RobotState]
+    cpu_s: float
 
 
 def write_robot(
@@ -58,7 +34,7 @@ def write_robot(
     output: Path,
     force: bool,
     progress: Progress,
-) -> RobotSummary:
+) -> RobotMotion:
     """Write the motion of a robot that follows a solved recording.
 
     Args:
@@ -80,18 +56,18 @@ def write_robot(
     solved = read_solved_body(source, progress)
     following = Retargeting(solved.body, robot)
     poses = JointAngles(solved.body).forward_kinematics(solved.world_T_root, solved.joint_angles)
-    summary, make = RobotSummary(following.scale), recorded_messages()
+    states, cpu_s, make = list[RobotState](), 0.0, recorded_messages()
     stamps_ns = solved.stamps_ns.tolist()
     with write_recording(output, force, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
         writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
         for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):
             started_s = time.process_time()
             state = following.follow(stamp_ns, world_T_segment)
-            summary.cpu_s += time.process_time() - started_s
+            cpu_s += time.process_time() - started_s
             joints = joint_state_message(make, stamp_ns, robot.joint_names, state.positions, state.velocities)
             writer.write("/joint_states", stamp_ns, joints)
             root = (MAP_FRAME, robot.tree_root, state.world_T_root)
             writer.write("/tf", stamp_ns, transforms_message(make, stamp_ns, [root]))
-            summary.add(state)
+            states.append(state)
             advance()
-    return summary
+    return RobotMotion(following.scale, states, cpu_s)

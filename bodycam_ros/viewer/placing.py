@@ -95,7 +95,7 @@ def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict
     Raises:
         RecordingError: there is no image, or one cannot be decoded or has another size than the camera's lens is for.
     """
-    first = {name: image for name in stations if (image := recording.first_image(name, 0)) is not None}
+    first = {name: image for name in stations if (image := next(recording.images([name]), None))}
     if not first:
         raise RecordingError(f"{recording.path}: has no image of {', '.join(stations)}")
     start_ns = min(image.stamp_ns for image in first.values())

@@ -14,7 +14,7 @@ from viser import CylinderHandle, SceneNodeHandle
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import body_bones
-from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, transform_points
+from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_to_z, transform_points
 from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
@@ -333,11 +333,8 @@ def _stretch(rod: CylinderHandle, start: Array, end: Array) -> None:
     rod.visible = length >= _SHORTEST_M
     if not rod.visible:
         return
-    z = (end - start) / length
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x /= np.linalg.norm(x)
     rod.height = length
-    place(rod, rigid(np.stack([x, np.cross(z, x), z], axis=1), (start + end) / 2.0))
+    place(rod, rigid(rotation_to_z((end - start) / length).T, (start + end) / 2.0))
 
 
 def segment_bones(body: BodyModel) -> list[tuple[str, Array, Array]]:

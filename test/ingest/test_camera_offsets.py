@@ -1,16 +1,29 @@
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 from clapped_sound import Recorder, sources, true_start, worst_errors
+from unshown_progress import Unshown
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.camera_offsets import camera_times
-from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
-from bodycam_ros.recording.sound import SoundBlock
+from bodycam_ros.ingest import camera_offsets
+from bodycam_ros.ingest.camera_offsets import Offsets
+from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes, TimeSource
+from bodycam_ros.progress import Advance, Progress
+from bodycam_ros.recording.sound import SoundBlock, SoundSource
 
 CLAPS = {3.5: 0.8, 14.2: 0.9}
+
+
+def camera_times(
+    sounds: Mapping[str, SoundSource], sources: Sequence[TimeSource] = (), progress: Progress | None = None
+) -> Offsets:
+    return camera_offsets.camera_times(sounds, None, sources, progress or Unshown())
+
+
 RECORDERS = {
     "waist": Recorder(0.0, 16.0, noise=0.004),
     "head": Recorder(1.31, 16.4, drift=20e-6, way_m=0.4, gain=0.4, noise=0.01),
@@ -103,9 +116,9 @@ def test_deaf_and_silent_cameras_are_named_and_the_others_placed() -> None:
 
 def known(starts: dict[str, float], sigma_s: float = 1e-4) -> object:
     """A source that knows some starts."""
-    times = {n: CameraTime(n, s, 0.0, sigma_s, 1e-5, "motion") for n, s in starts.items()}
+    times = {n: CameraTime(n, s, 0.0, sigma_s, 1e-5, "motion", 0.8) for n, s in starts.items()}
     remarks = ["deaf: fits at two offsets"] if "deaf" in starts else []
-    return lambda placed: FoundTimes("motion", times, dict.fromkeys(starts, 0.8), remarks)
+    return lambda placed: FoundTimes("motion", times, remarks)
 
 
 def test_another_source_places_a_camera_without_sound() -> None:
@@ -115,7 +128,7 @@ def test_another_source_places_a_camera_without_sound() -> None:
     assert not offsets.unplaced
     for name, time in offsets.times.items():
         assert abs(time.start_s - (starts[name] - starts[offsets.reference])) < 3e-3
-    assert offsets.times["deaf"].source == "motion" and offsets.confidence["deaf"] == 0.8
+    assert offsets.times["deaf"].source == "motion" and offsets.times["deaf"].confidence == 0.8
     assert "deaf: fits at two offsets" in offsets.remarks
 
 
@@ -157,11 +170,16 @@ def test_an_interruption_does_not_wait_for_the_rest_of_the_sound() -> None:
             taken.append(second)
             yield SoundBlock(float(second), np.zeros(48000, np.float32), 48000.0)
 
-    def interrupt(what: str, done: int, of: int) -> None:
-        raise KeyboardInterrupt
+    class Interrupted(Unshown):
+        @contextmanager
+        def step(self, name: str, total: int) -> Iterator[Advance]:
+            def advance(units: int = 1) -> None:
+                raise KeyboardInterrupt
+
+            yield advance
 
     with pytest.raises(KeyboardInterrupt):
-        camera_times({"one": endless, "two": endless}, on_progress=interrupt)
+        camera_times({"one": lambda: islice(endless(), 1), "two": endless}, progress=Interrupted())
     assert len(taken) < 10_000
 
 

@@ -14,7 +14,7 @@ from bodycam_ros.recording.video_file import packets
 def images(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[CameraImage]:
     """Forty frames with a keyframe in ten, whose stamps are their numbers."""
     path = make_video(tmp_path_factory.mktemp("video") / "head.mp4", codec=request.param)
-    return [CameraImage("head", 100 + number, timed.packet) for number, timed in enumerate(packets(path))]
+    return [CameraImage("head", 100 + number, packet) for number, (_, packet) in enumerate(packets(path))]
 
 
 def fed(images: list[CameraImage]) -> list[CameraImage]:
