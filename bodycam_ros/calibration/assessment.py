@@ -55,12 +55,6 @@ class Findings:
     doubts: Mapping[str, str]
 
     @property
-    def delays_s(self) -> dict[str, float]:
-        """Camera -> by how much its clock is ahead of the reference's [s]; see ``CameraDiagnosis.clock_s``."""
-        motion = self.refined.motion
-        return dict(zip(motion.cameras, motion.delays.tolist(), strict=True))
-
-    @property
     def body(self) -> BodyModel:
         """The body of ``zeroed``."""
         return self.zeroed.motion.body
@@ -193,7 +187,7 @@ def _cameras(findings: Findings) -> tuple[CameraDiagnosis, ...]:
                 slipped_s=slip.seconds if slip else None,
                 readout=findings.readouts.get(camera),
                 warning=warning,
-                clock_s=findings.delays_s[camera],
+                clock_s=float(findings.refined.motion.delays[c]),
             )
         )
     return tuple(cameras)

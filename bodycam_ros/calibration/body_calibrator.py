@@ -104,12 +104,6 @@ class BodyCalibrator:
             RangeOfMotionError: the recording does not determine a body; with what to repeat.
             MapError: no person has bones of this size, so the map's scale is wrong.
         """
-        findings = self._found(name, on_progress)
-        body = self._with_readouts(_limited_body(findings.zeroed.motion), findings.readouts)
-        return CalibratedBody(body, assess(findings))
-
-    def _found(self, name: str, on_progress: Callable[[str, float], None]) -> Findings:
-        """Body and motion."""
         on_progress("joint centres", 0.0)
         motion = camera_motion(list(self._logs.values()))
         found = find_joints(self._rig, motion)  # A eq. 6-7, 12-14
@@ -142,7 +136,7 @@ class BodyCalibrator:
         )
         resting = np.isin(rows, rest.instants)
         zeroed = zero_at_rest(refined.motion, resting, self._facing_rad, set(hinges))
-        return Findings(
+        findings = Findings(
             rig=self._rig,
             found=found,
             motion=motion,
@@ -154,15 +148,11 @@ class BodyCalibrator:
             readouts=self._readouts.readouts(),
             doubts=self._readouts.doubts(),
         )
-
-    def _with_readouts(self, body: BodyModel, readouts: Mapping[str, Readout]) -> BodyModel:
-        """The body with what is known of its cameras' rows."""
-        mounts = {camera: replace(mount, readout=readouts.get(camera)) for camera, mount in body.mounts.items()}
-        return replace(body, mounts=mounts)
+        return CalibratedBody(_limited_body(zeroed.motion, findings.readouts), assess(findings))
 
 
-def _limited_body(motion: ArticulatedMotion) -> BodyModel:
-    """The body of a motion, its joints limited to what they did and the N-pose."""
+def _limited_body(motion: ArticulatedMotion, readouts: Mapping[str, Readout]) -> BodyModel:
+    """The body of a motion, its joints limited to what they did and the N-pose, with what is known of cameras' rows."""
     tracker = JointAngleTracker(motion.body)
     angles = np.stack([tracker.angles(poses) for poses in motion.world_T_segment()])
     low, high = np.percentile(angles, [_PERCENTILE, 100.0 - _PERCENTILE], axis=0)
@@ -171,4 +161,5 @@ def _limited_body(motion: ArticulatedMotion) -> BodyModel:
     joints = tuple(
         replace(joint, limits=tuple(limit_of[name] for name in joint.angle_names)) for joint in motion.body.joints
     )
-    return replace(motion.body, joints=joints)
+    mounts = {camera: replace(mount, readout=readouts.get(camera)) for camera, mount in motion.body.mounts.items()}
+    return replace(motion.body, joints=joints, mounts=mounts)

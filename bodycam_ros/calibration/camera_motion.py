@@ -80,15 +80,6 @@ class CameraMotion:
         seconds: Array = 1e-9 * (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
         return seconds
 
-    def columns(self, cameras: Sequence[str]) -> list[int]:
-        """Columns of some cameras."""
-        return [self.cameras.index(camera) for camera in cameras]
-
-    def poses(self, camera: str) -> Array:
-        """Poses (T, 4, 4) of one camera."""
-        poses: Array = self.world_T_camera[:, self.cameras.index(camera)]
-        return poses
-
     def spread(self, count: int) -> NDArray[np.intp]:
         """Rows of at most so many stamps, evenly spread."""
         total = len(self.stamps_ns)

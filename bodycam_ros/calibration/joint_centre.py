@@ -55,7 +55,7 @@ def find_joint_centre(parent_T_child: Array) -> JointCentre:
     """Find the joint between two segments in spite of a minority of wrong poses.
 
     Args:
-        parent_T_child: (N, 4, 4) poses of the child in the parent over time; of every pair of cameras on the two.
+        parent_T_child: (N, 4, 4) poses of the child in the parent over time.
     """
     weights = np.ones(len(parent_T_child))
     in_child = np.full(3, np.inf)

@@ -60,40 +60,22 @@ def find_joints(rig: Rig, motion: CameraMotion) -> FoundJoints:
         raise RangeOfMotionError(
             f"the rig has cameras on {rig.root} only; a body needs cameras on two segments that hang together"
         )
-    virtual = _virtual_cameras(rig, motion)  # A eq. 6-7
-    return FoundJoints(virtual, _joint_centres(rig, motion, virtual))  # A eq. 12-14
-
-
-def _virtual_cameras(rig: Rig, motion: CameraMotion) -> dict[str, VirtualCamera]:
-    """Segment -> its cameras as one (A eq. 6-7)."""
-    columns = {segment: motion.columns(rig.cameras_on(segment)) for segment in rig.segments}
-    return {
-        segment: fuse_cameras(rig.cameras_on(segment), motion.world_T_camera[:, own], motion.known[:, own])
-        for segment, own in columns.items()
-    }
-
-
-def _joint_centres(rig: Rig, motion: CameraMotion, virtual: Mapping[str, VirtualCamera]) -> dict[str, JointCentre]:
-    """Child segment -> its joint, from every pair of cameras on the two segments (A eq. 12-14)."""
-    centres = {}
-    for child in rig.segments:
-        parent = rig.parents[child]
-        if parent is None:
+    virtual, centres = {}, {}
+    for segment in rig.segments:  # A eq. 6-7
+        names = rig.cameras_on(segment)
+        own = [motion.cameras.index(camera) for camera in names]
+        virtual[segment] = fuse_cameras(names, motion.world_T_camera[:, own], motion.known[:, own])
+    duration_s = float(motion.seconds[-1])
+    for child in rig.segments:  # A eq. 12-14
+        if (parent := rig.parents[child]) is None:
             continue
-        parent_T_child = []
-        for a in rig.cameras_on(parent):
-            world_T_parent = motion.poses(a) @ inverse(virtual[parent].virtual_T_camera[a])
-            for b in rig.cameras_on(child):
-                world_T_child = motion.poses(b) @ inverse(virtual[child].virtual_T_camera[b])
-                both = motion.known[:, motion.columns((a, b))].all(axis=1)
-                parent_T_child.append((inverse(world_T_parent) @ world_T_child)[both])
-        duration_s = float(motion.seconds[-1])
-        together_s = duration_s * max(map(len, parent_T_child)) / len(motion.seconds)
-        if together_s < _MIN_TOGETHER_S:
+        above, below = virtual[parent], virtual[child]
+        both = above.known & below.known
+        if (together_s := duration_s * float(both.mean())) < _MIN_TOGETHER_S:
             raise RangeOfMotionError(
                 f"joint {SegmentName(child).joint}: cameras on {parent} and on {child} were registered together for "
                 f"{together_s:.1f} s only, of {duration_s:.1f} s; {_MIN_TOGETHER_S:g} s are needed. Repeat it where "
                 "both see the mapped place"
             )
-        centres[child] = find_joint_centre(np.concatenate(parent_T_child))
-    return centres
+        centres[child] = find_joint_centre((inverse(above.world_T_virtual) @ below.world_T_virtual)[both])
+    return FoundJoints(virtual, centres)
