@@ -72,11 +72,6 @@ class BoneLength:
             return segment
         return f"{segment} from {SegmentName(self.start).words} to {SegmentName(self.end).words}"
 
-    def mirrors(self, other: "BoneLength") -> bool:
-        """Whether the other is the same bone on the other side of the body."""
-        ends = {_other_side(self.start), _other_side(self.end)}
-        return other != self and other.segment == _other_side(self.segment) and {other.start, other.end} == ends
-
 
 def expected_stature(bones: Sequence[BoneLength]) -> float | None:
     """Stature [m] that bones together let expect: the median over bones, so that an odd one does not matter.
@@ -129,14 +124,16 @@ def judge_bones(bones: Sequence[BoneLength]) -> list[BoneLength]:
     Of a pair that differs, and of which neither is out of proportion, the first carries the warning.
     """
     stature_m = expected_stature(bones)
-    odd = [_proportion_warning(bone, stature_m) for bone in bones]
-    judged = []
-    for index, bone in enumerate(bones):
-        other = next((row for row, candidate in enumerate(bones) if bone.mirrors(candidate)), None)
-        warning = odd[index]
-        if other is not None and other > index and not odd[index] and not odd[other]:
-            warning = _asymmetry_warning(bone, bones[other])
-        mirror_m = None if other is None else bones[other].length_m
+    odd = {bone: _proportion_warning(bone, stature_m) for bone in bones}
+    of_place = {(bone.segment, frozenset((bone.start, bone.end))): bone for bone in bones}
+    judged: list[BoneLength] = []
+    for bone in bones:
+        ends = frozenset(mirrored(name) or name for name in (bone.start, bone.end))
+        other = of_place.get((mirrored(bone.segment) or bone.segment, ends), bone)
+        warning = odd[bone]
+        if bones.index(other) > len(judged) and not odd[bone] and not odd[other]:
+            warning = _asymmetry_warning(bone, other)
+        mirror_m = None if other is bone else other.length_m
         expected_m = None if bone.kind is None or stature_m is None else BONES[bone.kind] * stature_m
         judged.append(replace(bone, mirror_m=mirror_m, expected_m=expected_m, warning=warning))
     return judged
@@ -166,11 +163,6 @@ def _asymmetry_warning(bone: BoneLength, partner: BoneLength) -> str:
         f"{1e3 * difference_m:.0f} mm; repeat the motions of {bone.start}, {bone.end}, {partner.start} and "
         f"{partner.end} unless the body is so"
     )
-
-
-def _other_side(name: str) -> str:
-    """The same name on the other side; a name of the middle is its own."""
-    return mirrored(name) or name
 
 
 def _cm(length_m: float) -> str:

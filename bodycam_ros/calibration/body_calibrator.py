@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
@@ -33,6 +34,7 @@ from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.timing.clock_state import ClockSettings
 
 _PERCENTILE = 0.5  # [%] of the states beyond each limit: one wrong state must not open a joint
+_RESTING_ROWS = 10  # of the N-pose, beside those of the whole recording
 _MARGIN_RAD = 0.09  # of limits beyond what was exercised: people go a little further another day
 
 
@@ -110,18 +112,17 @@ class BodyCalibrator:
         axes_on_child = check_exercised(self._rig, found.centres)
         # Before what is measured in metres is asked whether it moved.
         refuse_impossible(found.bone_lengths(self._rig))
-        rest = find_rest_pose(
+        resting, rest_T_virtual = find_rest_pose(
             motion.seconds,
             {segment: one.world_T_virtual for segment, one in found.virtual.items()},
             {segment: one.known for segment, one in found.virtual.items()},
         )
 
         # Of any heading: the refined joints give the direction that the person faces.
-        rest_T_virtual = rest.world_T_segment
         hinges = {child: rest_T_virtual[child][:3, :3] @ axis for child, axis in axes_on_child.items()}
         body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15
         body = place_hinges(body, hinges)  # A eq. 16-17
-        rows = np.union1d(motion.spread(MAX_ROWS), rest.some_instants)
+        rows = np.union1d(_spread(len(motion.stamps_ns), MAX_ROWS), resting[_spread(len(resting), _RESTING_ROWS)])
         first = motion_of_cameras(
             body, motion.cameras, motion.world_T_camera[rows], motion.twists[rows], motion.known[rows], motion.triggered
         )
@@ -134,8 +135,7 @@ class BodyCalibrator:
             self._clock,
             lambda share: on_progress("refinement", share),
         )
-        resting = np.isin(rows, rest.instants)
-        zeroed = zero_at_rest(refined.motion, resting, self._facing_rad, set(hinges))
+        zeroed = zero_at_rest(refined.motion, np.isin(rows, resting), self._facing_rad, set(hinges))
         findings = Findings(
             rig=self._rig,
             found=found,
@@ -143,12 +143,17 @@ class BodyCalibrator:
             rows=rows,
             refined=refined,
             zeroed=zeroed,
-            rest_s=(0.0, float(motion.seconds[rest.instants[-1]])),
+            rest_s=(0.0, float(motion.seconds[resting[-1]])),
             image_counts={camera: (log.images, log.registered) for camera, log in self._logs.items()},
             readouts=self._readouts.readouts(),
             doubts=self._readouts.doubts(),
         )
         return CalibratedBody(_limited_body(zeroed.motion, findings.readouts), assess(findings))
+
+
+def _spread(total: int, most: int) -> NDArray[np.intp]:
+    """At most so many of some rows, evenly spread."""
+    return np.unique(np.linspace(0, total - 1, min(most, total)).round().astype(np.intp))
 
 
 def _limited_body(motion: ArticulatedMotion, readouts: Mapping[str, Readout]) -> BodyModel:

@@ -80,11 +80,6 @@ class CameraMotion:
         seconds: Array = 1e-9 * (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
         return seconds
 
-    def spread(self, count: int) -> NDArray[np.intp]:
-        """Rows of at most so many stamps, evenly spread."""
-        total = len(self.stamps_ns)
-        return np.unique(np.linspace(0, total - 1, min(count, total)).round().astype(np.intp))
-
 
 def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
     """Bring the registrations of all cameras to common stamps.

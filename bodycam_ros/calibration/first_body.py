@@ -58,32 +58,19 @@ def first_body(
 
 def root_at_hips(body: BodyModel) -> BodyModel:
     """The body with the root's origin midway between its paired joints, the hips (DESIGN 3)."""
-    paired = _paired([(joint.name, joint.parent_T_joint[:3, 3]) for joint in body.joints if joint.parent == body.root])
-    if paired is None:
+    place_of = {joint.name: joint.parent_T_joint[:3, 3] for joint in body.joints if joint.parent == body.root}
+    both = [(name, mirrored(name)) for name in place_of if name.endswith(LEFT)]
+    paired = [0.5 * (place_of[left] + place_of[right]) for left, right in both if right in place_of]
+    if not paired:
         return body
+    new_T_old = rigid(np.eye(3), -np.mean(paired, axis=0))
     joints = tuple(
-        replace(joint, parent_T_joint=_shifted(joint.parent_T_joint, -paired)) if joint.parent == body.root else joint
+        replace(joint, parent_T_joint=new_T_old @ joint.parent_T_joint) if joint.parent == body.root else joint
         for joint in body.joints
     )
     mounts = {
-        camera: CameraMount(body.root, _shifted(mount.segment_T_camera, -paired))
-        if mount.segment == body.root
-        else mount
+        camera: replace(mount, segment_T_camera=new_T_old @ mount.segment_T_camera)
         for camera, mount in body.mounts.items()
+        if mount.segment == body.root
     }
-    return replace(body, joints=joints, mounts=mounts)
-
-
-def _paired(places: list[tuple[str, Array]]) -> Array | None:
-    """Midpoint (3,) of the joints of the left and their partners of the right; None if there are none."""
-    place_of = dict(places)
-    both = [
-        0.5 * (place + place_of[other])
-        for name, place in places
-        if name.endswith(LEFT) and (other := mirrored(name)) in place_of
-    ]
-    return np.mean(both, axis=0) if both else None
-
-
-def _shifted(pose: Array, shift: Array) -> Array:
-    return rigid(pose[:3, :3], pose[:3, 3] + shift)
+    return replace(body, joints=joints, mounts={**body.mounts, **mounts})

@@ -21,39 +21,23 @@ MAX_SHIFT_M = 0.04
 
 _MIN_DURATION_S = 0.5  # shorter stillness may be the turning point of a motion
 _MAX_RISE = 0.3  # per length: a steeper line from right to left is no line of hips or shoulders of a standing person
-_SOME = 10
 _UP = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
-class RestPose:
-    """The N-pose.
-
-    Attributes:
-        instants: (K) rows in which it was held.
-        world_T_segment: segment -> (4, 4) its average pose then, in the frame of its virtual camera.
-    """
-
-    instants: NDArray[np.intp]
-    world_T_segment: Mapping[str, Array]
-
-    @property
-    def some_instants(self) -> NDArray[np.intp]:
-        """A few of the rows, evenly over the N-pose."""
-        return self.instants[np.linspace(0, len(self.instants) - 1, min(_SOME, len(self.instants))).astype(np.intp)]
 
 
 def find_rest_pose(
     seconds: Array,
     world_T_segment: Mapping[str, Array],
     known: Mapping[str, NDArray[np.bool_]],
-) -> RestPose:
+) -> tuple[NDArray[np.intp], dict[str, Array]]:
     """Find how long the body stands still at the start, and how.
 
     Args:
         seconds: (T) [s].
         world_T_segment: segment -> (T, 4, 4) poses.
         known: segment -> (T) where they are known.
+
+    Returns:
+        (K) rows in which the N-pose was held; segment -> (4, 4) its average pose then.
 
     Raises:
         RangeOfMotionError: the recording begins with motion, or a segment is unobserved while the body stands still.
@@ -71,7 +55,6 @@ def find_rest_pose(
         )
     if end == len(seconds):
         raise RangeOfMotionError("nothing moves in this recording; a range of motion of every joint is needed")
-    instants = np.arange(end)
     average = {}
     for segment, poses in world_T_segment.items():
         seen = known[segment][:end]
@@ -81,7 +64,7 @@ def find_rest_pose(
                 f"(the first {seconds[end - 1]:.1f} s), so its zero is not known; begin where the cameras see the map"
             )
         average[segment] = robust_average_pose(poses[:end][seen])
-    return RestPose(instants, average)
+    return np.arange(end), average
 
 
 def facing_direction(joints_world: Mapping[str, Array]) -> float:
