@@ -33,10 +33,10 @@ def run(arguments: argparse.Namespace) -> int:
     check_replaceable(output, arguments.force)
     known = len(ReferenceMap.load(arguments.map).landmark_ids)
     with shown_progress() as progress:
-        extension = extend_map(recording, arguments.map, settings, arguments.jobs, on_progress=progress.show)
-        extended, draw, coverage = add_coverage(extension.reference_map, output.name, progress)
+        extended, rounds = extend_map(recording, arguments.map, settings, arguments.jobs, on_progress=progress.show)
+        extended, draw, coverage = add_coverage(extended, output.name, progress)
     extended.save(output, force=arguments.force, also=draw)
-    print_rounds(extension.rounds)
+    print_rounds(rounds)
     Terminal().print(
         *coverage,
         f"{extended.grown} landmarks added by body cameras to {known}, {len(extended.image_names)} pictures; "

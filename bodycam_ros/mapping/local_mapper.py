@@ -17,7 +17,7 @@ from bodycam_ros.mapping.body_keyframe import MAX_SIGMA_M, BodyKeyframe
 from bodycam_ros.mapping.epipolar_matching import match_posed
 from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap, empty_slots
 from bodycam_ros.mapping.small_photographs import normals_towards
-from bodycam_ros.mapping.triangulation import Triangulation, spread_directions, triangulate
+from bodycam_ros.mapping.triangulation import spread_directions, triangulate
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -92,18 +92,6 @@ class MapPoint:
         into["landmark_id"], into["point_world"] = self.landmark_id, self.position
         into["descriptors"], into["views"] = [s.descriptor for s in chosen], towards[rows]
         into["sizes"] = distances[rows] * [s.size for s in chosen]
-
-
-def triangulate_points(points: Sequence[MapPoint]) -> Triangulation:
-    """Triangulate points from their sightings."""
-    shape = len(points), max(len(point.sightings) for point in points)
-    centres, directions, focal_px = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
-    directions[:, :, 2] = 1.0
-    for row, point in enumerate(points):
-        for column, one in enumerate(point.sightings):
-            centres[row, column], directions[row, column] = one.centre, one.direction
-            focal_px[row, column] = one.focal_px
-    return triangulate(centres, directions, focal_px)
 
 
 @dataclass(frozen=True)
@@ -308,7 +296,14 @@ class LocalMapper:
         """Triangulate points that have new sightings; remove those that their rays contradict."""
         if not points:
             return
-        found = triangulate_points(points)
+        shape = len(points), max(len(point.sightings) for point in points)
+        centres, directions, focal_px = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
+        directions[:, :, 2] = 1.0
+        for row, point in enumerate(points):
+            for column, one in enumerate(point.sightings):
+                centres[row, column], directions[row, column] = one.centre, one.direction
+                focal_px[row, column] = one.focal_px
+        found = triangulate(centres, directions, focal_px)
         is_good = found.errors_px.max(axis=1) <= _MAX_ERROR_PX
         is_wide = found.angles >= _MIN_ANGLE
         for point, position, good, wide in zip(points, found.points, is_good, is_wide, strict=True):

@@ -1,7 +1,6 @@
 """Rounds of registration and map extension over a recording (A 4.1)."""
 
 import logging
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -56,15 +55,6 @@ class ExtensionRound:
     absolute: float
 
 
-@dataclass(frozen=True)
-class Extension:
-    """An extended map, the rounds that it took, and their time [s]."""
-
-    reference_map: ReferenceMap
-    rounds: tuple[ExtensionRound, ...]
-    elapsed_s: float
-
-
 def extend_map(
     recording_path: Path,
     map_path: Path,
@@ -73,8 +63,8 @@ def extend_map(
     cameras: Sequence[str] | None = None,
     readouts: Mapping[str, Readout] | None = None,
     on_progress: OnProgress = lambda step, share: None,
-) -> Extension:
-    """Extend a map by what the cameras of a recording observe.
+) -> tuple[ReferenceMap, tuple[ExtensionRound, ...]]:
+    """Extend a map by what the cameras of a recording observe; the extended map, and the rounds that it took.
 
     Each round registers the recording in the map of the round before, and triangulates anew from its poses.
 
@@ -90,7 +80,6 @@ def extend_map(
     Raises:
         BodycamError: what is wrong with recording or map.
     """
-    started_s = time.monotonic()
     reference_map = extended = load_map(map_path)
     with open_recording(recording_path) as recording:
         models = {name: recording.camera_model(name) for name in cameras or recording.cameras}
@@ -129,7 +118,7 @@ def extend_map(
                 break
             task = replace(task, map_path=scratch / f"round_{len(rounds)}")
             extended.save(task.map_path)
-    return Extension(extended, tuple(rounds), time.monotonic() - started_s)
+    return extended, tuple(rounds)
 
 
 def _is_complete(shares: Sequence[float]) -> bool:

@@ -211,9 +211,9 @@ def _extend(
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
     cameras = [camera for camera in recording.cameras if camera in body.mounts]
     limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    extension = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
-    extension.reference_map.save(scratch / "map")
-    return scratch / "map", extension.rounds
+    extended, rounds = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
+    extended.save(scratch / "map")
+    return scratch / "map", rounds
 
 
 def _with_images(
