@@ -22,7 +22,7 @@ from bodycam_ros.timing.timeline import Message
 
 _SAME_FRAME = 0.49  # of the time between two images of a camera: within it they are of the same state
 _INTERVALS = 9  # intervals of whose median a camera's rate is made: a lost image now and then does not matter
-_KEPT_NS = 1_000_000_000  # of images before the latest frame: clocks may be corrected backwards
+_KEPT_NS = round(2e9 * MAX_GAP_S)  # of images before the latest frame, for the path of a free-running camera
 
 
 class CameraStream:
@@ -51,11 +51,14 @@ class CameraStream:
         self._previous: tuple[int, int] | None = None
 
     def set_free(self, is_free: bool, assembled_ns: int) -> None:
-        """Set whether it runs freely; drop messages that frames have passed [ns], but what interpolation needs."""
-        if is_free or is_free != self.is_free:
-            self.is_free, until_ns = is_free, assembled_ns - (_KEPT_NS if is_free else 0)
-            while self.messages and self.messages[0].stamp_ns <= until_ns:
-                self.messages.popleft()
+        """Set whether it runs freely, where frames up to a stamp [ns] are assembled."""
+        self.is_free = is_free
+        if not is_free:
+            self._drop(assembled_ns)
+
+    def _drop(self, until_ns: int) -> None:
+        while self.messages and self.messages[0].stamp_ns <= until_ns:
+            self.messages.popleft()
 
     def add(self, message: Message, is_late: bool = False) -> None:
         """Add the next message, its stamp in the body's time; late ones are for interpolation alone."""
@@ -76,10 +79,9 @@ class CameraStream:
 
     def has_passed(self, stamp_ns: int, common_ns: int | None, tolerance_ns: int) -> bool:
         """Whether later messages change nothing of a frame, see ``take``."""
-        end_ns = stamp_ns + self.within_ns(tolerance_ns)
         if not self.is_free:
-            return bool(self.messages) or (self.latest_ns or 0) > end_ns
-        wanted_ns = end_ns if common_ns is None else common_ns
+            return bool(self.messages) or (self.latest_ns or 0) > stamp_ns + self.within_ns(tolerance_ns)
+        wanted_ns = stamp_ns + self.within_ns(tolerance_ns) if common_ns is None else common_ns
         # The image after the next one gives the twist at the next.
         is_enclosed = len(self.messages) > 1 and self.messages[-2].stamp_ns >= wanted_ns
         return is_enclosed or any(image.stamp_ns == common_ns for image in self.messages)
@@ -93,6 +95,7 @@ class CameraStream:
             tolerance_ns: by which stamps of one frame differ [ns].
         """
         if self.is_free:
+            self._drop(stamp_ns - _KEPT_NS)
             return None if common_ns is None else self.interpolate(common_ns)
         is_there = self.messages and self.messages[0].stamp_ns <= stamp_ns + self.within_ns(tolerance_ns)
         return self.messages.popleft() if is_there else None

@@ -24,7 +24,6 @@ by so much longer than ``max_wait``."""
 _RECENT = 150  # frames by which cameras are judged: some seconds
 _SAME_NS = 1_000_000  # stamps of one trigger differ by less
 _MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, frames are spaced equally
-_LONGEST_GAP_NS = 60_000_000_000  # no frames are spaced over a gap longer than this
 
 
 @dataclass(frozen=True)
@@ -91,6 +90,7 @@ class FrameAssembler:
     def _begin(self, cameras: Iterable[str]) -> None:
         self._streams = {camera: CameraStream() for camera in cameras}
         self._first_ns: int | None = None
+        self._sharing: frozenset[str] | None = None
         self._came_ns = self._assembled_ns = self._common_ns = self._shared_ns = -1
         self._common: deque[int] = deque()  # stamps of frames that free-running cameras are interpolated to
 
@@ -118,6 +118,7 @@ class FrameAssembler:
     def join(self, camera: str, longer_s: float = 0.0) -> None:
         """Wait for one more camera from now on; live, for its first message by so much longer."""
         self._streams.setdefault(camera, CameraStream(came_s=time.monotonic() + longer_s))
+        self._sharing = None
 
     def add(self, message: Message) -> list[BodyFrame]:
         """Add a message; frames that are complete now, in order of time."""
@@ -129,7 +130,7 @@ class FrameAssembler:
         self._came_ns = message.stamp_ns if self._came_ns < 0 else self._came_ns
         if self.clocks and isinstance(message, LandmarkMatches):
             self.clocks.add(message)
-        return self._release(message.stamp_ns) + self.complete()
+        return self._release(message.stamp_ns)
 
     def complete(self) -> list[BodyFrame]:
         """Frames that are complete by now, because a camera has stopped for long enough."""
@@ -164,11 +165,15 @@ class FrameAssembler:
         released, known_ns, clocked = list[Message](), ALL_NS, self.clocks
         if clocked and now_ns - max(clocked.latest_ns, self._came_ns) <= 2 * self.max_wait_ns:
             known_ns = clocked.known_ns
+        if clocked and self._sharing != clocked.sharing:
+            self._sharing = clocked.sharing
+            for camera, stream in self._streams.items():
+                stream.set_free(clocked.has(camera) and camera not in self._sharing, self._assembled_ns)
         for camera, stream in self._streams.items():
-            clocks = clocked if clocked and clocked.has(camera) else None
-            stream.set_free(clocks is not None and camera not in clocks.sharing, self._assembled_ns)
-            until_ns = clocks.known_ns if clocks else known_ns
-            while stream.waiting and stream.waiting[0].stamp_ns < until_ns:
+            while stream.waiting:
+                clocks = clocked if clocked and clocked.has(camera) else None
+                if stream.waiting[0].stamp_ns >= (clocks.known_ns if clocks else known_ns):
+                    break
                 message = stream.waiting.popleft()
                 if clocks and isinstance(message, LandmarkMatches):
                     message = clocks.corrected(message)
@@ -204,7 +209,7 @@ class FrameAssembler:
         elif (period_ns := clocks.shared.period_ns if clocks.shared else 0) and (
             not clocks.sharing or 0 <= self._shared_ns < stamp_ns - _MISSING_NS
         ):
-            if self._common_ns < 0 or stamp_ns - self._common_ns > _LONGEST_GAP_NS:
+            if self._common_ns < 0:
                 new = [stamp_ns // period_ns * period_ns]
             else:
                 new = range(self._common_ns + period_ns, stamp_ns + 1, period_ns)
