@@ -37,32 +37,16 @@ class EquipmentReport:
 
 
 @dataclass(frozen=True, eq=False)
-class EquipmentRecord:
-    """T instants, K attachments, L lengths; the fields as of ``EquipmentReport``.
+class EquipmentRecord(EquipmentReport):
+    """T reports of the same equipment: engaged and deviations are (T, K), and lengths as they are known at last.
 
     Attributes:
-        name: of the equipment.
         stamps_ns: (T,) increasing [ns].
-        placed: (T,)
-        attachments: (K) names.
-        engaged: (T, K)
-        deviations: (T, K) [m]
-        lengths: (L) names.
-        priors: (L,) sigmas of the file [m].
-        values: (L,) at last [m].
-        sigmas: (L,) at last [m].
+        placed: (T,) whether it is known where the equipment is.
     """
 
-    name: str
     stamps_ns: NDArray[np.int64]
-    placed: NDArray[np.bool_]
-    attachments: tuple[str, ...]
-    engaged: NDArray[np.bool_]
-    deviations: Array
-    lengths: tuple[str, ...]
-    priors: Array
-    values: Array
-    sigmas: Array
+    placed: NDArray[np.bool_]  # type: ignore[assignment]
 
     @property
     def held(self) -> NDArray[np.bool_]:

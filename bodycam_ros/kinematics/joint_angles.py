@@ -8,7 +8,7 @@ order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
 
@@ -117,11 +117,9 @@ class JointAngles:
 
     def poses(self, angles: NDArray[np.floating]) -> Array:
         """``rotations`` as poses (..., J, 4, 4), with the places of free joints' children in their parents."""
-        poses = np.zeros((*angles.shape[:-1], len(self.tree.tree_joints), 4, 4))
-        poses[..., :3, :3], poses[..., 3, 3] = self.rotations(angles), 1.0
-        places = poses[..., :3, 3]
+        places = np.zeros((*angles.shape[:-1], len(self.tree.tree_joints), 3))
         places[..., self._free, :] = angles[..., self._place_columns]
-        return poses
+        return rigid(self.rotations(angles), places)
 
     def forward_kinematics(self, world_T_root: Array, angles: NDArray[np.floating]) -> Array:
         """Poses world_T_segment (..., S, 4, 4) of the root's (..., 4, 4) and of angles (..., A)."""

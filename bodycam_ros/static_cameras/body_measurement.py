@@ -85,16 +85,6 @@ class MeasuredBody:
     seen: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Round:
-    """Normal equations of one pass over a recording, frames measured, and mean share of observed segments."""
-
-    information: Array
-    vector: Array
-    instants: int
-    seen: float
-
-
 class BodyMeasurement:
     """Measures a body in the images of static cameras.
 
@@ -133,13 +123,14 @@ class BodyMeasurement:
         """
         lasting, sigmas = np.zeros(self._size), np.zeros(self._shape.size)
         for number in range(1, _ROUNDS + 1):
-            measured = self._track(ShapeEvidence(self._shape, lasting, self._region), f"round {number}")
-            if measured.seen < _MIN_SEEN:
+            evidence = ShapeEvidence(self._shape, lasting, self._region)
+            information, vector, count, seen = self._track(evidence, f"round {number}")
+            if seen < _MIN_SEEN:
                 raise RangeOfMotionError(
-                    f"static cameras observed only {measured.seen:.0%} of the body's segments on average; is the start "
-                    "right for the first images, and are the cameras' poses right?"
+                    f"static cameras observed only {seen:.0%} of the body's segments on average; is the start right "
+                    "for the first images, and are the cameras' poses right?"
                 )
-            step, sigmas = self._step(measured, lasting)
+            step, sigmas = self._step(information, vector, lasting)
             lasting = lasting + step
             lengths = slice(len(self._shape.lengths))
             converged = bool((np.abs(step[lengths]) < _CONVERGED * sigmas[lengths]).all())
@@ -147,13 +138,12 @@ class BodyMeasurement:
                 break
         lengths_found, girths_found = self._measures(lasting[: self._shape.size], sigmas)
         body = self._shape.shaped(lasting[: self._shape.size])
-        return MeasuredBody(body, lengths_found, girths_found, measured.instants, number, converged, measured.seen)
+        return MeasuredBody(body, lengths_found, girths_found, count, number, converged, seen)
 
-    def _step(self, measured: _Round, lasting: Array) -> tuple[Array, Array]:
-        """Change (size,) of shares and bulges, and sigmas (K,) of the shares."""
+    def _step(self, A: Array, b: Array, lasting: Array) -> tuple[Array, Array]:
+        """Change (size,) of shares and bulges, and sigmas (K,) of the shares, by equations that get the priors."""
         size = self._shape.size
         information, vector = self._shape.prior(lasting[:size])
-        A, b = measured.information.copy(), measured.vector.copy()
         A[:size, :size] += information
         b[:size] += vector
         bulges = np.arange(size, len(lasting))
@@ -164,8 +154,12 @@ class BodyMeasurement:
         longest = float(np.abs(step[:size]).max())
         return step * min(1.0, _LONGEST_STEP / max(longest, 1e-12)), np.sqrt(np.diag(covariance)[:size])
 
-    def _track(self, evidence: ShapeEvidence, step: str) -> _Round:
-        """Track the body through the recording, and measure its contours at intervals."""
+    def _track(self, evidence: ShapeEvidence, step: str) -> tuple[Array, Array, int, float]:
+        """Track the body through the recording, and measure its contours at intervals.
+
+        Returns:
+            Normal equations (size, size), (size,), frames measured, and mean share of observed segments.
+        """
         body = evidence.body
         tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
         information, vector = np.zeros((self._size, self._size)), np.zeros(self._size)
@@ -191,7 +185,7 @@ class BodyMeasurement:
                 count, measured_ns = count + 1, stamp_ns
         if not seen:
             raise RangeOfMotionError("static cameras have too few images: a body is measured while it moves")
-        return _Round(information, vector, count, float(np.mean(seen)))
+        return information, vector, count, float(np.mean(seen))
 
     def _measures(self, shares: Array, sigmas: Array) -> tuple[tuple[Measure, ...], tuple[Measure, ...]]:
         """Lengths and girths of shares (K,) with sigmas (K,)."""
