@@ -7,6 +7,7 @@ overground walking using kinematic data"). In between the foot must rest: a foot
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -85,11 +86,10 @@ class Walk:
         self.pelvis = world_T_segment["pelvis"][:, :3, 3]
         self.ahead = self._direction(world_T_segment["pelvis"])
         self.angles = {}
-        for joint, (child, parent) in _PARENTS.items():
-            for side in SIDES:
-                above = world_T_segment[parent if parent == "pelvis" else f"{parent}_{side}"][:, :3, :3]
-                rotations = np.swapaxes(above, 1, 2) @ world_T_segment[f"{child}_{side}"][:, :3, :3]
-                self.angles[joint, side] = np.degrees(planes_of(f"{child}_{side}", rotations)[:, 0])
+        for (joint, (child, parent)), side in product(_PARENTS.items(), SIDES):
+            above = world_T_segment[parent if parent == "pelvis" else f"{parent}_{side}"][:, :3, :3]
+            rotations = np.swapaxes(above, 1, 2) @ world_T_segment[f"{child}_{side}"][:, :3, :3]
+            self.angles[joint, side] = np.degrees(planes_of(f"{child}_{side}", rotations)[:, 0])
         self.contacts, self.releases, self.rests = {}, {}, {}
         for side, sole in soles.items():
             reach = ((sole - self.pelvis[:, None]) * self.ahead[:, None]).sum(axis=2)
@@ -111,9 +111,8 @@ class Walk:
         """Times of the maxima of a curve (T,), between states by a parabola."""
         at, _ = find_peaks(values, prominence=_PROMINENCE_M, distance=max(1, round(_APART_S / self.step_s)))
         before, here, after = values[at - 1], values[at], values[at + 1]
-        bend = before - 2.0 * here + after
-        shift = np.where(bend < 0.0, 0.5 * (before - after) / np.where(bend < 0.0, bend, -1.0), 0.0)
-        times: Array = self.seconds[at] + np.clip(shift, -0.5, 0.5) * self.step_s
+        bend = np.minimum(before - 2.0 * here + after, -1e-12)
+        times: Array = self.seconds[at] + np.clip(0.5 * (before - after) / bend, -0.5, 0.5) * self.step_s
         return times
 
     def stride(self, side: str, start_s: float, longest_step_s: float) -> Stride | None:
@@ -161,10 +160,8 @@ class Walk:
 
     def _double_support_s(self, other: str, start_s: float, release_s: float) -> float:
         """Time of both feet on the floor in a stance [s]: until the other leaves it, and from when it is back."""
-        left, back = (
-            times[other][(times[other] > start_s) & (times[other] < release_s)]
-            for times in (self.releases, self.contacts)
-        )
+        events = self.releases[other], self.contacts[other]
+        left, back = (times[(times > start_s) & (times < release_s)] for times in events)
         if not (len(left) and len(back) and left[0] < back[-1]):
             return np.nan
         return float(left[0] - start_s + release_s - back[-1])

@@ -1,9 +1,11 @@
 """Registered and solved camera poses at the same times, in bounded memory."""
 
 import math
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,13 +79,9 @@ class CameraPoses:
 
     def speeds(self) -> dict[str, tuple[float, float]]:
         """Camera -> median speed of its turn [rad/s] and of its motion [m/s]; absent where it was not registered."""
-        speeds = {}
-        for camera, twists in self.twists.items():
-            known = twists[np.isfinite(twists[:, 0])]
-            if len(known):
-                turning, moving = (np.median(np.linalg.norm(part, axis=1)) for part in np.split(known, 2, axis=1))
-                speeds[camera] = float(turning), float(moving)
-        return speeds
+        sizes = {camera: np.linalg.norm(twists.reshape(-1, 2, 3), axis=2) for camera, twists in self.twists.items()}
+        medians = {c: np.nanmedian(size, axis=0).tolist() for c, size in sizes.items() if np.isfinite(size).any()}
+        return {camera: (turning, moving) for camera, (turning, moving) in medians.items()}
 
 
 class CameraPoseLog:
@@ -180,10 +178,9 @@ class CameraPoseLog:
 
 def _interpolate_pose(recent: deque[tuple[int, Array]], stamp_ns: int) -> tuple[Array, Array] | None:
     """Pose (4, 4) and twist (6) of a camera at a time between two of its registrations; None if they are far apart."""
-    after = next((number for number in range(len(recent)) if recent[number][0] >= stamp_ns), None)
-    if after is None or len(recent) < 2 or recent[0][0] > stamp_ns:
+    after = max(1, bisect_left(recent, stamp_ns, key=itemgetter(0)))
+    if after >= len(recent) or recent[0][0] > stamp_ns:
         return None
-    after = max(after, 1)
     (before_ns, world_T_before), (after_ns, world_T_after) = recent[after - 1], recent[after]
     step_ns = after_ns - before_ns
     if step_ns > _MAX_STEP_NS:

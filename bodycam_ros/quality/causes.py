@@ -93,7 +93,7 @@ def _find_cause(poses: CameraPoses, found: Contradiction, camera: str, places: d
 
 def lens_cause(lens: LensDeviation | None) -> Cause | None:
     """A lens that deviates from its model; None where it does not, or is unknown."""
-    if lens is None or lens.excess(_LENS_SCALE, _LENS_CENTRE) <= 1.0:
+    if lens is None or (abs(lens.scale) <= _LENS_SCALE and lens.centre <= _LENS_CENTRE):
         return None
     return Cause(f"its lens is not what camera_info says: {lens.text}", "check its camera_info, or calibrate it anew")
 

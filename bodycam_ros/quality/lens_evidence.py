@@ -33,10 +33,6 @@ class LensDeviation:
     scale: float
     centre: float
 
-    def excess(self, scale: float, centre: float) -> float:
-        """The worse of the two in units of what is too much."""
-        return max(abs(self.scale) / scale, self.centre / centre)
-
     @property
     def text(self) -> str:
         """Both in words."""
