@@ -117,32 +117,26 @@ def _files_in(folder: Path, suffixes: frozenset[str]) -> list[Path]:
 
 def _recordings(videos: Sequence[Path], lens_folder: Path | None) -> Recordings:
     """Cameras and their recordings among the videos of one folder."""
-    groups: dict[tuple[str, str], list[tuple[int, Path]]] = {}
+    groups: dict[tuple[str, str], list[tuple[int, Path, bool]]] = {}
     for path in videos:
-        name, chapter = _chapter(path.stem)
-        groups.setdefault((name, path.suffix.lower()), []).append((chapter, path))
+        name, chapter, is_numbered = _chapter(path.stem)
+        groups.setdefault((name, path.suffix.lower()), []).append((chapter, path, is_numbered))
     recordings: Recordings = []
     for (name, _), chapters in sorted(groups.items()):
-        numbers, paths = zip(*sorted(chapters), strict=True)
-        is_numbered = any(_number(path.stem) for path in paths)
+        numbers, paths, numbered = zip(*sorted(chapters), strict=True)
         lenses = [((lens_folder or path.parent) / f"{path.stem}.yaml").exists() for path in paths]
-        if is_numbered and (numbers != tuple(range(1, 1 + len(paths))) or any(lenses[1:]) or len(paths) == 1):
+        if any(numbered) and (numbers != tuple(range(1, 1 + len(paths))) or any(lenses[1:]) or len(paths) == 1):
             recordings += [(path.stem, (path,)) for path in paths]
         else:
-            recordings.append((name if is_numbered else paths[0].stem, paths))
+            recordings.append((name if any(numbered) else paths[0].stem, paths))
     return recordings
 
 
-def _chapter(stem: str) -> tuple[str, int]:
-    """What a recording's files have in common, and which chapter of it a file may be; 1 without a number."""
+def _chapter(stem: str) -> tuple[str, int, bool]:
+    """What a recording's files have in common, which chapter of it a file may be, and whether it is named by ``_1``."""
     found = _CHAPTER.fullmatch(stem)
     if found is None:
-        return _FIRST_OLD.sub("GP", stem), 1
+        return _FIRST_OLD.sub("GP", stem), 1, False
     kind = found.lastgroup or ""
     name, chapter = stem[: found.start(kind)] + stem[found.end(kind) :], int(found[kind].lstrip("_"))
-    return name, chapter + 1 if kind == "old" else chapter
-
-
-def _number(stem: str) -> str | None:
-    found = _CHAPTER.fullmatch(stem)
-    return found["number"] if found else None
+    return name, chapter + 1 if kind == "old" else chapter, kind == "number"

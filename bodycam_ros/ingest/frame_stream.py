@@ -80,12 +80,6 @@ class FrameStream:
     threads: int
     tally: StreamTally = field(default_factory=StreamTally)
 
-    @property
-    def _size(self) -> tuple[int, int] | None:
-        """Width and height of scaled frames [px]; None: as they are."""
-        lens = self.camera.written_lens
-        return None if self.camera.scale == 1.0 else (lens.width, lens.height)
-
     def messages(self) -> Iterator[SerializedMessage]:
         """Lens and timing first, then the frames; the lens once a second.
 
@@ -167,8 +161,10 @@ class FrameStream:
     def _packets(self) -> Iterator[TimedPacket]:
         video, facts = self.camera.video, self.camera.video.facts
         if isinstance(video, ImageFolder) or not self.camera.is_copied:
+            lens = self.camera.written_lens
+            size = None if self.camera.scale == 1.0 else (lens.width, lens.height)
             frames = video.frames(self.threads)
-            yield from h264_packets(frames, facts.rotation_deg, facts.rate_hz, self.threads, self._size)
+            yield from h264_packets(frames, facts.rotation_deg, facts.rate_hz, self.threads, size)
             return
         has_key = False
         for media_s, packet in video.packets():

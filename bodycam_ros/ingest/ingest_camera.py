@@ -61,9 +61,7 @@ class IngestCamera:
     @property
     def is_copied(self) -> bool:
         """Whether frames can go into the bag as they are."""
-        if self.scale != 1.0:
-            return False
-        return isinstance(self.video, ImageFolder) or self.video.facts.is_upright_annex_b
+        return self.scale == 1.0 and (isinstance(self.video, ImageFolder) or self.video.facts.is_upright_annex_b)
 
 
 def find_cameras(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
@@ -27,7 +27,6 @@ from bodycam_ros.tracking.rotation import estimate_rotation
 
 if TYPE_CHECKING:
     from bodycam_ros.mapping.moving_camera import MovingCamera
-    from bodycam_ros.recording.bag_reader import Recording
 
 logger = logging.getLogger(__name__)
 
@@ -139,21 +138,16 @@ def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]
     with open_recording(path) as recording:
         for camera in cameras:
             if camera in recording.cameras:
-                match = match_images(recording.camera_model(camera), _camera_images(recording, camera))
+                model = recording.camera_model(camera)
+                match = match_images(model, _decoded(recording.images([camera]), model))
                 if not match.matches:
                     yield match
 
 
 def warn_of_mismatch(source: "MovingCamera") -> None:
     """Log a warning if the frames of a video do not fit its calibration: mapping would fail."""
-
-    def images() -> Iterator[Grey]:
-        for frame in frames:
-            with suppress(RecordingError):
-                yield decode_grey(frame)
-
     with source.frames() as frames:
-        match = match_images(source.camera, images(), _VIDEO_FRAMES)
+        match = match_images(source.camera, _decoded(frames, source.camera), _VIDEO_FRAMES)
     if not match.matches:
         logger.warning("%s: %s", source.name, match.text)
 
@@ -186,10 +180,9 @@ def _full_size(pixels: NDArray[np.float32], scale: float) -> Array:
     return full
 
 
-def _camera_images(recording: "Recording", camera: str) -> Iterator[Grey]:
+def _decoded(images: Iterable[CameraImage], model: CameraModel) -> Iterator[Grey]:
     """Images of the calibration's size; the tracker reports others."""
-    model = recording.camera_model(camera)
-    for image in recording.images([camera]):
+    for image in images:
         with suppress(RecordingError):
             grey = decode_grey(image)
             if grey.shape == (model.height, model.width):
