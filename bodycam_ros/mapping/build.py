@@ -120,7 +120,7 @@ def build_map(
         _LOG.warning("%s. The known distance or inertial sensors scale the map", problem)
         board = None
     # Poses and points, kept by the criteria of A 4.1.
-    structure = reconstruct(features, camera_of_name, workers, progress)
+    structure = reconstruct(photographs.folder, features, camera_of_name, workers, progress)
 
     # Scale, origin and upward direction.
     alignment, known_scale, floor, inertial = None, None, None, None

@@ -212,18 +212,20 @@ def write_model(folder: Path, ply: Path, structure: Structure) -> None:
     reconstruction.export_PLY(ply)
 
 
-def write_and_verify(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:
-    """Write matches (M, 2) of each pair, and let COLMAP verify them by their epipolar geometry."""
-    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
-        ids = _ids(opened)
-        for (first, second), rows in zip(pairs, matches, strict=True):
-            opened.write_matches(ids[first], ids[second], rows)
+def match_and_verify(database: Path, pairs: Sequence[tuple[str, str]], workers: int) -> None:
+    """Match the features of each pair, and verify the matches by their epipolar geometry."""
+    listed = database.with_name("pairs.txt")
+    listed.write_text("".join(f"{first} {second}\n" for first, second in pairs))
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.random_seed = _RANDOM_SEED
     options.ransac.max_num_trials = _MAX_TRIALS
-    listed = database.with_name("pairs.txt")
-    listed.write_text("".join(f"{first} {second}\n" for first, second in pairs))
-    pycolmap.verify_matches(database, listed, options)
+    pycolmap.match_image_pairs(
+        database,
+        pycolmap.FeatureMatchingOptions(num_threads=workers),
+        pycolmap.ImportedPairingOptions(match_list_path=listed),
+        options,
+        pycolmap.Device.cpu,
+    )
 
 
 def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:
@@ -251,6 +253,7 @@ _JOINING_TOLERANCE, _FINAL_TOLERANCE = 1e-3, 1e-4  # relative decrease at which 
 
 def complete(
     database: Path,
+    photographs: Path,
     coarse: pycolmap.Reconstruction,
     min_views: int,
     min_angle_deg: float,
@@ -260,28 +263,18 @@ def complete(
     """Triangulate all that the photographs of the coarse model match, and adjust everything.
 
     Args:
-        database: with all features of its photographs, and verified matches.
+        database: with all features of all photographs, and verified matches.
+        photographs: folder of these, which give the points their colours.
         coarse: has their poses, by their names.
         min_views: of a point; others are dropped.
         min_angle_deg: least angle between two rays of a point.
         workers: threads.
         advance: called twice.
     """
-    with pycolmap.Database.open(database) as opened:
-        cache = pycolmap.DatabaseCache.create(opened, pycolmap.DatabaseCacheOptions())
-    model = pycolmap.Reconstruction()
-    model.load(cache)
-    poses = {image.name: image.cam_from_world() for image in coarse.images.values() if image.has_pose}
-    for image in list(model.images.values()):
-        model.frames[image.frame_id].rig_from_world = poses[image.name]
-        model.register_frame(image.frame_id)
-    mapper = pycolmap.IncrementalMapper(cache)
-    mapper.begin_reconstruction(model)
-    triangulation = pycolmap.IncrementalTriangulatorOptions(random_seed=_RANDOM_SEED)
-    for image_id in sorted(model.reg_image_ids()):
-        mapper.triangulate_image(triangulation, image_id)
-    mapper.complete_and_merge_tracks(triangulation)
-    mapper.end_reconstruction(False)
+    options = pycolmap.IncrementalPipelineOptions(
+        num_threads=workers, random_seed=_RANDOM_SEED, ba_global_max_refinements=0
+    )
+    model = pycolmap.triangulate_points(coarse, database, photographs, database.parent, options=options)
     # They would cost a third of the adjustment.
     for point_id in [i for i, point in model.points3D.items() if point.track.length() < min_views]:
         model.delete_point3D(point_id)

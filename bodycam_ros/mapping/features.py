@@ -40,20 +40,16 @@ class ImageFeatures:
         pixels: (N, 2) float32, pixel centres at integers.
         sigmas: (N,) float32, SIFT scale [px].
         descriptors: (N, 128) uint8 RootSIFT.
-        colours: (N, 3) uint8 RGB of the pixel beneath.
     """
 
     name: str
     pixels: NDArray[np.float32]
     sigmas: NDArray[np.float32]
     descriptors: NDArray[np.uint8]
-    colours: NDArray[np.uint8]
 
     def largest(self, count: int) -> "ImageFeatures":
         """The ``count`` largest features alone."""
-        return ImageFeatures(
-            self.name, self.pixels[:count], self.sigmas[:count], self.descriptors[:count], self.colours[:count]
-        )
+        return ImageFeatures(self.name, self.pixels[:count], self.sigmas[:count], self.descriptors[:count])
 
 
 def extract_features(
@@ -76,10 +72,7 @@ def extract_features(
     found = KeypointDetector(replace(_DETECTOR, image_scale=scale), cells=1).detect(gray, _mask(camera))
     # Stable, so that the result does not depend on how a sort breaks ties: OpenCV repeats a point per orientation.
     kept = np.argsort(-found.scales, kind="stable")[:max_features]
-    pixels = found.pixels[kept]
-    columns, rows = np.clip(np.round(pixels).astype(int).T, 0, [[camera.width - 1], [camera.height - 1]])
-    colours = np.ascontiguousarray(image[rows, columns][:, ::-1])
-    return ImageFeatures(path.name, pixels, found.scales[kept], found.descriptors[kept], colours), tags
+    return ImageFeatures(path.name, found.pixels[kept], found.scales[kept], found.descriptors[kept]), tags
 
 
 @cache
@@ -114,10 +107,10 @@ def read_photograph(path: Path) -> NDArray[np.uint8]:
     return read_image_file(path, cv2.IMREAD_COLOR, MapError)
 
 
-def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32]) -> NDArray[np.uint32]:
-    """Pairs (M, 2) of rows of RootSIFT descriptors (N, 128) and (K, 128) that are mutual nearest neighbours."""
+def _count_mutual(first: NDArray[np.float32], second: NDArray[np.float32]) -> int:
+    """How many of RootSIFT descriptors (N, 128) and (K, 128) are mutual nearest neighbours, by far."""
     if len(first) == 0 or len(second) < 2:
-        return np.zeros((0, 2), np.uint32)
+        return 0
     # All have about the same length, so the nearest is the one with the largest product.
     products = first @ second.T
     nearest = products.argmax(axis=1)
@@ -126,10 +119,8 @@ def mutual_matches(first: NDArray[np.float32], second: NDArray[np.float32]) -> N
     best = products[rows, nearest]
     products[rows, nearest] = _TAKEN
     length_squared = float(np.median(np.einsum("ij,ij->i", first, first)))
-    squared = 2.0 * (length_squared - best)
-    second_squared = 2.0 * (length_squared - products.max(axis=1))
-    good = mutual & (squared < MAX_RATIO**2 * second_squared)
-    return np.column_stack([rows[good], nearest[good]]).astype(np.uint32)
+    good = mutual & (length_squared - best < MAX_RATIO**2 * (length_squared - products.max(axis=1)))
+    return int(np.count_nonzero(good))
 
 
 def count_common_features(features: Sequence[ImageFeatures], workers: int = 1) -> Iterator[NDArray[np.int64]]:
@@ -142,7 +133,7 @@ def count_common_features(features: Sequence[ImageFeatures], workers: int = 1) -
 
     def counts_with_those_before(i: int) -> NDArray[np.int64]:
         counts = np.zeros(len(probes), dtype=np.int64)
-        counts[:i] = [len(mutual_matches(probes[i], probe)) for probe in probes[:i]]
+        counts[:i] = [_count_mutual(probes[i], probe) for probe in probes[:i]]
         return counts
 
     return in_parallel(counts_with_those_before, range(len(probes)), workers)

@@ -3,11 +3,9 @@
 import logging
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera import CameraModel
@@ -15,10 +13,10 @@ from bodycam_ros.camera.colmap_model import pycolmap
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.epipolar_matching import match_known_poses
-from bodycam_ros.mapping.features import ImageFeatures, choose_pairs, count_common_features, mutual_matches
+from bodycam_ros.mapping.features import ImageFeatures, choose_pairs, count_common_features
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.structure import Structure, distinct
-from bodycam_ros.progress import Progress, in_parallel
+from bodycam_ros.progress import Progress
 from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
@@ -35,12 +33,23 @@ _DOUBTFUL_FITTING = 0.45  # share below which a warning is given; 0.13 to 0.32 w
 
 
 def reconstruct(
-    features: Sequence[ImageFeatures], camera_of_name: Mapping[str, CameraModel], workers: int, progress: Progress
+    folder: Path,
+    features: Sequence[ImageFeatures],
+    camera_of_name: Mapping[str, CameraModel],
+    workers: int,
+    progress: Progress,
 ) -> Structure:
     """Recover camera poses and landmarks, up to a similarity: poses from few features, landmarks from all.
 
     The largest features register the photographs, in a quarter of the time that all of them would take. Their poses
     predict where the others match.
+
+    Args:
+        folder: with the photographs, which give the points their colours.
+        features: of the photographs.
+        camera_of_name: that took each.
+        workers: threads.
+        progress: shows the steps.
 
     Raises:
         MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics; or
@@ -73,12 +82,12 @@ def reconstruct(
         _check_fits(coarse, distinct(list(camera_of_name.values()))[0], workers)
         database = _match_in_full(features, camera_of_name, coarse, pairs, scratch, workers, progress)
         with progress.step("adjusting the bundle", 3) as advance:
-            model = colmap.complete(database, coarse, _MIN_VIEWS, _MIN_ANGLE_DEG, workers, advance)
+            model = colmap.complete(database, folder, coarse, _MIN_VIEWS, _MIN_ANGLE_DEG, workers, advance)
             # A 4.1
             colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
             structure = colmap.structure_from(model, camera_of_name)
             advance()
-    return _coloured(_keep_observed(structure), features)
+    return _keep_observed(structure)
 
 
 def _coarse_model(
@@ -96,17 +105,9 @@ def _coarse_model(
     database = folder / "database.db"
     largest = [image.largest(count) for image in features]
     colmap.write_database(database, camera_of_name, largest)
-    descriptors = [image.descriptors.astype(np.float32) for image in largest]
-
-    def match(pair: tuple[int, int]) -> NDArray[np.uint32]:
-        return mutual_matches(descriptors[pair[0]], descriptors[pair[1]])
-
-    matches = []
-    with progress.step("matching pairs", len(pairs)) as advance:
-        for found in in_parallel(match, pairs, workers):
-            matches.append(found)
-            advance()
-        colmap.write_and_verify(database, _names(features, pairs), matches)
+    with progress.step("matching pairs", 1) as advance:
+        colmap.match_and_verify(database, _names(features, pairs), workers)
+        advance()
     with progress.step("registering photographs", len(features)) as advance:
         return colmap.reconstruct(database, folder, workers, advance)
 
@@ -120,12 +121,12 @@ def _match_in_full(
     workers: int,
     progress: Progress,
 ) -> Path:
-    """A database of all features of the posed photographs, with the matches of all pairs along epipolar lines."""
+    """A database of all features, with the matches of all pairs of posed photographs along epipolar lines."""
     database, poses = scratch / "database.db", colmap.poses_of(coarse)
     posed = [image for image in features if image.name in poses]
     row_of = {image.name: row for row, image in enumerate(posed)}
     known = [(row_of[a], row_of[b]) for a, b in _names(features, pairs) if a in row_of and b in row_of]
-    colmap.write_database(database, camera_of_name, posed)
+    colmap.write_database(database, camera_of_name, features)
     with progress.step("matching in full", len(known)) as advance:
         matches = match_known_poses(
             posed,
@@ -174,13 +175,3 @@ def _keep_observed(structure: Structure) -> Structure:
             "photographs, from places farther apart, and check that camera.yaml belongs to the camera"
         )
     return kept
-
-
-def _coloured(structure: Structure, features: Sequence[ImageFeatures]) -> Structure:
-    """The structure with the colours of the photographs' features."""
-    known = {image.name: image for image in features}
-    colours = np.zeros((len(structure.points_world), 3), dtype=np.uint8)
-    for view, name in enumerate(structure.names):
-        here = structure.observation_views == view
-        colours[structure.observation_points[here]] = known[name].colours[structure.observation_features[here]]
-    return replace(structure, colours=colours)

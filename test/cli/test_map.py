@@ -54,6 +54,17 @@ def test_all_photographs_register_and_the_summary_says_so(built, sample):
     assert "Traceback" not in done.stderr and "glog" not in done.stderr
 
 
+def test_a_photograph_of_another_place_is_left_out_and_named(few, tmp_path, capsys):
+    """The first by its name, so that those after it keep their features."""
+    like = cv2.imread(str(few / NEAR[0]))
+    noise = np.random.default_rng(0).integers(0, 256, (like.shape[0] // 8, like.shape[1] // 8, 3), np.uint8)
+    cv2.imwrite(str(few / "another.jpg"), cv2.resize(noise, like.shape[1::-1], interpolation=cv2.INTER_CUBIC))
+    assert main(["map", str(few), "-o", str(tmp_path / "map"), *QUICK]) == 0
+    said = capsys.readouterr().out
+    assert "4 of 5 photographs registered" in said and "NOT registered: another.jpg" in said
+    assert list(ReferenceMap.load(tmp_path / "map").image_names) == NEAR
+
+
 def test_the_board_lies_where_the_map_begins(built, sample):
     """Tags measured in the map's own photographs: distances and upward direction are the board's."""
     reference_map = ReferenceMap.load(built[0])

@@ -31,7 +31,7 @@ def photograph(camera, pose, points_world, descriptors, sizes, rng):
     noisy = np.clip(descriptors[seen].astype(int) + rng.integers(-4, 5, (len(seen), 128)), 0, 255).astype(np.uint8)
     sigmas = sizes[seen] * camera.fx / np.linalg.norm(points_camera[seen], axis=1)
     pixels = (pixels[seen] + rng.normal(0.0, NOISE_PX, (len(seen), 2))).astype(np.float32)
-    features = ImageFeatures("a", pixels, sigmas.astype(np.float32), noisy, np.zeros((len(seen), 3), np.uint8))
+    features = ImageFeatures("a", pixels, sigmas.astype(np.float32), noisy)
     return features, seen
 
 

@@ -14,7 +14,7 @@ def photographs(structure):
         descriptors = np.zeros((n, 128), np.uint8)
         descriptors[:, 0], descriptors[:, 1] = view, np.arange(n)
         sigmas = np.full(n, 2.0 + view, np.float32)
-        features.append(ImageFeatures(name, np.zeros((n, 2), "f4"), sigmas, descriptors, np.zeros((n, 3), "u1")))
+        features.append(ImageFeatures(name, np.zeros((n, 2), "f4"), sigmas, descriptors))
     return features
 
 
