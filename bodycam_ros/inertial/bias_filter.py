@@ -83,13 +83,14 @@ class BiasFilter(SensorFilter):
         moved = _delayed(self._stamp_ns, stamp_ns, self._delay, sums) if is_near else None
         if moved is None:
             self._P[3:6, 3:6] += min(abs(seconds), 60.0) * WANDER**2 * _IDENTITY if self._R is not None else 0.0
-            self._P[:3, 3:], self._P[3:, :3] = 0.0, 0.0
-            self._P[:3, :3] = _IMAGE
+            self._restart(R)
         else:
             self._update(moved, R)
-        if moved is None or self._R is None:
-            self._R = R
         self._stamp_ns = stamp_ns
+
+    def _restart(self, R: Array) -> None:
+        """Begin at a rotation; bias and delay are kept."""
+        self._R, self._P[:3, 3:], self._P[3:, :3], self._P[:3, :3] = R, 0.0, 0.0, _IMAGE
 
     def _update(self, moved: Preintegrated, R: Array) -> None:
         assert self._R is not None  # by the caller
@@ -104,8 +105,7 @@ class BiasFilter(SensorFilter):
         information = np.linalg.inv(S)
         self._count(agrees := bool(r @ information @ r <= _GATE))
         if not agrees:
-            self._R, self._P[:3, 3:], self._P[3:, :3] = R, 0.0, 0.0
-            self._P[:3, :3] = _IMAGE
+            self._restart(R)
             return
         gain = P[:, :3] @ information
         step = gain @ r

@@ -36,18 +36,7 @@ class _Camera:
 
     images: deque[LandmarkMatches] = field(default_factory=deque)
     clocks: list[ClockState] = field(default_factory=list)
-    first_ns: int = -1
     passed: tuple[int, int] = (-1, -1)
-
-    def add(self, image: LandmarkMatches) -> None:
-        self.first_ns = image.stamp_ns if self.first_ns < 0 else self.first_ns
-        self.images.append(image)
-
-    def restart(self) -> None:
-        """A new epoch: only the clock is kept."""
-        self.images.clear()
-        self.first_ns = -1
-        self.clocks = [replace(clock, since_ns=0) for clock in self.clocks[-1:]]
 
     def forget(self, before_ns: int) -> None:
         """Drop images of the window before a stamp [ns]."""
@@ -112,9 +101,9 @@ class ClockEstimator:
             if clocks := camera.clocks:
                 if name in self.sharing:
                     sigma = max(clocks[-1].offset_sigma, abs(clocks[-1].offset))
-                    clocks = [replace(clocks[-1], since_ns=0, offset=0.0, drift=0.0, offset_sigma=sigma)]
-                first = replace(clocks[0], since_ns=max(clocks[0].since_ns, camera.first_ns))
-                histories[name] = ClockHistory(name, (first, *clocks[1:]))
+                    since_ns = clocks[0].since_ns
+                    clocks = [replace(clocks[-1], since_ns=since_ns, offset=0.0, drift=0.0, offset_sigma=sigma)]
+                histories[name] = ClockHistory(name, tuple(clocks))
         return histories
 
     @property
@@ -142,7 +131,7 @@ class ClockEstimator:
         camera, stamp_ns = self._cameras.get(matches.camera), matches.stamp_ns
         if camera is None:
             return
-        camera.add(matches)
+        camera.images.append(matches)
         if self._first_ns < 0:
             self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = stamp_ns
         advance_ns, self.latest_ns = max(0, stamp_ns - self.latest_ns), max(self.latest_ns, stamp_ns)
@@ -170,8 +159,7 @@ class ClockEstimator:
 
     def restart(self) -> None:
         """Begin a new epoch, after ``flush``: clocks are kept."""
-        for camera in self._cameras.values():
-            camera.restart()
+        self._cameras = {name: _Camera(clocks=camera.clocks[-1:]) for name, camera in self._cameras.items()}
         self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = -1
         self._is_over = False
 
@@ -185,8 +173,8 @@ class ClockEstimator:
 
     def _enter(self, name: str, triggered: bool) -> None:
         self._filter.add_camera(name, triggered)
-        sigma = TRIGGER_SIGMA_S if triggered else self._sigma
-        self._cameras[name].clocks = [ClockState(0, self._first_ns, 0.0, 0.0, sigma, DRIFT_SIGMA)]
+        camera, sigma = self._cameras[name], TRIGGER_SIGMA_S if triggered else self._sigma
+        camera.clocks = [ClockState(camera.images[0].stamp_ns, self._first_ns, 0.0, 0.0, sigma, DRIFT_SIGMA)]
 
     def _stray(self, names: Iterable[str]) -> None:
         """Cameras do not share their stamps with the others any more."""

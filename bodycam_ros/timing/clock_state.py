@@ -58,6 +58,11 @@ class ClockState:
         return round(1e9 * (self.offset + self.drift * 1e-9 * (stamp_ns - self.at_ns)))
 
 
+def clock_at(clocks: Sequence[ClockState], stamp_ns: int) -> ClockState:
+    """The clock of some, in order of time, that is valid at a stamp [ns]; the first one extends backwards."""
+    return next((clock for clock in reversed(clocks) if clock.since_ns <= stamp_ns), clocks[0])
+
+
 def correct_stamps(
     matches: LandmarkMatches, clocks: Sequence[ClockState], previous: tuple[int, int]
 ) -> LandmarkMatches:
@@ -68,10 +73,9 @@ def correct_stamps(
         clocks: of its camera, in order of time.
         previous: the stamp of its image before, as given and as corrected [ns].
     """
-    clock = next((clock for clock in reversed(clocks) if clock.since_ns <= matches.stamp_ns), None)
-    if clock is None:
+    if not clocks:
         return matches
-    previous_ns = matches.previous_stamp_ns
+    clock, previous_ns = clock_at(clocks, matches.stamp_ns), matches.previous_stamp_ns
     if previous_ns == previous[0]:
         previous_ns = previous[1]  # the very stamp that was passed on, whatever is known of the clock by now
     elif previous_ns:
@@ -127,9 +131,6 @@ class ClockHistory:
         return replace(self, readout_time=readout.seconds, readout_sigma=readout.sigma)
 
     def corrected_ns(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Stamps (N,) of the camera as times of the recording [ns]; the first clock extends backwards."""
-        since_ns = np.array([clock.since_ns for clock in self.clocks], np.int64)
-        rows = np.maximum(np.searchsorted(since_ns, stamps_ns, side="right") - 1, 0)
-        clocks = [self.clocks[row] for row in rows.tolist()]
-        ahead_ns = [clock.offset_ns(stamp) for clock, stamp in zip(clocks, stamps_ns.tolist(), strict=True)]
+        """Stamps (N,) of the camera as times of the recording [ns]."""
+        ahead_ns = [clock_at(self.clocks, stamp_ns).offset_ns(stamp_ns) for stamp_ns in stamps_ns.tolist()]
         return stamps_ns - np.array(ahead_ns, np.int64)
