@@ -52,9 +52,7 @@ def _draw_coverage(axes: Axes, calibration: LensCalibration) -> None:
 
 def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
     validation, fit, radius = calibration.chosen.validation, calibration.chosen.fit, calibration.area.radius_px
-    note = (
-        f"left out: median {validation.median_px:.2f} px; rays within what was seen: {validation.worst_ray_px:.2f} px"
-    )
+    note = f"left out: median {validation.median_px:.2f} px; rays where seen: {validation.worst_ray_px:.2f} px"
     panel_title(axes, "Errors by distance from the centre", note)
     height, width = calibration.is_lit.shape
     at = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1) / radius
