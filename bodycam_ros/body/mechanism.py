@@ -68,10 +68,15 @@ class Mechanism:
         lengths: joint or attachment of unknown place -> (3) sigmas in the axes of the equipment's segment [m].
         columns: root segment or joint -> its columns, those of unknown lengths apart.
         units: (K) 1 for a rotation, a limb's length [m] for a translation: in these units columns are alike.
+        grounded: segments of the equipment that do not move in the world.
+        only_upright: whether the equipment's root may move, but not lean.
     """
 
     def __init__(self, body: BodyModel, equipment: Equipment | None = None) -> None:
-        self.body, self.equipment = body, equipment
+        self.body, self.equipment, self.grounded = body, equipment, body.standing
+        self.only_upright = (
+            equipment is not None and equipment.upright_sigma < GIVES_RAD and equipment.root not in self.grounded
+        )
         self.tree = body if equipment is None else body_with_lengths(body, equipment)
         self.lengths = {} if equipment is None else unknown_lengths(equipment)
         self._length_rows = {name: self.tree.joint_row[length_joint(name)] for name in self.lengths}
@@ -88,20 +93,6 @@ class Mechanism:
                 self.columns[joint.name] = np.arange(own.start, own.stop)
         self.units = np.where(np.concatenate(slides), _LIMB_M, 1.0)
         self._fixed = {*of_lengths, *(joint.name for joint in (equipment.joints if equipment else ()))}
-
-    @property
-    def grounded(self) -> tuple[str, ...]:
-        """Segments of the equipment that do not move in the world."""
-        return self.body.standing
-
-    @property
-    def only_upright(self) -> bool:
-        """Whether the equipment's root may move, but not lean."""
-        return (
-            self.equipment is not None
-            and self.equipment.upright_sigma < GIVES_RAD
-            and self.equipment.root not in self.grounded
-        )
 
     @property
     def moving(self) -> NDArray[np.intp]:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -18,6 +17,7 @@ from bodycam_ros.yaml_file import read_yaml
 # Lengths of d beside the model's own: what a shorter list leaves out is zero, what a longer one adds must be zero
 # (OpenCV's thin prism and tilted sensor).
 _OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
+_SIZE, _MATRICES = ("image_width", "image_height"), ("distortion_coefficients", "camera_matrix")
 _K_FORM = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]"
 _LARGEST = 1e6  # of k [px] and d; their powers must be finite
 
@@ -67,15 +67,19 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
     document = read_yaml(path, "camera_info YAML", LensError)
     if not isinstance(document, Mapping):
         raise LensError(f"{path}: expected a camera_info YAML with image_width, camera_matrix and so on")
+    for field in (*_SIZE, *_MATRICES, "distortion_model"):
+        if field not in document:
+            raise LensError(f"{path}: the field '{field}' is missing")
+    (width, height), matrices = ([document[field] for field in fields] for fields in (_SIZE, _MATRICES))
+    for field, side in zip(_SIZE, (width, height), strict=True):
+        if type(side) is not int:
+            raise LensError(f"{path}: '{field}' must be a whole number of pixels, not {shown(side)}")
+    for field, matrix in zip(_MATRICES, matrices, strict=True):
+        if not isinstance(matrix, Mapping) or "data" not in matrix:
+            raise LensError(f"{path}: '{field}' must have rows, cols and data, not {shown(matrix)}")
+    called, (d, k) = name or str(document.get("camera_name") or Path(path).stem), matrices
     try:
-        return camera_from_info(
-            name or str(document.get("camera_name") or Path(path).stem),
-            _size(document, "image_width"),
-            _size(document, "image_height"),
-            str(_field(document, "distortion_model")),
-            _data(document, "distortion_coefficients"),
-            _data(document, "camera_matrix"),
-        )
+        return camera_from_info(called, width, height, str(document["distortion_model"]), d["data"], k["data"])
     except LensError as error:
         raise LensError(f"{path}: {error}") from error
 
@@ -155,26 +159,6 @@ def _numbers(name: str, field: str, values: Iterable[float]) -> tuple[float, ...
     if any(abs(number) > _LARGEST for number in numbers):
         raise _error(name, f"{field} has {shown(max(numbers, key=abs))}, which no lens has: calibrate the camera again")
     return numbers
-
-
-def _field(document: Mapping[str, Any], field: str) -> Any:
-    if field not in document:
-        raise LensError(f"the field '{field}' is missing")
-    return document[field]
-
-
-def _size(document: Mapping[str, Any], field: str) -> int:
-    value = _field(document, field)
-    if type(value) is not int:
-        raise LensError(f"'{field}' must be a whole number of pixels, not {shown(value)}")
-    return value
-
-
-def _data(document: Mapping[str, Any], field: str) -> Any:
-    matrix = _field(document, field)
-    if not isinstance(matrix, Mapping) or "data" not in matrix:
-        raise LensError(f"'{field}' must have rows, cols and data, not {shown(matrix)}")
-    return matrix["data"]
 
 
 def _error(name: str, message: str) -> LensError:
