@@ -63,4 +63,5 @@ def test_a_file_is_read_whatever_its_name_is(tmp_path: Path) -> None:
     empty = tmp_path / "c.png"
     empty.touch()
     for path in (broken, empty, tmp_path / "missing.png", tmp_path):
-        assert read_image_file(path, cv2.IMREAD_GRAYSCALE) is None
+        with pytest.raises(RecordingError, match=f"{path.name}: is no image"):
+            read_image_file(path, cv2.IMREAD_GRAYSCALE)
