@@ -18,10 +18,7 @@ from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_search import find_joints
 from bodycam_ros.calibration.refinement import MAX_ROWS, refine
-from bodycam_ros.calibration.rest_pose import (
-    find_rest_pose,
-    zero_at_rest,
-)
+from bodycam_ros.calibration.rest_pose import find_rest_pose, zero_at_rest
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout

@@ -191,7 +191,8 @@ class LocalMapper:
         touched: dict[MapPoint, None] = {}
         # Added landmarks that are observed again.
         for feature in np.flatnonzero((ids >= self.map.first_id) & (ids != NO_LANDMARK)).tolist():
-            if (point := self._landmark(int(ids[feature]))) is not None:
+            point = self._landmarks.get((int(ids[feature]) - self.map.first_id) % self.map.capacity)
+            if point is not None and point.landmark_id == ids[feature]:
                 self._observe(point, mine, feature, touched)
         # New points: 2D-2D matches with keyframes whose axes are within 90 degrees (A 4.1).
         for partner in self._partners(keyframe):
@@ -268,11 +269,6 @@ class LocalMapper:
         likely = np.flatnonzero((cosines > _MIN_AXIS_COSINE) & (baselines > _MIN_BASELINE_M))
         order = np.argsort(baselines[likely] - cosines[likely], kind="stable")[: self._max_partners]
         return [self._kept[row] for row in likely[order].tolist()]
-
-    def _landmark(self, landmark_id: int) -> MapPoint | None:
-        """The point of a landmark; None if it was removed."""
-        point = self._landmarks.get((landmark_id - self.map.first_id) % self.map.capacity)
-        return None if point is None or point.landmark_id != landmark_id else point
 
     def _observe(self, point: MapPoint, kept: _Keyframe, feature: int, touched: dict[MapPoint, None]) -> None:
         """Add a feature's sighting of a point."""
