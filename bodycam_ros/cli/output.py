@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.evaluate.sections import Section
 from bodycam_ros.progress import Advance
 from bodycam_ros.terminal import Terminal
@@ -67,7 +68,8 @@ class ProgressBars:
         self._tasks: dict[str, TaskID] = {}
 
     def show(self, step: str, share: float) -> None:
-        """Show that so much of a step is done, 0 to 1."""
+        """Show that so much of a step is done, 0 to 1; a signal that was lost ends the command here."""
+        EndingSignals.check()
         if step not in self._tasks:
             self._tasks[step] = self._bars.add_task(step, total=1.0)
         self._bars.update(self._tasks[step], completed=share)

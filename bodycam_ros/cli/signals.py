@@ -6,7 +6,7 @@ import sys
 import time
 from contextlib import suppress
 from types import FrameType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -27,6 +27,8 @@ class EndingSignals:
         received: the signal, if one came.
     """
 
+    _active: ClassVar["EndingSignals | None"] = None
+
     def __init__(self) -> None:
         self.received: signal.Signals | None = None
         self._time = -_REPEATED_S
@@ -44,12 +46,21 @@ class EndingSignals:
                 self._before[number] = before
                 signal.signal(number, self._raise)
         sys.unraisablehook = self._repeat
+        EndingSignals._active = self
         return self
 
     def __exit__(self, *_: object) -> None:
         for number, before in self._before.items():
             signal.signal(number, before)
         sys.unraisablehook = sys.__unraisablehook__
+        EndingSignals._active = None
+
+    @classmethod
+    def check(cls) -> None:
+        """Raise the exception of a signal again that a library has lost, as modules in C do that import others."""
+        if (active := cls._active) is not None and active.received is not None:
+            active._time = -_REPEATED_S
+            active._raise(active.received, None)
 
     def _raise(self, number: int, frame: FrameType | None) -> None:
         self.received = signal.Signals(number)

@@ -7,10 +7,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.offline.worker_process import ready_to_start
 from bodycam_ros.whole_file import SCRATCH_PREFIX, write_whole
 
@@ -93,6 +95,16 @@ def test_ctrl_c_within_an_import_gives_the_same_code(tmp_path: Path) -> None:
     paths = os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])
     command = [sys.executable, "-m", "interrupted"]
     assert subprocess.run(command, env=os.environ | {"PYTHONPATH": paths}, check=False).returncode == 130
+
+
+def test_a_signal_that_a_library_lost_ends_us_at_the_next_step() -> None:
+    with EndingSignals():
+        EndingSignals.check()
+        with suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            EndingSignals.check()
+    EndingSignals.check()
 
 
 def test_what_ends_us_is_answered_when_the_workers_have_started() -> None:
