@@ -168,7 +168,7 @@ def _tag_corners(gray: Grey, board: BoardLayout, camera: CameraModel | None) -> 
     if camera is None:
         tags = {tag: (corners, 1.0) for tag, corners in find_tags(gray, None, board.dictionary)}
     else:
-        views = detect_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX)
+        views = detect_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX, board.paper)
         tags = {view.tag: (view.corners, max(1.0, _CLEAR_PX / view.breadths.min())) for view in views}
     known = [tag for tag in tags if tag in board.tags]
     if not known:
