@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import Array, rigid, rotation_to_z
-from bodycam_ros.lens.board_layout import CHARUCO, CHECKERBOARD, BoardLayout
+from bodycam_ros.lens.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, BoardLayout
 from bodycam_ros.mapping.apriltag import detect_tags, find_tags
 
 Grey = NDArray[np.uint8]
@@ -24,7 +23,8 @@ _LEAST_OF_BOARD = 8
 _MIN_BREADTH_PX, _TAG_TOLERANCE_PX = 8.0, 0.3  # of a tag; what does not fit counts less, so more is used
 _CLEAR_PX = 60.0  # breadth of a tag whose corners are as good as they get; those of narrower ones are worse
 _LEAST_WINDOW, _LARGEST_WINDOW = 2, 12  # [px] half the side of the square that a corner is refined in
-_WINDOW_OF_SQUARE = 0.4  # of its side
+_WINDOW_OF_SQUARE, _WINDOW_BESIDE_TAG = 0.4, 0.12  # of a square's side; a tag starts at an eighth of it
+_NEAR_SQUARES = 1.3  # from a tag's middle to the corners that it predicts: the four of its square
 _SEARCH_PX = 1200  # width that the sector finder is given: it takes seconds on larger pictures
 _FLAT_SHARE = 0.03  # of the picture's width by which points of a plane may differ from a perspective image of it
 
@@ -106,11 +106,12 @@ def find_board(gray: Grey, name: str, board: LensBoard, camera: CameraModel | No
     if board.is_mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])
         camera = None if camera is None else _mirrored(camera)
-    # Sides of tags are straight in space, and known better than the corners of squares between them.
-    if board.layout.kind == CHECKERBOARD:
+    if board.layout.kind == APRILTAG:
+        found = _tag_corners(picture, board.layout, camera)
+    elif board.layout.kind == CHECKERBOARD:
         found = _checkerboard(picture, board.layout)
     else:
-        found = _tag_corners(picture, board.layout, camera)
+        found = _charuco(picture, board.layout, camera)
     if found is None or len(found[0]) < _LEAST_OF_BOARD:
         return None
     points, pixels, spreads = found
@@ -168,7 +169,7 @@ def _tag_corners(gray: Grey, board: BoardLayout, camera: CameraModel | None) -> 
     if camera is None:
         tags = {tag: (corners, 1.0) for tag, corners in find_tags(gray, None, board.dictionary)}
     else:
-        views = detect_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX, board.paper)
+        views = detect_tags(gray, camera, board.dictionary, _MIN_BREADTH_PX, _TAG_TOLERANCE_PX)
         tags = {view.tag: (view.corners, max(1.0, _CLEAR_PX / view.breadths.min())) for view in views}
     known = [tag for tag in tags if tag in board.tags]
     if not known:
@@ -189,18 +190,73 @@ def _checkerboard(gray: Grey, layout: BoardLayout) -> Found | None:
         if not found:
             return None
         corners = (np.asarray(corners, np.float64) + 0.5) / scale - 0.5
-    pixels, good = _refined(gray, np.asarray(corners, np.float64).reshape(-1, 2))
+    rough = np.asarray(corners, np.float64).reshape(-1, 2)
+    pixels, good = _refined(gray, rough, _spacing(layout, np.arange(len(rough)), rough), _WINDOW_OF_SQUARE)
     return layout.inner_corners[good], pixels[good], np.ones(int(good.sum()))
 
 
-def _refined(gray: Grey, rough: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _charuco(gray: Grey, layout: BoardLayout, camera: CameraModel | None) -> Found | None:
+    """Corners of squares, predicted by the tags beside them."""
+    assert layout.dictionary is not None
+    tags = find_tags(gray, camera, layout.dictionary)
+    predicted: dict[int, list[Array]] = {}
+    reach = 0.5 * _NEAR_SQUARES * float(np.hypot(*layout.pitch_m))
+    for tag, corners in tags:
+        if tag not in layout.tags:
+            continue
+        middle = layout.tags[tag].mean(axis=0)
+        near = np.flatnonzero(np.linalg.norm(layout.inner_corners - middle, axis=1) < reach)
+        pixels = _beside(corners, layout.tags[tag], layout.inner_corners[near], camera)
+        for number, pixel in zip(near.tolist(), pixels, strict=True):
+            if np.isfinite(pixel).all():
+                predicted.setdefault(number, []).append(pixel)
+    if len(predicted) < _LEAST_OF_BOARD:
+        return None
+    numbers = np.array(sorted(predicted))
+    rough = np.array([np.median(predicted[number], axis=0) for number in numbers.tolist()])
+    pixels, good = _refined(gray, rough, _spacing(layout, numbers, rough), _WINDOW_BESIDE_TAG)
+    return layout.inner_corners[numbers[good]], pixels[good], np.ones(int(good.sum()))
+
+
+def _beside(corners: Array, tag_board: Array, points_board: Array, camera: CameraModel | None) -> Array:
+    """Pixels (N, 2) of points in a tag's plane, by its corners (4, 2): through the lens, or as if it bent nothing."""
+    plane = np.ascontiguousarray(tag_board[:, :2], np.float32)
+    wanted = points_board[:, None, :2]
+    rays, view_R_camera = corners, np.eye(3)
+    if camera is not None:
+        bearings, valid = camera.unproject(corners)
+        middle = bearings.mean(axis=0)
+        view_R_camera = rotation_to_z(middle / np.linalg.norm(middle)) if valid.all() else view_R_camera
+        in_view = bearings @ view_R_camera.T
+        if not valid.all() or in_view[:, 2].min() <= _NARROW:
+            return np.full((len(points_board), 2), np.nan)
+        rays = in_view[:, :2] / in_view[:, 2:]
+    H = cv2.getPerspectiveTransform(plane, rays.astype(np.float32))
+    moved = np.asarray(cv2.perspectiveTransform(wanted, H), np.float64)[:, 0]
+    if camera is None:
+        return moved
+    pixels, valid = camera.project(np.column_stack([moved, np.ones(len(moved))]) @ view_R_camera)
+    return np.where(valid[:, None], pixels, np.nan)
+
+
+def _spacing(layout: BoardLayout, numbers: NDArray[np.int64], pixels: Array) -> Array:
+    """(N,) distance of each corner of squares to the nearest of its neighbours on the board [px]."""
+    columns = layout.columns - 1
+    at = np.column_stack([numbers // columns, numbers % columns])
+    steps = np.abs(at[:, None] - at[None]).sum(axis=2)
+    distances = np.linalg.norm(pixels[:, None] - pixels[None], axis=2)
+    nearest: Array = np.where(steps == 1, distances, np.inf).min(axis=1)
+    return nearest
+
+
+def _refined(gray: Grey, rough: Array, spacing: Array, window_share: float) -> tuple[Array, NDArray[np.bool_]]:
     """Corners of squares (N, 2) where the light has its saddles, and which were found."""
     height, width = gray.shape
-    spacing = KDTree(rough).query(rough, 2)[0][:, 1]
-    windows = np.clip(_WINDOW_OF_SQUARE * spacing, _LEAST_WINDOW, _LARGEST_WINDOW).astype(int)
+    finite = np.where(np.isfinite(spacing), spacing, 0.0)
+    windows = np.clip(window_share * finite, _LEAST_WINDOW, _LARGEST_WINDOW).astype(int)
     refined = rough.copy()
     room = np.minimum(rough, [width - 1, height - 1] - rough).min(axis=1)
-    good = (room > windows + 2) & (spacing > 2 * _LEAST_WINDOW)
+    good = (room > windows + 2) & (finite > 2 * _LEAST_WINDOW)
     end = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
     for row in np.flatnonzero(good).tolist():
         window = int(windows[row])

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
-from bodycam_ros.mapping.apriltag import tag_cells
 
 APRILTAG, CHARUCO, CHECKERBOARD = KINDS = ("apriltag", "charuco", "checkerboard")
 
@@ -60,20 +59,6 @@ class BoardLayout:
             for number, (row, column) in enumerate(np.argwhere(is_tag).tolist())
         }
 
-    @cached_property
-    def paper(self) -> Mapping[int, Array]:
-        """Tag of a ChArUco board -> breadth of the white beside its sides (4,), clockwise from the upper, of its own.
-
-        1 where no black square follows.
-        """
-        if self.kind != CHARUCO:
-            return {}
-        margin = (0.5 * (np.array(self.pitch_m) - self.tag_m) / self.tag_m)[[1, 0, 1, 0]]
-        squares = np.argwhere(~self.black_squares)
-        last = np.array([self.rows, self.columns]) - 1
-        has_next = np.column_stack([squares > 0, squares < last])[:, [0, 3, 2, 1]]
-        return {self.first_tag + number: np.where(has, margin, 1.0) for number, has in enumerate(has_next)}
-
     @property
     def black_squares(self) -> NDArray[np.bool_]:
         """Which squares (rows, columns) are black."""
@@ -107,6 +92,13 @@ class BoardLayout:
     def _centre(self, row: int, column: int) -> Array:
         """Of a tag or square (2,) [m]."""
         return (np.array([column, -row]) + [0.5 - 0.5 * self.columns, 0.5 * self.rows - 0.5]) * self.pitch_m
+
+
+def tag_cells(dictionary: cv2.aruco.Dictionary, tag: int) -> NDArray[np.bool_]:
+    """Which cells of a tag are white, its black border included."""
+    size = dictionary.markerSize + 2
+    draw = getattr(cv2.aruco, "generateImageMarker", None) or cv2.aruco.drawMarker
+    return np.asarray(draw(dictionary, tag, size), np.uint8) > 127
 
 
 def tags_in(dictionary: int) -> int:

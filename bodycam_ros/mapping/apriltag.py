@@ -3,7 +3,7 @@
 Corner detectors use a few pixels around a corner, which blur rounds off towards the inside of the tag: those of
 ``cv2.aruco`` by 0.2 to 0.7 px (its AprilTag one errs by as much, to any side). Here each edge is a line through many
 points of steepest brightness, fitted where the lens does not bend it, and a corner is where two lines meet, pulled by
-0.002 px. Where it is known what lies beside a tag, what blur mixes into its edges is taken out.
+0.002 px.
 
 Detectors search for quadrilaterals with straight sides. With a wide lens they also search perspective views of parts of
 the picture.
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.edge_blur import BlurredSide, without_blur
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
@@ -110,7 +109,6 @@ _STEPS_PER_PIXEL = 4  # samples across an edge
 _EDGE_BLUR = 0.7  # [px] smoothing before the steepest point is looked for
 _BLUR_REACH = 3.2  # sigmas of that filter
 _LINE_ITERATIONS = 5
-_PASSES = 3  # of the search with blur; corners of the detector may lie farther off than it reaches
 _MIN_LINE_POINTS = 6
 
 
@@ -135,7 +133,6 @@ def detect_tags(
     family: int,
     min_breadth_px: float = _MIN_BREADTH_PX,
     tolerance_px: float = _LINE_TOLERANCE_PX,
-    paper: Mapping[int, Array] | None = None,
 ) -> list[TagView]:
     """Find the tags of a family and refine their corners by their edges.
 
@@ -144,11 +141,9 @@ def detect_tags(
         family: number in ``cv2.aruco``.
         min_breadth_px: of a tag.
         tolerance_px: median distance of an edge's points from its line.
-        paper: tag -> how broad the white paper beside its sides is (``without_blur``), if that is known.
     """
     from scipy.ndimage import spline_filter
 
-    dictionary = cv2.aruco.getPredefinedDictionary(family)
     views: dict[int, TagView] = {}
     spline = None
     for tag, rough in find_tags(gray, camera, family):
@@ -159,18 +154,10 @@ def detect_tags(
             # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their
             # middle.
             spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
-        beside = (tag_cells(dictionary, tag), paper[tag]) if paper and tag in paper else None
-        corners = corners_of_edges(spline, rough, breadths, camera, tolerance_px, beside)
+        corners = corners_of_edges(spline, rough, breadths, camera, tolerance_px)
         if corners is not None:
             views[tag] = TagView(tag, corners, breadths)
     return list(views.values())
-
-
-def tag_cells(dictionary: cv2.aruco.Dictionary, tag: int) -> NDArray[np.bool_]:
-    """Which cells of a tag are white, its black border included."""
-    size = dictionary.markerSize + 2
-    draw = getattr(cv2.aruco, "generateImageMarker", None) or cv2.aruco.drawMarker
-    return np.asarray(draw(dictionary, tag, size), np.uint8) > 127
 
 
 def breadths_of(corners: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -187,7 +174,6 @@ def corners_of_edges(
     breadths: NDArray[np.float64],
     camera: CameraModel,
     tolerance: float,
-    beside: tuple[NDArray[np.bool_], Array] | None,
 ) -> NDArray[np.float64] | None:
     """Where the four edge lines of a tag meet: pixels (4, 2), or None when an edge is not a clean line.
 
@@ -197,46 +183,39 @@ def corners_of_edges(
         breadths: (2,) of the tag.
         camera: the lens.
         tolerance: median distance of an edge's points from its line that is clean [px].
-        beside: cells and paper on both sides of the edges, for ``without_blur``; None if they are not known.
     """
+    lines = []
     # Upper and lower edges are looked for across the tag's height, the others across its width.
     reaches = np.maximum(_MIN_REACH, _REACH_OF_BREADTH * breadths[[1, 0, 1, 0]])
-    corners = rough
-    for _ in range(_PASSES if beside else 1):
-        sides = [
-            _blurred_side(spline, camera, start, end, reach)
-            for start, end, reach in zip(corners, np.roll(corners, -1, axis=0), reaches.tolist(), strict=True)
-        ]
-        if min(len(side.points) for side in sides) < _MIN_LINE_POINTS:
+    for start, end, reach in zip(rough, np.roll(rough, -1, axis=0), reaches.tolist(), strict=True):
+        points = _edge_points(spline, camera, start, end, reach)
+        bearings, valid = camera.unproject(points)
+        bearings = bearings[valid]
+        # Straight in space is a plane through the camera, whatever the lens does.
+        normal = _fit_plane(bearings, tolerance / camera.fx)
+        if normal is None:
             return None
-        lines = []
-        for points in without_blur(sides, corners, *beside) if beside else [side.points for side in sides]:
-            bearings, valid = camera.unproject(points)
-            # Straight in space is a plane through the camera, whatever the lens does.
-            normal = _fit_plane(bearings[valid], tolerance / camera.fx)
-            if normal is None:
-                return None
-            lines.append(normal)
-        rays = np.array([np.cross(lines[i - 1], lines[i]) for i in range(4)])
-        rays *= np.sign(np.sum(rays * camera.unproject(rough)[0], axis=1, keepdims=True))
-        corners, valid = camera.project(rays)
-        # A line that slid to another edge moves the corner by a cell or more.
-        if not valid.all() or np.linalg.norm(corners - rough, axis=1).max() > 2.0 * reaches.max():
-            return None
+        lines.append(normal)
+    rays = np.array([np.cross(lines[i - 1], lines[i]) for i in range(4)])
+    rays *= np.sign(np.sum(rays * camera.unproject(rough)[0], axis=1, keepdims=True))
+    corners, valid = camera.project(rays)
+    # A line that slid to another edge moves the corner by a cell or more.
+    if not valid.all() or np.linalg.norm(corners - rough, axis=1).max() > 2.0 * reaches.max():
+        return None
     return corners
 
 
-def _blurred_side(
+def _edge_points(
     spline: NDArray[np.float32],
     camera: CameraModel,
     start: NDArray[np.float64],
     end: NDArray[np.float64],
     reach: float,
-) -> BlurredSide:
-    """Where brightness is steepest across the edge from one corner to the next, dark on its right.
+) -> NDArray[np.float64]:
+    """Points (N, 2) of steepest brightness across the edge from one corner to the next, dark on its right.
 
     Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge. The edge is
-    looked for along what the lens makes of a straight line; it has no points where the lens shows none.
+    looked for along what the lens makes of a straight line; there are none where it shows none.
     """
     from scipy.ndimage import gaussian_filter1d, map_coordinates
 
@@ -249,7 +228,7 @@ def _blurred_side(
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     outward = np.column_stack([along[:, 1], -along[:, 0]])
     if not np.isfinite(outward).all():
-        return BlurredSide(np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+        return np.zeros((0, 2))
     offsets = np.arange(-reach, reach + 1e-9, 1.0 / _STEPS_PER_PIXEL)
     grid = line[:, None] + offsets[:, None] * outward[:, None]
     profiles = map_coordinates(spline, [grid[..., 1], grid[..., 0]], order=3, mode="nearest", prefilter=False)
@@ -259,13 +238,12 @@ def _blurred_side(
     peak = np.clip(slope.argmax(axis=1), 1, slope.shape[1] - 2)
     rows = np.arange(len(peak))
     left, middle, right = slope[rows, peak - 1], slope[rows, peak], slope[rows, peak + 1]
-    is_bent = left - 2.0 * middle + right < 0.0
-    curvature = np.minimum(left - 2.0 * middle + right, -1e-12)
-    shift = np.where(is_bent, 0.5 * (left - right) / curvature, 0.0)
+    curvature = left - 2.0 * middle + right
+    shift = np.where(curvature < 0.0, 0.5 * (left - right) / np.minimum(curvature, -1e-12), 0.0)
     inside = (np.abs(shift) <= 1.0) & (middle > 0.0)
     at = offsets[0] + (peak + shift) / _STEPS_PER_PIXEL
-    points, widths_px2 = line + at[:, None] * outward, -middle / curvature / _STEPS_PER_PIXEL**2
-    return BlurredSide(stations[inside], points[inside], outward[inside], widths_px2[inside])
+    points: NDArray[np.float64] = (line + at[:, None] * outward)[inside]
+    return points
 
 
 def _fit_plane(bearings: NDArray[np.float64], tolerance: float) -> NDArray[np.float64] | None:
