@@ -47,7 +47,7 @@ class KeyframeDensity:
         min_gap_ns: between keyframes of a camera: SIFT costs as much as ten images of tracking.
     """
 
-    max_covered: float = 0.3
+    max_covered: float = 0.5
     min_gap_ns: int = 300_000_000
 
 
