@@ -142,8 +142,8 @@ def graph(of: GraphArguments) -> list[GraphNode]:
         raise StationError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
     worn = _worn_cameras(of, bool(stations))
     # With a rig the body file is yet to be made.
-    unmade = {"body": ""} if of.rig else {}
-    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **unmade) for camera in worn]
+    sensors = {"body": ""} if of.rig else {}
+    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **sensors) for camera in worn]
     count = min(of.registrations, len(worn))
     for number in range(count):
         nodes.append(
@@ -151,7 +151,6 @@ def graph(of: GraphArguments) -> list[GraphNode]:
                 "registration",
                 "registration" if count == 1 else f"registration_{number + 1}",
                 of,
-                **unmade,
                 cameras=worn[number::count],
                 publish_map=number == 0,
                 landmark_readers=READERS_OF_LANDMARKS,

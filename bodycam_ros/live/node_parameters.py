@@ -88,9 +88,7 @@ class RegistrationParameters(ManagedParameters):
     """Of the node ``registration``."""
 
     map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
-    body: str = setting(
-        "", reason="body YAML, which names the cameras and has their read-out times; not needed if 'cameras' is given"
-    )
+    body: str = setting("", reason="body YAML, which names the cameras; not needed if 'cameras' is given")
     cameras: tuple[str, ...] = setting(
         (), reason="the cameras to register; those of 'body' if empty; several nodes may share them"
     )

@@ -1,19 +1,23 @@
-"""Images, camera_info and inertial samples of a driver, with the quality of service that it offers."""
+"""Images, camera_info and inertial samples of a driver, with the quality of service that it offers; cameras' timing."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
 from bodycam_ros.nodes.parameters import best_effort, is_installed, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
+from bodycam_ros.timing.clock_state import ClockHistory
 
 _INFO_DEPTH = 10
 _SENSOR_DEPTH = 1000  # 1 s of a fast one
@@ -218,3 +222,35 @@ def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tup
     sampled = IMU_TYPE, f"{camera}{IMU_TOPIC}", imu_row_of_cdr, lambda sample: receive(*sample)
     quality = best_effort(_SENSOR_DEPTH)
     stage.converted_subscription(*sampled, "inertial samples dropped", quality, adapts=True, raw=True)
+
+
+class CameraTimings:
+    """Publishers of ``<camera>/timing``, in the camera's own stamps.
+
+    Args:
+        stage: publishes.
+        cameras: names.
+    """
+
+    def __init__(self, stage: Stage[Any], cameras: Iterable[str]) -> None:
+        self._make = stage.make
+        self._histories: dict[str, ClockHistory] = {}
+        # Read-out time of the body file, and clock: late subscribers need both.
+        self._publishers = {each: stage.publisher(TIMING_TYPE, f"{each}{TIMING}", latched(2)) for each in cameras}
+
+    def set_body(self, body: BodyModel) -> None:
+        """Publish what a body, the first or another, has of the cameras' read-out times."""
+        for camera, readout in body.readout_starts.items():
+            if camera in self._publishers:
+                self._publishers[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))
+
+    def publish_clocks(self, histories: Mapping[str, ClockHistory]) -> None:
+        """Publish the clocks that have changed; each is valid from the stamp of its estimate."""
+        for camera, history in histories.items():
+            if history == self._histories.get(camera) or camera not in self._publishers:
+                continue
+            self._histories[camera] = history
+            now = replace(history.latest, since_ns=max(history.latest.since_ns, history.latest.at_ns))
+            # Without the read-out time, which the registration would count twice.
+            for _, message in timing_messages(self._make, ClockHistory(camera, (now,))):
+                self._publishers[camera].publish(message)

@@ -33,6 +33,9 @@ from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2
+_TIMINGS = 10
+"""Those of all who publish the timing of one camera."""
+
 _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
@@ -58,8 +61,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self.map = load_map(map_path)
         if not self.map.gravity_aligned:
             self.log.warning(f"{map_path}: {ASSUMED_VERTICAL}")
-        body = read_body(Path(self.required("body"))) if of.body or not of.cameras else None
-        cameras = of.cameras or tuple(body.mounts if body is not None else ())
+        cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
         growing = self.settings.growth
@@ -68,8 +70,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             # Each registration grows a map of its own; several may have the same parameters.
             self._growth.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
         self.registrars: dict[str, Registrar] = {}
-        # Of the body file, until a camera knows its own better.
-        self._readouts: dict[str, Readout | None] = {**(body.readout_starts if body is not None else {})}
+        self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
         self._lost = LostMessages()
@@ -87,7 +88,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         for each in cameras:
             add, kind = partial(self._set_timing, each), "timing messages dropped"
             timed = TIMING_TYPE, f"{each}{TIMING}", camera_timing
-            self.converted_subscription(*timed, add, kind, latched(), even_inactive=True)
+            self.converted_subscription(*timed, add, kind, latched(_TIMINGS), even_inactive=True)
             tracked = TRACKS_TYPE, f"{each}/tracks", partial(track_frame, camera=each)
             self.converted_subscription(*tracked, partial(self._add_tracks, each), "track messages dropped", deep)
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
@@ -124,7 +125,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _restart_camera(self, camera: str) -> None:
         """Forget the tracks of a camera."""
-        readout, model = self._readouts.get(camera), self._cameras.models[camera]
+        readout, model = best_known(*self._readouts[camera].values()), self._cameras.models[camera]
         self.registrars[camera] = registrar(model, self._growth.map, self.settings, readout)
         self._growth.start_camera(camera, model)
         self._described.discard(camera)
@@ -146,7 +147,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _set_timing(self, camera: str, timing: CameraTiming) -> None:
         if timing.readout is not None:
-            self._readouts[camera] = best_known(self._readouts.get(camera), timing.readout)
+            # Of those of several sources the best known counts.
+            self._readouts[camera][timing.source] = timing.readout
             if camera in self.registrars:
                 self.registrars[camera].set_readout(timing.readout)
 

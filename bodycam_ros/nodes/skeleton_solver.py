@@ -33,7 +33,7 @@ from bodycam_ros.messages.segment_poses import (
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
-from bodycam_ros.nodes.camera_topics import CameraModels, subscribe_sensor
+from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline import SkeletonPipeline
@@ -87,6 +87,7 @@ class SolverStage(Stage[SolverParameters]):
         for station in stations:
             measured = SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", partial(segment_poses, station=station)
             self.converted_subscription(*measured, self._add_static, "segment poses dropped", reliable(STAGE_DEPTH))
+        self._timings = CameraTimings(self, carried)
         self._started = self._is_described = False
         self._waiting: list[LandmarkMatches | SegmentMeasurements] = []
         self._most_waiting = STAGE_DEPTH * (len(carried) + len(stations))
@@ -214,6 +215,7 @@ class SolverStage(Stage[SolverParameters]):
             placed=bool(self.parameters.start),
         )
         self._restart_verdict()
+        self._timings.set_body(body)
 
     def _static_measurement(self, body: BodyModel) -> ReportedMeasurement | None:
         """The measurement of a body by what region trackers report; None without static cameras."""
@@ -296,6 +298,7 @@ class SolverStage(Stage[SolverParameters]):
         else:
             self._pipeline.assembler.max_wait_ns = round(1e9 * self.settings.assembler.max_wait)
             self._publish(self._pipeline.poll())
+        self._timings.publish_clocks(self._pipeline.clocks.histories)
 
     def _flush(self) -> int:
         """Publish the frames that wait for later ones; return their number."""

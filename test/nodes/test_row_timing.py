@@ -1,4 +1,4 @@
-"""How long rows are read out, live: the registration has it from the body, or from the camera itself."""
+"""How long rows are read out, live: from the body by the solver, or from the camera itself, to the registration."""
 
 from pathlib import Path
 from typing import Any
@@ -31,12 +31,16 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
     of_right.publish(timing_message(make, "right", CameraTiming(0, "given", Readout(*KNOWN_S["right"]))))
     graph.listen({f"/{c}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for c in KNOWN_S})
     graph.run(
+        GraphNode("skeleton_solver", "skeleton_solver", {"body": str(body)}),
         GraphNode("registration", "registration", {"map": str(write_map(tmp_path / "map")), "body": str(body)}),
     )
     graph.until(
-        lambda: all(each.get_subscription_count() for each in said.values()) and of_right.get_subscription_count(),
+        lambda: (
+            all(each.get_subscription_count() for each in said.values())
+            and all(graph.count_publishers(f"/{c}/timing") >= (2 if c == "right" else 1) for c in KNOWN_S)
+        ),
         _START_S,
-        "the registration is there",
+        "both nodes are there",
     )
     heard: dict[str, tuple[float, float]] = {}
     number = 0

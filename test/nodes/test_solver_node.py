@@ -227,9 +227,11 @@ def test_a_camera_joins_late_one_dies_and_time_begins_anew(graph: Any, tmp_path:
     assert cameras.solver.end() == 0
 
 
-def test_a_clock_that_is_off_is_named_and_a_wrong_camera_is_left_out(graph: Any, tmp_path: Path) -> None:
+def test_a_clock_that_is_off_is_published_and_a_wrong_camera_is_left_out(graph: Any, tmp_path: Path) -> None:
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml", "odd", "spare"))
     left, right, odd, spare = cameras.body.mounts
+    topic = f"/{right}/timing"
+    graph.listen({topic: "bodycam_msgs/msg/CameraTiming"})
     cameras.inform(left, right, odd, spare)
     for frame in range(0, 420, 60):
         wrong = odd if frame == 360 else ""
@@ -245,6 +247,13 @@ def test_a_clock_that_is_off_is_named_and_a_wrong_camera_is_left_out(graph: Any,
 
     # With every joint at rest and a straight path, a clock is told by how far its camera lags behind.
     graph.until(lambda: any(abs(ms - 12.0) < 2.0 for ms in ahead_ms()), 3 * _SOON_S, "the clock is known")
+    graph.until(
+        lambda: any(abs(m.offset - 0.012) < 0.002 for m in graph.messages(topic)), _SOON_S, "the topic says it too"
+    )
+    said = graph.messages(topic)[-1]
+    assert (said.header.frame_id, said.source) == (f"{right}_optical_frame", "body")
+    assert np.isnan(said.readout_time) and 0.0 < said.offset_sigma < 0.004
+
     # Then it is set.
     cameras.publish(range(420, 480), off_ns={right: -3_600_000_000_000})
     behind = "3600.0 s behind"
