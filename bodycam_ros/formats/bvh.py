@@ -73,6 +73,7 @@ def _numbers(values: Array) -> str:
 
 
 _AXES = {"X": 0, "Y": 1, "Z": 2}
+_MAX_DEPTH = 200  # of joints on each other
 _MAX_CHANNELS = 6  # of a joint: three positions, three rotations
 _WORD = re.compile(r"(ROOT|JOINT)[^\S\n]+([^\n{}]*[^\s{}])|(\S+)")
 """A word of the hierarchy. A name extends to the end of its line: 3ds Max writes ``ROOT Bip01 Pelvis``."""
@@ -133,6 +134,8 @@ def _read_joints(words: Iterator[str]) -> list[_Joint]:
             latest = None
         elif word == "{":
             opened.append(latest)
+            if len(opened) > _MAX_DEPTH:
+                raise ValueError(f"a chain of more than {_MAX_DEPTH} joints")
         elif word == "}":
             if not opened:
                 raise ValueError("a closing bracket without an opening one")

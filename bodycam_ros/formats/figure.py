@@ -20,6 +20,7 @@ from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
 from bodycam_ros.kinematics.joint_angles import EulerOrder
 
 _WORLD_R_REST = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # ours faces along x
+_MAX_DEPTH = 200  # of bones on each other: programs go down them by recursion
 
 REST_POSES: Mapping[str, float] = {"N": 0.0, "T": np.pi / 2.0, "A": np.pi / 4.0}
 """Rest pose -> how far the arms are raised sideways from the N-pose [rad]."""
@@ -66,12 +67,13 @@ class Figure:
         """The figure of a motion, in axes of which one is up unless the options change it.
 
         Raises:
-            BodyError: two bones would have the same name.
+            BodyError: two bones would have the same name, or a chain of them is too long.
         """
         body, segments = motion.body, motion.body_segments
         program_R_world, scale = UP_AXES[options.up or up], options.scale or 1.0
         rows = [body.segment_index[segment] for segment in segments]
         parents = tuple(segments.index(motion.parents[s]) if s in motion.parents else -1 for s in segments)
+        _check_depth(segments, parents)
         world_T_rest = rigid(_WORLD_R_REST, np.zeros(3)) @ rest_pose(body, options.pose or "N")[rows]
         moved = motion.world_T_segment[:, rows]
         since_rest = moved[..., :3, :3] @ np.swapaxes(world_T_rest[:, :3, :3], -1, -2)
@@ -160,3 +162,11 @@ def _conventional(segment: str, convention: str | None) -> str:
         return segment
     pattern = central if row < _TRUNK else left if name.side == LEFT else right
     return pattern.format(words.split()[row])
+
+
+def _check_depth(segments: tuple[str, ...], parents: tuple[int, ...]) -> None:
+    depths: list[int] = []
+    for segment, parent in zip(segments, parents, strict=True):
+        depths.append(1 if parent < 0 else depths[parent] + 1)
+        if depths[-1] > _MAX_DEPTH:
+            raise BodyError(f"segment {segment}: a chain of more than {_MAX_DEPTH} segments is not written as bones")

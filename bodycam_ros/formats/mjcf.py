@@ -20,6 +20,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, bone_ends
 from bodycam_ros.body.urdf import check_names, xml_numbers
 from bodycam_ros.camera.model import optical_frame
+from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, log_so3, quaternion_xyzw, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import EulerOrder
@@ -29,6 +30,7 @@ _LEVER_M = 0.05  # from a hinge's middle to each of the two points that hold its
 _CARRIAGE_RADIUS_M = 0.02  # of what slides where a loop's joint is loose: it needs some mass
 _STIFF = "0.999 0.9999 0.001"  # MuJoCo holds what is light softly, and a carriage carries who sits on the seat
 _STEPS = 9  # of each angle of a ball between its limits, to find the widest rotation
+_MOST_LEVELS = 200  # of bodies within each other: what writes XML goes down them by recursion
 _NAMED = {
     "bodies": ["body"],
     "joints": ["joint", "freejoint"],
@@ -42,7 +44,7 @@ def mjcf_text(body: BodyModel) -> str:
     """The body as an MJCF document.
 
     Raises:
-        BodyError: the body's names clash with each other in MJCF.
+        BodyError: the body's names clash with each other in MJCF, or its chains are too long.
     """
     mujoco = ET.Element("mujoco", model=body.name)
     ET.SubElement(mujoco, "compiler", angle="radian")
@@ -65,8 +67,14 @@ def _add_bodies(world: ET.Element, body: BodyModel) -> None:
     standing = dict(zip(body.segments, body.n_pose(np.eye(4)), strict=True))
     elements = {body.root: _add_body(world, body, body.root, standing[body.root])}
     ET.SubElement(elements[body.root], "freejoint", name=f"{body.root}_in_world")
+    levels = {body.root: 1}
     for joint in body.tree_joints:
         beside = joint.type == "free"
+        levels[joint.child] = 1 if beside else levels[joint.parent] + 1
+        if levels[joint.child] > _MOST_LEVELS:
+            raise BodyError(
+                f"segment {joint.child}: a chain of more than {_MOST_LEVELS} segments is not written as MJCF"
+            )
         place = standing[joint.child] if beside else joint.parent_T_joint @ joint.joint_T_child
         element = _add_body(world if beside else elements[joint.parent], body, joint.child, place)
         elements[joint.child] = element

@@ -1,6 +1,7 @@
 """Exports of motion that is incomplete, and orders that cannot be obeyed."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import ezc3d
@@ -8,11 +9,13 @@ import numpy as np
 import pybvh
 import pytest
 from exported import Exported
-from known_walk import Walk, write_solved
+from known_walk import FRAME_NS, START_NS, Walk, write_solved
 
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.cli.main import main
 from bodycam_ros.formats.export import FORMATS
+from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.messages.equipment import equipment_message
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.typestore import recorded_messages
@@ -184,6 +187,18 @@ def test_a_recording_given_twice_and_a_file_for_a_folder_are_refused(
     assert main(["export", source, other, "--to", "bvh", "-o", str(tmp_path / "file")]) == 1
     assert "is a file; several recordings are written into a folder" in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_chain_of_hundreds_of_bones_is_refused_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    segments = tuple(f"s{number}" for number in range(300))
+    joints = tuple(Joint(f"j{child}", parent, child, "hinge", np.eye(4)) for parent, child in pairwise(segments))
+    snake = BodyModel("snake", "s0", segments, joints, {})
+    poses = np.tile(np.eye(4), (2, 300, 1, 1))
+    out = write_solved(Walk(snake, START_NS + FRAME_NS * np.arange(2), poses), tmp_path / "out")
+    for to in ("bvh", "glb", "usd"):
+        assert main(["export", str(out), "--to", to, "-o", str(tmp_path / "snake")]) == 1
+        assert "a chain of more than 200 segments is not written as bones" in capsys.readouterr().err
+    assert main(["export", str(out), "--to", "trc", "-o", str(tmp_path / "snake.trc")]) == 0
 
 
 def test_no_file_takes_the_place_of_one_beside_it(
