@@ -107,14 +107,13 @@ def add_coverage(
 ) -> tuple[ReferenceMap, Callable[[Path], None], list[str]]:
     """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
     from bodycam_ros.evaluate.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, with_coverage
+    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, upright_map, with_coverage
 
-    if not reference_map.gravity_aligned:
-        return reference_map, lambda folder: None, ["coverage: unknown, as the map does not know what is up"]
-    coverage = measure_coverage(reference_map, progress)
+    upright = upright_map(reference_map)
+    coverage = measure_coverage(upright, progress)
 
     def draw(folder: Path) -> None:
-        draw_coverage(coverage, reference_map, folder / COVERAGE_FILE, name)
+        draw_coverage(coverage, upright, folder / COVERAGE_FILE, name)
 
     lines = [*coverage_lines(coverage), f"coverage is drawn in {COVERAGE_FILE} of the map"]
     return with_coverage(reference_map, coverage), draw, lines

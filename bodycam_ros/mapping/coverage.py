@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, rotation_to_z
 from bodycam_ros.progress import Progress
 from bodycam_ros.registration.matching import MAX_VIEW_ANGLE_DEG, MIN_VISIBLE_SCALE_PX
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -73,8 +73,24 @@ class Coverage:
         return float(np.sum(self.weights * self.share_by_direction))
 
 
+def upright_map(reference_map: ReferenceMap) -> ReferenceMap:
+    """The map itself if its z is up; else its landmarks and photographs, turned until photographs are upright."""
+    if reference_map.gravity_aligned:
+        return reference_map
+    up = -reference_map.world_T_camera[:, :3, 1].mean(axis=0)
+    R = rotation_to_z(up / max(float(np.linalg.norm(up)), 1e-9))
+    poses = reference_map.world_T_camera.copy()
+    poses[:, :3] = R @ poses[:, :3]
+    return replace(
+        reference_map,
+        points_world=reference_map.points_world @ R.T,
+        world_T_camera=poses,
+        descriptor_view=(reference_map.descriptor_view @ R.T).astype(np.float32),
+    )
+
+
 def measure_coverage(reference_map: ReferenceMap, progress: Progress) -> Coverage:
-    """Count the landmarks in view from places in a map whose z is up, in all directions."""
+    """Count the landmarks in view from places in a map whose z is up (``upright_map``), in all directions."""
     places = _places(reference_map)
     elevations = np.arange(-_MAX_ELEVATION_DEG, _MAX_ELEVATION_DEG + 1e-6, _STEP_DEG)
     azimuths = np.linspace(-180.0, 180.0, round(360.0 / _STEP_DEG), endpoint=False)
@@ -100,10 +116,10 @@ def _directions_world(elevations_deg: Array, azimuths_deg: Array) -> Array:
 def _places(reference_map: ReferenceMap) -> Array:
     """(P, 3) where a person would stand: around the photographs, at the height of a body's cameras.
 
-    Without metres they are those of the photographs.
+    Without metres or a vertical they are those of the photographs.
     """
     centres = reference_map.world_T_camera[:, :3, 3]
-    if not reference_map.metric:
+    if not (reference_map.metric and reference_map.gravity_aligned):
         return np.asarray(centres[:: -(-len(centres) // _MAX_PLACES)])
     spacing, floor = _SPACING_M, np.zeros((_MAX_PLACES + 1, 2))
     while len(floor) > _MAX_PLACES:

@@ -1,15 +1,19 @@
 """What a map covers, in a round hall whose wall is known all around, but for a part."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from unshown_progress import Unshown
 
+from bodycam_ros.geometry import exp_so3
 from bodycam_ros.mapping.coverage import (
     BODY_CAMERA,
     Coverage,
     coverage_lines,
     find_gaps,
     measure_coverage,
+    upright_map,
     with_coverage,
 )
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -94,3 +98,25 @@ def test_counts_are_those_of_a_projection() -> None:
         seen += bool(valid[0] and BODY_CAMERA.in_image(pixel)[0] and cosine > 0.5 and scale_px > 1.0)
     assert seen > 40
     assert coverage.visible[place, elevation, azimuth] == seen
+
+
+def test_a_map_whose_z_is_not_up_is_covered_alike() -> None:
+    """Photographs are upright on average; without that, a wall would be taken for the ceiling."""
+    known = hall(60.0, 280.0)
+    R = exp_so3(np.array([1.4, -0.3, 0.2]))
+    poses = known.world_T_camera.copy()
+    poses[:, :3] = R @ poses[:, :3]
+    turned = replace(
+        known,
+        points_world=known.points_world @ R.T,
+        descriptor_view=known.descriptor_view @ R.T.astype(np.float32),
+        world_T_camera=poses,
+        gravity_aligned=False,
+    )
+    upright = upright_map(turned)
+    assert upright.points_world[:, 2] == pytest.approx(known.points_world[:, 2], abs=1e-6)
+    found, wanted = measured(upright), measured(replace(known, gravity_aligned=False))
+    assert found.share == pytest.approx(wanted.share, abs=0.02)
+    (gap,), (true,) = find_gaps(found), find_gaps(wanted)
+    assert gap.elevations_deg == true.elevations_deg and not gap.all_around
+    assert upright_map(known) is known
