@@ -25,6 +25,7 @@ of the next one towards the root.
 """
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 from statistics import median
 
@@ -71,12 +72,17 @@ NECK_TO_VERTEX = 0.140 + 0.023  # from the joint of the neck, below the cervical
 FOOT_LENGTH, FOOT_BREADTH, HEEL_BREADTH = 0.152, 0.055, 0.041
 HAND_LENGTH, HAND_BREADTH = 0.108, 0.049
 
-_BY_STATURE = {kind: np.array(rows) for kind, rows in _TABLE.items()}
-for _rows in _BY_STATURE.values():
-    _rows[:, 0] /= _STATURES_M
-    _rows[:, 3:] *= _rows[:, :1]
-"""The table with lengths and radii of gyration in statures."""
 
+def _by_stature(row: Sequence[float], stature_m: float) -> Array:
+    """A line of the table, with lengths and radii of gyration in statures."""
+    length, share, along, *radii = row
+    return np.array([length / stature_m, share, along, *(length / stature_m * np.array(radii))])
+
+
+_BY_STATURE = {
+    kind: np.array([_by_stature(*pair) for pair in zip(of_both, _STATURES_M, strict=True)])
+    for kind, of_both in _TABLE.items()
+}
 BONE_RANGES = {
     kind: (float(_BY_STATURE[kind][:, 0].min()), float(_BY_STATURE[kind][:, 0].max()))
     for kind in ("upper_arm", "forearm", "thigh", "shin")

@@ -127,13 +127,15 @@ def judge_bones(bones: Sequence[BoneLength]) -> list[BoneLength]:
     odd = {bone: _proportion_warning(bone, stature_m) for bone in bones}
     of_place = {(bone.segment, frozenset((bone.start, bone.end))): bone for bone in bones}
     judged: list[BoneLength] = []
+    compared: set[BoneLength] = set()
     for bone in bones:
         ends = frozenset(mirrored(name) or name for name in (bone.start, bone.end))
         other = of_place.get((mirrored(bone.segment) or bone.segment, ends), bone)
-        warning = odd[bone]
-        if bones.index(other) > len(judged) and not odd[bone] and not odd[other]:
-            warning = _asymmetry_warning(bone, other)
         mirror_m = None if other is bone else other.length_m
+        warning = odd[bone]
+        if mirror_m is not None and other not in compared and not odd[bone] and not odd[other]:
+            warning = _asymmetry_warning(bone, other)
+        compared.add(bone)
         expected_m = None if bone.kind is None or stature_m is None else BONES[bone.kind] * stature_m
         judged.append(replace(bone, mirror_m=mirror_m, expected_m=expected_m, warning=warning))
     return judged

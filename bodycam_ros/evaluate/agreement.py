@@ -133,16 +133,21 @@ class Agreement:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the two may be of different motions, and what to do; empty where nothing indicates it."""
-        clock, off = self.clock, self.scale - 1.0
-        doubts = {
-            f"the best clock offset is hardly better than the second best (by {clock.lead:.1f} standard deviations of "
-            f"chance, expected {_MIN_LEAD:g} or more)": clock.start_sigma_s > 0.0 and clock.lead < _MIN_LEAD,
-            f"the clock offset is known to +-{1e3 * clock.start_sigma_s:.0f} ms only, expected "
-            f"{1e3 * _MAX_SIGMA_S:.0f} ms or less": clock.start_sigma_s > _MAX_SIGMA_S,
-            f"the scale is {100.0 * off:+.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less": abs(off) > _MAX_SCALE,
-        }
+        clock, off, doubts = self.clock, self.scale - 1.0, list[str]()
+        if clock.start_sigma_s > 0.0 and clock.lead < _MIN_LEAD:
+            doubts.append(
+                f"the best clock offset is hardly better than the second best (by {clock.lead:.1f} standard "
+                f"deviations of chance, expected {_MIN_LEAD:g} or more)"
+            )
+        if clock.start_sigma_s > _MAX_SIGMA_S:
+            doubts.append(
+                f"the clock offset is known to +-{1e3 * clock.start_sigma_s:.0f} ms only, expected "
+                f"{1e3 * _MAX_SIGMA_S:.0f} ms or less"
+            )
+        if abs(off) > _MAX_SCALE:
+            doubts.append(f"the scale is {100.0 * off:+.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less")
         remedy = "is it of the same recording and person, and is each point the right one (--points)?"
-        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt, is_there in doubts.items() if is_there)
+        return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in doubts)
 
     @property
     def joints(self) -> tuple[PointAgreement, ...]:
@@ -332,5 +337,7 @@ def _match_bones(captured: CapturedMotion, places: Mapping[str, PointSite]) -> d
 
 def _ancestors(captured: CapturedMotion, bone: str) -> list[str]:
     """Bones above a bone, the nearest first."""
-    parent = captured.parents.get(bone)
-    return [parent, *_ancestors(captured, parent)] if parent else []
+    names = []
+    while bone := captured.parents.get(bone, ""):
+        names.append(bone)
+    return names

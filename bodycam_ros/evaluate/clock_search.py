@@ -110,12 +110,12 @@ def _compare_with_others(scores: Array, row: int) -> tuple[float, float]:
         scores: (S,) of ``_score_offsets``.
         row: of the offset.
     """
-    others = scores[(scores > -1.0) & (np.abs(np.arange(len(scores)) - row) > _APART_S / _STEP_S)]
-    if not others.size:
+    others = (scores > -1.0) & (np.abs(np.arange(len(scores)) - row) > _APART_S / _STEP_S)
+    if not others.any():
         return np.nan, np.nan
-    fisher, *others_fisher = np.arctanh(np.clip([scores[row], *others], -_MAX_CORRELATION, _MAX_CORRELATION))
-    lead = float((fisher - max(others_fisher)) / max(np.std(others_fisher), _MIN_SPREAD))
-    return lead, float(np.mean(others >= scores[row]))
+    fisher = np.arctanh(np.clip(scores, -_MAX_CORRELATION, _MAX_CORRELATION))
+    lead = float((fisher[row] - fisher[others].max()) / max(fisher[others].std(), _MIN_SPREAD))
+    return lead, float(np.mean(scores[others] >= scores[row]))
 
 
 def _score_offsets(ours: Array, theirs: Signals, theirs_s: float, rate: float) -> tuple[Array, int]:

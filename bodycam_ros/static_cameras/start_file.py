@@ -10,7 +10,6 @@ file of static cameras. Not every segment must be there.
 import logging
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.chain import first_poses
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
-from bodycam_ros.shown import printable, shown
+from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
 from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
@@ -34,6 +33,7 @@ from bodycam_ros.yaml_file import read_yaml
 logger = logging.getLogger(__name__)
 
 _WHAT = "file of where the person stands"
+_MOST_NAMED = 10
 _SHORTEST = 0.1  # quaternion: of the three digits that a person writes, a shorter one keeps two
 _FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
 
@@ -193,5 +193,7 @@ def _pose(value: Any, where: str) -> Array:
 
 
 def _named(names: Collection[Any]) -> str:
-    """The first names as the file has them."""
-    return printable(", ".join(map(str, islice(names, 10)))) or "nothing"
+    """Names as the file has them, not too many."""
+    first = [name if isinstance(name, str) and name.isprintable() else shown(name) for name in names]
+    more = f" and {len(first) - _MOST_NAMED} more" if len(first) > _MOST_NAMED else ""
+    return (", ".join(first[:_MOST_NAMED]) or "nothing") + more
