@@ -104,10 +104,10 @@ $(VENV)/docs.stamp: $(VENV)/python.stamp uv.lock
 	$(SYNC) --only-group docs
 	@touch $@
 
-$(VENV)/ros.stamp: $(VENV)/runtime.stamp $(wildcard msg_defs/msg/*.msg msg_defs/*.* msg_defs/tf2_msgs/*.*)
+$(VENV)/ros.stamp: $(VENV)/runtime.stamp $(wildcard msg_defs/msg/*.msg msg_defs/*.* msg_defs/*_msgs/*.*)
 	@command -v c++ >/dev/null || { echo "building bodycam_msgs needs a C++ compiler; install one: sudo apt install g++" >&2; exit 1; }
 	$(SYNC) --group test --group ros
-	$(FOR_ROS) $(BIN)/uv pip install --quiet --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs
+	$(FOR_ROS) $(BIN)/uv pip install --quiet --no-build-isolation --no-deps ./msg_defs ./msg_defs/tf2_msgs ./msg_defs/foxglove_msgs
 	@touch $@
 
 # Not a part of .venv: Blender's numpy is another, and both are larger than all the rest.

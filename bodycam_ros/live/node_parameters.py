@@ -51,8 +51,8 @@ class ImageParameters(ManagedParameters):
     transport: str = setting(
         "compressed",
         reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "
-        "'foxglove' <camera>/image_raw/compressed_video or foxglove, which need foxglove_msgs; another one is taken if "
-        "it alone is published",
+        "'foxglove' <camera>/image_raw/compressed_video or foxglove; another one is taken if it "
+        "alone is published",
     )
     longest_wait: float = setting(
         1.0,

@@ -16,15 +16,17 @@ from bodycam_ros.messages.body import output_messages, transforms_message
 from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE
 from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
+from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
+
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 OUTPUTS = {
     "/joint_states": "sensor_msgs/msg/JointState",
     "/joint_rotations": "sensor_msgs/msg/MultiDOFJointState",
     "/joint_covariances": "bodycam_msgs/msg/JointCovariances",
     "/odometry": "nav_msgs/msg/Odometry",
-    "/tf": TRANSFORMS,
+    "/tf": _TRANSFORMS,
     "/skeleton": "visualization_msgs/msg/MarkerArray",
 }
 """Topic -> type of the messages of ``output_messages``."""
@@ -66,11 +68,10 @@ class BodyTopics:
                 type_name, topic if topic == "/tf" else topic[1:], reliable(OUTPUT_DEPTH), overridable=True
             )
             for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
-            if is_installed(type_name)
         }
         self._links: LinkTransforms | None = None
-        has_links = stage.parameters.publish_links and is_installed(TRANSFORMS)
-        self._fixed_links = stage.publisher(TRANSFORMS, "/tf_static", latched()) if has_links else None
+        has_links = stage.parameters.publish_links
+        self._fixed_links = stage.publisher(_TRANSFORMS, "/tf_static", latched()) if has_links else None
 
     def describe(self, body: BodyModel, equipment: Equipment | None = None) -> None:
         """Publish the description of the body, with equipment if there is any (latched).

@@ -15,7 +15,7 @@ from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
-from bodycam_ros.nodes.parameters import best_effort, is_installed, latched, reliable
+from bodycam_ros.nodes.parameters import best_effort, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.timing.clock_state import ClockHistory
 
@@ -104,8 +104,6 @@ class ImageSource:
         if transport not in TRANSPORTS:
             known = ", ".join(TRANSPORTS)
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
-        if not is_installed(TRANSPORTS[transport].kind):
-            raise SettingsError(f"the transport '{transport}' needs the ROS package foxglove_msgs, which is missing")
         self._stage, self._camera, self._depth, self._on_image = stage, camera, depth, on_image
         self._source = self._subscribe(transport)
         self._started_s = time.monotonic()
@@ -138,9 +136,8 @@ class ImageSource:
         if self.quiet_s < _QUIET_S or self._source.adapt() or time.monotonic() - self._started_s < _PATIENCE_S:
             return
         for transport, of in TRANSPORTS.items():
-            # A bag of videos plays as raw images.
             topic = f"{self._camera}{of.ending}"
-            if is_installed(of.kind) and topic != self._source.topic and offered_qualities(self._stage, topic):
+            if topic != self._source.topic and offered_qualities(self._stage, topic):
                 self._stage.log.info(f"no node publishes {self._source.topic}; reads {topic}")
                 self._source.close()
                 self._source = self._subscribe(transport)

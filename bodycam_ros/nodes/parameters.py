@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -183,26 +182,27 @@ def latched(depth: int = 1) -> QoSProfile:
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
-"""On every ROS machine; ROS 2's wheels come without it, and `make test` builds it (msg_defs/tf2_msgs)."""
-
 _PREFIX = re.compile(r"(?:[A-Za-z_][\w.-]*/)*(?:[A-Za-z_][\w.-]*)?", re.ASCII)
-
-
-def is_installed(type_name: str) -> bool:
-    """Whether the package of a message type is there."""
-    return find_spec(type_name.split("/")[0]) is not None
 
 
 @cache
 def message_class(type_name: str) -> Any:
-    """Class of a type such as "sensor_msgs/msg/JointState"."""
+    """Class of a type such as "sensor_msgs/msg/JointState".
+
+    Raises:
+        SettingsError: its package is missing.
+    """
     package, _, name = type_name.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
+    try:
+        return getattr(import_module(f"{package}.msg"), name)
+    except ModuleNotFoundError as error:
+        # Of ROS' packages foxglove_msgs is the one that installations lack.
+        ubuntu = f"ros-jazzy-{package.replace('_', '-')}"
+        raise SettingsError(f"{type_name} needs the ROS package {package}: sudo apt install {ubuntu}") from error
 
 
 def node_messages(frame_prefix: str = "") -> MessageFactory:
-    """Makes messages that rclpy publishes; transforms come out as None where their package is missing.
+    """Makes messages that rclpy publishes.
 
     Raises:
         SettingsError: no frame may start with the prefix: tf2 rejects a slash in front, and names are ASCII.
@@ -212,11 +212,4 @@ def node_messages(frame_prefix: str = "") -> MessageFactory:
             "the parameter 'frame_prefix' must be letters, digits and slashes, none in front, such as anna/; not "
             f"{shown(frame_prefix)}"
         )
-    return live_messages(_maker, frame_prefix)
-
-
-def _maker(type_name: str) -> Callable[..., Any]:
-    if type_name == TRANSFORMS and not is_installed(type_name):
-        return lambda **fields: None
-    maker: Callable[..., Any] = message_class(type_name)
-    return maker
+    return live_messages(message_class, frame_prefix)

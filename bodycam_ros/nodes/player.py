@@ -18,28 +18,22 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.node_parameters import PlayerParameters
-from bodycam_ros.live.played_video import IMAGES, LATCHED, PlayedVideo, camera_of
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
-from bodycam_ros.messages.factory import time_message
-from bodycam_ros.messages.images import COMPRESSED_VIDEO, INFO, image_stamp_ns
+from bodycam_ros.messages.factory import Message, time_message
+from bodycam_ros.messages.images import INFO, TRANSPORTS, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
+from bodycam_ros.messages.timing import TIMING
 from bodycam_ros.moments import Moment, Moments
-from bodycam_ros.nodes.parameters import (
-    STAGE_DEPTH,
-    NodeParameters,
-    is_installed,
-    latched,
-    message_class,
-    node_messages,
-    reliable,
-)
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, NodeParameters, latched, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import sensor_topics
+from bodycam_ros.recording.typestore import recording_typestore
 
+_LATCHED = (INFO, TIMING)
+_IMAGES = tuple(transport.ending for transport in TRANSPORTS.values())
 _CLOCK = "rosgraph_msgs/msg/Clock"
 
 _SLICE_S = 0.1
@@ -73,7 +67,6 @@ class Player(Node):
         self._make = node_messages(self._prefix)
         self._diagnostics = Diagnostics(self, self._make)
         self._moments = Moments(Path(given.moments) if given.moments else None)
-        self._dropped = DroppedMessages(self.get_logger().warning)
         self._state, self._wanted = "waiting for readers", given.readers
         self._lacking_since_s: float | None = None
         self._started_s: float | None = None
@@ -116,31 +109,29 @@ class Player(Node):
         self._sources = {bag: self._choose_topics(bag.topics)}
         if given.imu:
             sensors = opened.enter_context(BagFile(Path(given.imu)))
-            own = {camera_of(topic) for topic in self._sources[bag] if topic.endswith(IMU_TOPIC)}
-            others = {*map(camera_of, self._sources[bag])} - own
+            own = {_camera_of(topic) for topic in self._sources[bag] if topic.endswith(IMU_TOPIC)}
+            others = {*map(_camera_of, self._sources[bag])} - own
             self._sources[sensors] = dict.fromkeys(sensor_topics(sensors, others), IMU_TYPE)
-        chosen = {topic: kind for topics in self._sources.values() for topic, kind in topics.items()}
-        drop = partial(self._dropped.add, "frames dropped")
-        self._video = PlayedVideo(chosen, drop, self._prefix, is_installed(COMPRESSED_VIDEO))
-        self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._video.played.items()}
+        self._types = {topic: kind for topics in self._sources.values() for topic, kind in topics.items()}
+        self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._types.items()}
 
     def _choose_topics(self, there: dict[str, str]) -> dict[str, str]:
         """Topic -> type of what is played."""
         asked = self._given.cameras
-        topics = {topic: kind for topic, kind in there.items() if camera_of(topic)}
-        cameras = dict.fromkeys(camera_of(topic) for topic in topics if topic.endswith(IMAGES))
+        topics = {topic: kind for topic, kind in there.items() if _camera_of(topic)}
+        cameras = dict.fromkeys(_camera_of(topic) for topic in topics if topic.endswith(_IMAGES))
         if not cameras:
-            raise RecordingError(f"{self._path}: no camera to play; expected topics such as /head{IMAGES[0]}")
+            raise RecordingError(f"{self._path}: no camera to play; expected topics such as /head{_IMAGES[0]}")
         if not asked:
             return topics
         if not {*asked} & {*cameras}:
             raise RecordingError(f"{self._path}: has no images of {', '.join(asked)}; it has {', '.join(cameras)}")
         if lacking := [camera for camera in asked if camera not in cameras]:
             self.get_logger().warning(f"{self._path} has no images of {', '.join(lacking)}")
-        return {topic: kind for topic, kind in topics.items() if camera_of(topic) in asked}
+        return {topic: kind for topic, kind in topics.items() if _camera_of(topic) in asked}
 
     def _publisher(self, topic: str, kind: str) -> Any:
-        quality = latched() if topic.endswith(LATCHED) else reliable(STAGE_DEPTH)
+        quality = latched() if topic.endswith(_LATCHED) else reliable(STAGE_DEPTH)
         options = QoSOverridingOptions.with_default_policies()
         # In the node's namespace, as a camera's driver would.
         name = topic.lstrip("/")
@@ -162,9 +153,9 @@ class Player(Node):
 
     def _lacking(self) -> list[str]:
         """Topics that too few nodes read, with the number of nodes; of images one reader is enough."""
-        lacking, played, wanted = [], self._video.played, self._wanted
-        for camera in dict.fromkeys(map(camera_of, played)):
-            of_images = [f"/{camera}{ending}" for ending in IMAGES if f"/{camera}{ending}" in played]
+        lacking, played, wanted = [], self._types, self._wanted
+        for camera in dict.fromkeys(map(_camera_of, played)):
+            of_images = [f"/{camera}{ending}" for ending in _IMAGES if f"/{camera}{ending}" in played]
             # A bag may have them raw and compressed; one of the two is enough.
             if of_images and not any(map(self._count_readers, of_images)):
                 lacking.append(f"{of_images[0]} (no node)")
@@ -174,11 +165,8 @@ class Player(Node):
         return lacking
 
     def _count_readers(self, topic: str) -> int:
-        """Number of connected nodes; a node may have several subscriptions."""
-        if not self._outputs[topic].get_subscription_count():
-            return 0
-        known = self.get_subscriptions_info_by_topic(self.resolve_topic_name(topic.lstrip("/")))
-        return len({(reader.node_namespace, reader.node_name) for reader in known})
+        count: int = self._outputs[topic].get_subscription_count()
+        return count
 
     def _wait_for_readers(self, stopped: Callable[[], bool]) -> None:
         given, started_s = self._given, time.monotonic()
@@ -197,28 +185,28 @@ class Player(Node):
     def _play(self, stopped: Callable[[], bool]) -> None:
         """Play the bag from its start to its end."""
         self._count, self._behind_s, self._started_s = 0, 0.0, time.monotonic()
-        started_s, video = self._started_s, self._video
-        video.restart()
-        recorded = (bag.messages([*({*topics} & {*video.sources})]) for bag, topics in self._sources.items())
+        recorded = (bag.messages(topics) for bag, topics in self._sources.items())
         for topic, due_ns, message in merge(*recorded, key=lambda each: each[1]):
+            serialized = self._serialized(topic, message)
             self._behind_s = max(self._behind_s, -self._left_s(due_ns))
-            for played, serialized in video.serialized(topic, message):
-                _wait(partial(self._left_s, due_ns), stopped)
-                if stopped():
-                    return
-                if played.endswith(IMAGES):
-                    self._moments.note(Moment.PLAYED, camera_of(played), image_stamp_ns(message))
-                self._publish(played, serialized)
-        for played, serialized in video.rest():
-            self._publish(played, serialized)
-        elapsed_s = time.monotonic() - started_s
+            _wait(partial(self._left_s, due_ns), stopped)
+            if stopped():
+                return
+            if topic.endswith(_IMAGES):
+                self._moments.note(Moment.PLAYED, _camera_of(topic), image_stamp_ns(message))
+            self._count += 1
+            self._outputs[topic].publish(serialized)
+        elapsed_s = time.monotonic() - self._started_s
         self.get_logger().info(
             f"played {self._count} messages in {elapsed_s:.1f} s, at most {self._behind_s:.2f} s behind"
         )
 
-    def _publish(self, topic: str, serialized: bytes) -> None:
-        self._count += 1
-        self._outputs[topic].publish(serialized)
+    def _serialized(self, topic: str, message: Message) -> bytes:
+        """CDR of a message, with the prefix of the cameras' frames."""
+        # A frame of a video has its fields without a header.
+        header = message.header if hasattr(message, "header") else message
+        header.frame_id = f"{self._prefix}{header.frame_id}"
+        return bytes(recording_typestore().serialize_cdr(message, self._types[topic]))
 
     def _wait_until_received(self, stopped: Callable[[], bool]) -> None:
         deadline_s = time.monotonic() + _LAST_READERS_S
@@ -239,7 +227,6 @@ class Player(Node):
             "time [s]": round(1e-9 * self._now_ns, 1),
             "largest delay [s]": round(self._behind_s, 2),
             "readers lacking": few(lacking) or "none",
-            **self._dropped.values,
         }
         level = StatusLevel.WARN if lacking else StatusLevel.OK
         self._diagnostics.publish([Status(self.get_name(), level, self._state, values)])
@@ -249,6 +236,14 @@ def _wait(left_s: Callable[[], float], stopped: Callable[[], bool]) -> None:
     """Wait for the time that is left [s]."""
     while not stopped() and (seconds := left_s()) > 0.0:
         time.sleep(min(seconds, _SLICE_S))
+
+
+def _camera_of(topic: str) -> str:
+    """Name of the camera that a topic belongs to; empty if it belongs to none."""
+    for ending in (*_LATCHED, IMU_TOPIC, *_IMAGES):
+        if topic.endswith(ending):
+            return topic.removesuffix(ending).removeprefix("/")
+    return ""
 
 
 def make(arguments: Sequence[str] = ()) -> Player:

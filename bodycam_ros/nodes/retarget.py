@@ -14,7 +14,7 @@ from bodycam_ros.live.node_parameters import RetargetParameters
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, text_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message
-from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, TRANSFORMS, is_installed, latched, reliable
+from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotState
@@ -45,7 +45,7 @@ class RetargetStage(Stage[RetargetParameters]):
         often = partial(reliable, OUTPUT_DEPTH)
         self._described = self.publisher("std_msgs/msg/String", description, latched())
         self._joints = self.publisher("sensor_msgs/msg/JointState", states, often(), overridable=True)
-        self._tf = self.publisher(TRANSFORMS, "/tf", often(), overridable=True) if is_installed(TRANSFORMS) else None
+        self._tf = self.publisher("tf2_msgs/msg/TFMessage", "/tf", often(), overridable=True)
         self.subscription("std_msgs/msg/String", "robot_description", self._set_body, latched(), even_inactive=True)
         self.subscription(
             "sensor_msgs/msg/JointState", "joint_states", self._input.add_joint_state, often(), overridable=True
@@ -93,9 +93,8 @@ class RetargetStage(Stage[RetargetParameters]):
         self._states.append(state)
         names = self._robot.joint_names
         self._joints.publish(joint_state_message(self.make, state.stamp_ns, names, state.positions, state.velocities))
-        if self._tf is not None:
-            root = f"{self.parameters.robot}/{self._robot.tree_root}"
-            self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
+        root = f"{self.parameters.robot}/{self._robot.tree_root}"
+        self._tf.publish(transforms_message(self.make, state.stamp_ns, [(MAP_FRAME, root, state.world_T_root)]))
 
     def report(self) -> list[Status]:
         """Status of the robot since the last report."""

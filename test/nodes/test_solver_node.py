@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-import pytest
 from frame_tree import FrameTree
 from told_pose import told_pose
 from two_cameras import write_body
@@ -165,7 +164,6 @@ def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: 
 
 
 def test_a_person_in_a_namespace_has_frames_of_its_own(graph: Any, tmp_path: Path) -> None:
-    pytest.importorskip("tf2_msgs", reason="tf2_msgs is not installed; 'make test' builds it")
     graph.listen({topic: "tf2_msgs/msg/TFMessage" for topic in ("/tf", "/tf_static")})
     graph.listen({"/joint_states": "sensor_msgs/msg/JointState"})
     path = write_body(tmp_path / "body.yaml")
