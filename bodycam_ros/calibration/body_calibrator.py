@@ -13,7 +13,6 @@ from bodycam_ros.calibration.assessment import Findings, assess
 from bodycam_ros.calibration.camera_motion import CameraLog, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body
-from bodycam_ros.calibration.hinge import place_hinges
 from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_search import find_joints
@@ -106,33 +105,27 @@ class BodyCalibrator:
         on_progress("joint centres", 0.0)
         motion = camera_motion(list(self._logs.values()))
         found = find_joints(self._rig, motion)  # A eq. 6-7, 12-14
-        axes_on_child = check_exercised(self._rig, found.centres)
+        hinges = check_exercised(self._rig, found.centres)
         # Before what is measured in metres is asked whether it moved.
         refuse_impossible(found.bone_lengths(self._rig))
-        resting, rest_T_virtual = find_rest_pose(
-            motion.seconds,
-            {segment: one.world_T_virtual for segment, one in found.virtual.items()},
-            {segment: one.known for segment, one in found.virtual.items()},
-        )
-
-        # Of any heading: the refined joints give the direction that the person faces.
-        hinges = {child: rest_T_virtual[child][:3, :3] @ axis for child, axis in axes_on_child.items()}
-        body = first_body(name, self._rig, found.centres, found.virtual_T_camera, rest_T_virtual)  # A eq. 15
-        body = place_hinges(body, hinges)  # A eq. 16-17
+        resting = find_rest_pose(motion.seconds, found.virtual)
+        body = first_body(name, self._rig, found)  # A eq. 15
         rows = np.union1d(_spread(len(motion.stamps_ns), MAX_ROWS), resting[_spread(len(resting), _RESTING_ROWS)])
         first = motion_of_cameras(
             body, motion.cameras, motion.world_T_camera[rows], motion.twists[rows], motion.known[rows], motion.triggered
         )
+        is_resting = np.isin(rows, resting)
+        start = zero_at_rest(first, is_resting, self._facing_rad, hinges)  # A eq. 16-17
         on_progress("joint centres", 1.0)
 
         refined = refine(
-            first,
+            start.motion,
             image_evidence(motion, rows, self._models, self._pose_fit, self._evidence),
-            hinges,
+            start.hinges,
             self._clock,
             lambda share: on_progress("refinement", share),
         )
-        zeroed = zero_at_rest(refined.motion, np.isin(rows, resting), self._facing_rad, set(hinges))
+        zeroed = zero_at_rest(refined.motion, is_resting, self._facing_rad, hinges)
         findings = Findings(
             rig=self._rig,
             found=found,

@@ -1,58 +1,39 @@
-"""A first body from joint centres, virtual cameras and the N-pose (A eq. 15), before refinement.
+"""A first body from joint centres and virtual cameras (A eq. 15), before refinement."""
 
-In the N-pose all segments have the same axes, x forward, y left, z up, and each begins at the joint that it hangs on
-(DESIGN 3); this fixes every frame.
-"""
-
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body.segment_name import LEFT, SegmentName, mirrored
-from bodycam_ros.calibration.joint_centre import JointCentre
+from bodycam_ros.calibration.joint_search import FoundJoints
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import rigid
 from bodycam_ros.kinematics.joint import Joint
 
-Array = NDArray[np.float64]
 
-
-def first_body(
-    name: str,
-    rig: Rig,
-    centres: Mapping[str, JointCentre],
-    virtual_T_camera: Mapping[str, Array],
-    rest_T_virtual: Mapping[str, Array],
-) -> BodyModel:
-    """The body whose zero is the N-pose.
+def first_body(name: str, rig: Rig, found: FoundJoints) -> BodyModel:
+    """The body whose segments have the axes of their virtual cameras, and begin at the joints that they hang on.
 
     Args:
         name: of the body.
         rig: cameras and segments.
-        centres: child segment -> its joint, in the frames of the virtual cameras.
-        virtual_T_camera: camera -> (4, 4) its place at its segment's virtual camera.
-        rest_T_virtual: segment -> (4, 4) pose of its virtual camera in the N-pose; the rotation in the N-pose's axes.
+        found: joints and virtual cameras.
     """
-    # A eq. 15 in every segment's own axes: from the joint that it hangs on to the ones that hang on it.
-    origins = {segment: centre.in_child for segment, centre in centres.items()}
-    on_root = [centre.in_parent for child, centre in centres.items() if rig.parents[child] == rig.root]
+    # A eq. 15: from the joint that a segment hangs on to the ones that hang on it.
+    origins = {segment: centre.in_child for segment, centre in found.centres.items()}
+    on_root = [centre.in_parent for child, centre in found.centres.items() if rig.parents[child] == rig.root]
     origins[rig.root] = np.mean(on_root, axis=0)
     joints = []
-    for child, centre in centres.items():
-        parent = str(rig.parents[child])
-        offset = rest_T_virtual[parent][:3, :3] @ (centre.in_parent - origins[parent])
-        called = SegmentName(child)
-        joints.append(
-            Joint(called.joint, parent, child, "ball", rigid(np.eye(3), offset), angle_axes=called.angle_axes)
-        )
-    mounts = {}
-    for camera, segment in rig.cameras.items():
-        segment_R_virtual = rest_T_virtual[segment][:3, :3]
-        segment_T_virtual = rigid(segment_R_virtual, -segment_R_virtual @ origins[segment])
-        mounts[camera] = CameraMount(segment, segment_T_virtual @ virtual_T_camera[camera])
+    for child, centre in found.centres.items():
+        called, parent = SegmentName(child), str(rig.parents[child])
+        place = rigid(np.eye(3), centre.in_parent - origins[parent])
+        joints.append(Joint(called.joint, parent, child, "ball", place, angle_axes=called.angle_axes))
+    mounts = {
+        camera: CameraMount(segment, rigid(np.eye(3), -origins[segment]) @ one.virtual_T_camera[camera])
+        for segment, one in found.virtual.items()
+        for camera in one.virtual_T_camera
+    }
     return BodyModel(name, rig.root, rig.segments, tuple(joints), mounts)
 
 

@@ -34,15 +34,12 @@ class JointCentre:
             across, any point is as good; this one is nearest to the child's origin.
         singular_values: (3,) of A eq. 14, largest first, per root of the rows: the root mean square by which a
             direction of the child turned in the parent, from 0 for the axis of a hinge to 1.
-        child_directions: (3, 3) rows: the directions in the child that belong to them; the last one of a hinge's is
-            its axis.
         residuals_m: (N) distances between the joint on the parent and on the child [m], one per equation.
     """
 
     in_parent: Array
     in_child: Array
     singular_values: Array
-    child_directions: Array
     residuals_m: Array
 
     @property
@@ -84,11 +81,11 @@ def _weighted_centre(parent_T_child: Array, weights: Array) -> JointCentre:
     in_child = -directions[turning].T @ ((U.T @ dt)[turning] / singular_values[turning])
     in_parent = R_mean @ in_child + t_mean
     residuals_m = np.linalg.norm(R @ in_child + t - in_parent, axis=1)
-    return JointCentre(in_parent, in_child, singular_values, directions, residuals_m)
+    return JointCentre(in_parent, in_child, singular_values, residuals_m)
 
 
-def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> dict[str, Array]:
-    """Hinges among the joints: child segment -> (3,) axis in the frame of the child's virtual camera.
+def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> list[str]:
+    """Child segments of the joints that turned as hinges.
 
     Args:
         rig: names.
@@ -98,7 +95,7 @@ def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> dict[str, A
         RangeOfMotionError: joints that were held still, or turned about one axis only where nothing else determines
             where on it they sit; each is named, with what to repeat.
     """
-    hinges = {}
+    hinges = []
     complaints = []
     for child, centre in centres.items():
         named, freedoms = SegmentName(child), centre.freedoms
@@ -112,7 +109,7 @@ def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> dict[str, A
                 f"{named.exercise}"
             )
         elif freedoms < _BALL:
-            hinges[child] = centre.child_directions[2]
+            hinges.append(child)
     if complaints:
         raise RangeOfMotionError(
             "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(complaints)

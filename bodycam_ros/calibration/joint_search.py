@@ -29,11 +29,6 @@ class FoundJoints:
     virtual: Mapping[str, VirtualCamera]
     centres: Mapping[str, JointCentre]
 
-    @property
-    def virtual_T_camera(self) -> dict[str, Array]:
-        """Camera -> (4, 4) its mount on its segment's virtual camera."""
-        return {camera: pose for one in self.virtual.values() for camera, pose in one.virtual_T_camera.items()}
-
     def bone_lengths(self, rig: Rig) -> list[BoneLength]:
         """Bones between joints found so far; along the axis of a hinge its joint may be anywhere near the camera."""
         bones = []

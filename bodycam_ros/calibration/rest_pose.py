@@ -10,6 +10,7 @@ from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.body.segment_name import LEFT, mirrored
 from bodycam_ros.calibration.first_body import root_at_hips
 from bodycam_ros.calibration.hinge import place_hinges
+from bodycam_ros.calibration.virtual_camera import VirtualCamera
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, robust_average_pose
 
@@ -24,28 +25,20 @@ _MAX_RISE = 0.3  # per length: a steeper line from right to left is no line of h
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def find_rest_pose(
-    seconds: Array,
-    world_T_segment: Mapping[str, Array],
-    known: Mapping[str, NDArray[np.bool_]],
-) -> tuple[NDArray[np.intp], dict[str, Array]]:
-    """Find how long the body stands still at the start, and how.
+def find_rest_pose(seconds: Array, virtual: Mapping[str, VirtualCamera]) -> NDArray[np.intp]:
+    """Rows (K) at the start in which the body stands still.
 
     Args:
         seconds: (T) [s].
-        world_T_segment: segment -> (T, 4, 4) poses.
-        known: segment -> (T) where they are known.
-
-    Returns:
-        (K) rows in which the N-pose was held; segment -> (4, 4) its average pose then.
+        virtual: segment -> its cameras as one, at these times.
 
     Raises:
         RangeOfMotionError: the recording begins with motion, or a segment is unobserved while the body stands still.
     """
     end = len(seconds)
     ended_by = ""
-    for segment, poses in world_T_segment.items():
-        if (still := _still_until(seconds, poses, known[segment])) < end:
+    for segment, one in virtual.items():
+        if (still := _still_until(seconds, one.world_T_virtual, one.known)) < end:
             end, ended_by = still, segment
     if end == 0 or seconds[end - 1] < _MIN_DURATION_S:
         moved = f"{ended_by} moves after {seconds[end] if end < len(seconds) else 0.0:.1f} s"
@@ -55,16 +48,13 @@ def find_rest_pose(
         )
     if end == len(seconds):
         raise RangeOfMotionError("nothing moves in this recording; a range of motion of every joint is needed")
-    average = {}
-    for segment, poses in world_T_segment.items():
-        seen = known[segment][:end]
-        if not seen.any():
+    for segment, one in virtual.items():
+        if not one.known[:end].any():
             raise RangeOfMotionError(
                 f"segment {segment}: none of its cameras is registered while the body stands still in the N-pose "
                 f"(the first {seconds[end - 1]:.1f} s), so its zero is not known; begin where the cameras see the map"
             )
-        average[segment] = robust_average_pose(poses[:end][seen])
-    return np.arange(end), average
+    return np.arange(end)
 
 
 def facing_direction(joints_world: Mapping[str, Array]) -> float:
@@ -117,7 +107,7 @@ def zero_at_rest(
     """Give a motion the frames of DESIGN 3: the N-pose is zero, the root is midway of the hips, hinges are in place.
 
     Args:
-        motion: refined.
+        motion: of the first body, or the refined one.
         resting: (T) rows in which the N-pose was held.
         facing_rad: heading of the person; None: by the refined joints.
         hinges: child segments of the joints that turned as hinges.
