@@ -1,90 +1,56 @@
 """Assessment of a calibration: figures of every joint, bone and camera."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.body.segment_name import LEFT, SegmentName, mirrored
 from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones, odd_scale
-from bodycam_ros.calibration.camera_motion import CameraMotion
+from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.calibration.joint_search import FoundJoints
 from bodycam_ros.calibration.refinement import STRAIGHT_SIGMA_M, Refined
 from bodycam_ros.calibration.rest_pose import ZeroedMotion
-from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.calibration.strap_slip import lasting_change, slip_warning
-from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
+from bodycam_ros.registration.readout_time import ReadoutLog
 
 _MAX_SIGMA_M = 0.03  # a joint known less well is not known: limbs would be of any length, and no body is written
 _WARN_SIGMA_M = 0.006  # a joint known less well is named with what to repeat
 _WARN_REGISTERED = 0.5  # a camera registered in a smaller share of its images measures little of its segment
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
-    """Results of the steps of a calibration (``BodyCalibrator``).
+def assess(
+    motion: CameraMotion,
+    rows: NDArray[np.intp],
+    found: FoundJoints,
+    refined: Refined,
+    zeroed: ZeroedMotion,
+    rest_s: tuple[float, float],
+    logs: Sequence[CameraLog],
+    readouts: ReadoutLog,
+) -> CalibrationDiagnosis:
+    """Assess a calibration by the results of its steps (``BodyCalibrator``).
 
-    Attributes:
-        rig: names.
-        found: joints by A eq. 14, and virtual cameras.
+    Args:
         motion: of the cameras.
         rows: (N) rows of it that the refinement used.
+        found: joints by A eq. 14, and virtual cameras.
         refined: motion of the body at those rows.
         zeroed: the refined motion with the N-pose as zero, its heading and the hinges' axes.
         rest_s: (from, to) [s] of the N-pose.
-        image_counts: camera -> images, registered ones.
-        readouts: camera -> its read-out time.
-        doubts: camera -> why its read-out time is doubtful, and what that costs.
-    """
-
-    rig: Rig
-    found: FoundJoints
-    motion: CameraMotion
-    rows: NDArray[np.intp]
-    refined: Refined
-    zeroed: ZeroedMotion
-    rest_s: tuple[float, float]
-    image_counts: Mapping[str, tuple[int, int]]
-    readouts: Mapping[str, Readout]
-    doubts: Mapping[str, str]
-
-    @property
-    def body(self) -> BodyModel:
-        """The body of ``zeroed``."""
-        return self.zeroed.motion.body
-
-    def place_covariance(self) -> Array:
-        """Covariance (3 J, 3 J) of the joints' places in their parents, in N-pose axes [m^2].
-
-        Along a hinge's axis the motion carries no information, so that leaving some of it out changes nothing; there
-        the straightness of the limb is all that is known.
-        """
-        motion, count = self.zeroed.motion, 3 * len(self.body.tree_joints)
-        zero_R_refined, covariance_along = np.zeros((2, count, count))
-        refined, zeroed = (each.world_T_segment()[0, :, :3, :3] for each in (self.refined.motion, motion))
-        for row, (joint, parent) in enumerate(zip(self.body.tree_joints, self.body.joint_ends[:, 0], strict=True)):
-            own = motion.place_columns(row)
-            zero_R_refined[own, own] = zeroed[parent].T @ refined[parent]
-            if (axis := self.zeroed.hinges.get(joint.child)) is not None:
-                covariance_along[own, own] = STRAIGHT_SIGMA_M**2 * np.outer(axis, axis)
-        in_motion = zero_R_refined @ self.refined.covariance[:count, :count] @ zero_R_refined.T
-        return np.asarray(in_motion + covariance_along)
-
-
-def assess(findings: Findings) -> CalibrationDiagnosis:
-    """Assess a calibration by the findings of its steps.
+        logs: of the cameras, in the order of ``motion``.
+        readouts: of the cameras' rows.
 
     Raises:
         RangeOfMotionError: a joint is not known well enough, however much it was moved.
     """
-    covariance = findings.place_covariance()
-    joints = tuple(_joint(findings, joint, covariance) for joint in findings.body.tree_joints)
+    covariance = _place_covariance(refined, zeroed)
+    joints = tuple(_joint(found, zeroed, joint, covariance) for joint in zeroed.motion.body.tree_joints)
     if unknown := [joint for joint in joints if not joint.sigma_m.max() <= _MAX_SIGMA_M]:
         lines = [
             f"joint {joint.name} is known to {1e3 * joint.sigma_m.max():.0f} mm only (at most "
@@ -94,23 +60,42 @@ def assess(findings: Findings) -> CalibrationDiagnosis:
         raise RangeOfMotionError(
             "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(lines)
         )
-    bones = _bone_lengths(findings, covariance)
+    bones = _bone_lengths(zeroed.motion, covariance)
     stature_m = expected_stature(bones)
     return CalibrationDiagnosis(
         joints=joints,
         bones=tuple(judge_bones(bones)),
-        cameras=_cameras(findings),
-        rest_s=findings.rest_s,
-        heading_rad=findings.zeroed.heading_rad,
-        duration_s=float(findings.motion.seconds[-1]),
+        cameras=_cameras(motion, rows, zeroed.motion, logs, readouts),
+        rest_s=rest_s,
+        heading_rad=zeroed.heading_rad,
+        duration_s=float(motion.seconds[-1]),
         stature_m=stature_m,
         scale_warning=odd_scale(stature_m),
     )
 
 
-def _bone_lengths(findings: Findings, covariance: Array) -> list[BoneLength]:
+def _place_covariance(refined: Refined, zeroed: ZeroedMotion) -> Array:
+    """Covariance (3 J, 3 J) of the joints' places in their parents, in N-pose axes [m^2].
+
+    Along a hinge's axis the motion carries no information, so that leaving some of it out changes nothing; there the
+    straightness of the limb is all that is known.
+    """
+    motion, body = zeroed.motion, zeroed.motion.body
+    count = 3 * len(body.tree_joints)
+    zero_R_refined, covariance_along = np.zeros((2, count, count))
+    before, after = (each.world_T_segment()[0, :, :3, :3] for each in (refined.motion, motion))
+    for row, (joint, parent) in enumerate(zip(body.tree_joints, body.joint_ends[:, 0], strict=True)):
+        own = motion.place_columns(row)
+        zero_R_refined[own, own] = after[parent].T @ before[parent]
+        if (axis := zeroed.hinges.get(joint.child)) is not None:
+            covariance_along[own, own] = STRAIGHT_SIGMA_M**2 * np.outer(axis, axis)
+    in_motion = zero_R_refined @ refined.covariance[:count, :count] @ zero_R_refined.T
+    return np.asarray(in_motion + covariance_along)
+
+
+def _bone_lengths(motion: ArticulatedMotion, covariance: Array) -> list[BoneLength]:
     """Distances between the joints of each segment, with their standard deviations."""
-    body, bones = findings.body, []
+    body, bones = motion.body, []
     for segment in body.segments:
         above = body.joint_to_parent(segment)
         below = [joint for joint in body.tree_joints if joint.parent == segment]
@@ -121,7 +106,7 @@ def _bone_lengths(findings: Findings, covariance: Array) -> list[BoneLength]:
             vector, by_offsets = np.zeros(3), np.zeros((3, len(covariance)))
             for joint, sign in ((end, 1.0), (start, 0.0 if start is above else -1.0)):
                 vector += sign * joint.parent_T_joint[:3, 3]
-                own = findings.zeroed.motion.place_columns(body.joint_row[joint.name])
+                own = motion.place_columns(body.joint_row[joint.name])
                 by_offsets[:, own] = sign * np.eye(3)
             length_m = float(np.linalg.norm(vector))
             slope = vector @ by_offsets / max(length_m, 1e-9)
@@ -134,9 +119,9 @@ def _is_pair(left: Joint, right: Joint) -> bool:
     return left.child.endswith(LEFT) and right.name == mirrored(left.name)
 
 
-def _joint(findings: Findings, joint: Joint, covariance: Array) -> JointDiagnosis:
-    motion, axis = findings.zeroed.motion, findings.zeroed.hinges.get(joint.child)
-    own = motion.place_columns(findings.body.joint_row[joint.name])
+def _joint(found: FoundJoints, zeroed: ZeroedMotion, joint: Joint, covariance: Array) -> JointDiagnosis:
+    motion, axis = zeroed.motion, zeroed.hinges.get(joint.child)
+    own = motion.place_columns(motion.body.joint_row[joint.name])
     sigma_m = np.sqrt(np.maximum(np.diag(covariance[own, own]), 0.0))
     # A hinge's place along its axis does not depend on the exercise.
     along = np.zeros(3) if axis is None else STRAIGHT_SIGMA_M * axis
@@ -148,28 +133,29 @@ def _joint(findings: Findings, joint: Joint, covariance: Array) -> JointDiagnosi
         child=joint.child,
         freedom="ball" if axis is None else "hinge",
         exercised_rad=motion.exercised(joint.child),
-        gap_m=float(np.median(findings.found.centres[joint.child].residuals_m)),
+        gap_m=float(np.median(found.centres[joint.child].residuals_m)),
         sigma_m=sigma_m,
         advice=advice if by_motion.max() > _WARN_SIGMA_M else "",
     )
 
 
-def _cameras(findings: Findings) -> tuple[CameraDiagnosis, ...]:
-    measured = findings.motion.world_T_camera[findings.rows]
-    known = findings.motion.known[findings.rows]
-    seconds, off = findings.motion.seconds[findings.rows], inverse(findings.zeroed.motion.world_T_camera()) @ measured
+def _cameras(
+    measured: CameraMotion, rows: NDArray[np.intp], motion: ArticulatedMotion, logs: Sequence[CameraLog], of: ReadoutLog
+) -> tuple[CameraDiagnosis, ...]:
+    known, seconds = measured.known[rows], measured.seconds[rows]
+    readouts, doubts = of.readouts(), of.doubts()
+    off = inverse(motion.world_T_camera()) @ measured.world_T_camera[rows]
     cameras = []
-    for c, camera in enumerate(findings.motion.cameras):
-        images, registered = findings.image_counts[camera]
+    for c, log in enumerate(logs):
+        camera, share = log.camera, log.registered / max(log.images, 1)
         own = off[known[:, c], c]
         slip, errors = lasting_change(own, seconds[known[:, c]]), log_se3(own)
-        share = registered / max(images, 1)
         if slip is not None:
             warning = slip_warning(camera, slip)
         elif share < _WARN_REGISTERED:
             warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
         else:
-            warning = findings.doubts.get(camera, "")
+            warning = doubts.get(camera, "")
         turned, moved = (
             float(np.median(np.linalg.norm(part, axis=1))) if len(own) else float("nan")
             for part in (errors[:, :3], errors[:, 3:])
@@ -177,17 +163,17 @@ def _cameras(findings: Findings) -> tuple[CameraDiagnosis, ...]:
         cameras.append(
             CameraDiagnosis(
                 camera=camera,
-                segment=findings.rig.cameras[camera],
-                images=images,
+                segment=motion.body.mounts[camera].segment,
+                images=log.images,
                 registered=share,
                 residual_m=moved,
                 residual_rad=turned,
                 moved_m=slip.moved_m if slip else 0.0,
                 turned_rad=slip.turned_rad if slip else 0.0,
                 slipped_s=slip.seconds if slip else None,
-                readout=findings.readouts.get(camera),
+                readout=readouts.get(camera),
                 warning=warning,
-                clock_s=float(findings.refined.motion.delays[c]),
+                clock_s=float(motion.delays[c]),
             )
         )
     return tuple(cameras)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.articulation import ArticulatedMotion, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
-from bodycam_ros.calibration.assessment import Findings, assess
+from bodycam_ros.calibration.assessment import assess
 from bodycam_ros.calibration.camera_motion import CameraLog, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body
@@ -126,19 +126,9 @@ class BodyCalibrator:
             lambda share: on_progress("refinement", share),
         )
         zeroed = zero_at_rest(refined.motion, is_resting, self._facing_rad, hinges)
-        findings = Findings(
-            rig=self._rig,
-            found=found,
-            motion=motion,
-            rows=rows,
-            refined=refined,
-            zeroed=zeroed,
-            rest_s=(0.0, float(motion.seconds[resting[-1]])),
-            image_counts={camera: (log.images, log.registered) for camera, log in self._logs.items()},
-            readouts=self._readouts.readouts(),
-            doubts=self._readouts.doubts(),
-        )
-        return CalibratedBody(_limited_body(zeroed.motion, findings.readouts), assess(findings))
+        rest_s = 0.0, float(motion.seconds[resting[-1]])
+        diagnosis = assess(motion, rows, found, refined, zeroed, rest_s, [*self._logs.values()], self._readouts)
+        return CalibratedBody(_limited_body(zeroed.motion, self._readouts.readouts()), diagnosis)
 
 
 def _spread(total: int, most: int) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from bodycam_ros.calibration.joint_centre import JointCentre, find_joint_centre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.calibration.virtual_camera import VirtualCamera, fuse_cameras
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.geometry import inverse
 
 _MIN_TOGETHER_S = 2.5  # that both segments of a joint are known
 
