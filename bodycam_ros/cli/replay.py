@@ -123,7 +123,7 @@ def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
     from bodycam_ros.cli.output import print_sections, print_verdict
     from bodycam_ros.evaluate.sections import column_table
     from bodycam_ros.lens.lens_check import find_mismatches
-    from bodycam_ros.offline.replay_output import clock_remarks
+    from bodycam_ros.offline.replay_remarks import clock_remarks
     from bodycam_ros.terminal import Terminal
 
     terminal = Terminal()

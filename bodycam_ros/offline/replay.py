@@ -2,8 +2,7 @@
 
 import logging
 import time
-from collections import deque
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
@@ -20,35 +19,28 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
 from bodycam_ros.offline.camera_worker import (
     RegisteredImage,
     RegistrationTask,
     Result,
-    UnusableCount,
+    UnusableImages,
 )
 from bodycam_ros.offline.extend import ExtensionRound, extend_map
 from bodycam_ros.offline.front_end import merged_results, start_workers
-from bodycam_ros.offline.replay_output import CameraSpans, ReplayOutput
+from bodycam_ros.offline.replay_output import ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.offline.static_input import make_image_measurement, read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.camera_poses import CameraPoseLog
-from bodycam_ros.quality.equipment_findings import equipment_findings
-from bodycam_ros.quality.judge import judge
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.whole_file import scratch_folder
 
 logger = logging.getLogger(__name__)
-
-_BATCH = "all instants together"
 
 
 def replay(
@@ -89,6 +81,7 @@ def replay(
     warm_up()
     started = time.monotonic()
     with ExitStack() as stack:
+        # What was recorded, who wears the cameras, and where they are.
         recording = stack.enter_context(open_recording(recording_path))
         own = read_body(body_path)
         person = with_hands(own) if outside else own
@@ -98,102 +91,63 @@ def replay(
         if passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
             map_path, rounds = _extend(recording, map_path, body, settings, jobs, passes, on_step, scratch)
+        summary = ReplaySummary(recording.duration_s, rounds=rounds)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
-        summary = ReplaySummary(recording.duration_s, rounds=rounds)
         imus = read_imus((recording_path, *imu_paths), mounted) if settings.inertial.enabled and mounted else {}
-        turns = camera_turns(body, imus)
+        # Cameras are registered while the rest is made ready.
         task = RegistrationTask(
-            recording_path, map_path or Path(), settings, readouts=body.readout_starts, slim=slim, turns=turns
+            recording_path,
+            map_path or Path(),
+            settings,
+            readouts=body.readout_starts,
+            slim=slim,
+            turns=camera_turns(body, imus),
         )
-        # As early as can be: cameras are registered while the rest is made ready.
         workers = stack.enter_context(start_workers(task, mounted, jobs))
+        # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
+        stack.enter_context(threadpool_limits(1, user_api="blas"))
         cameras = {camera: recording.camera_model(camera) for camera in mounted}
         reference_map = metric_map()
         if reference_map is not None and not reference_map.gravity_aligned:
             logger.warning("%s: %s", map_path, ASSUMED_VERTICAL)
-        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
-        seen: deque[tuple[Mapping[str, int], StaticMeasurement]] = deque()
         static_cameras = None
         if outside is not None:
             static_cameras = make_image_measurement(
-                outside, stations, body, body_path, settings, lambda *each: seen.append(each)
+                outside, stations, body, body_path, settings, lambda *measured: out.write_measured(*measured)
             )
             if not cameras and outside.start is None:
                 raise _nothing_solved(recording_path, map_path, outside)
+        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         skeleton = SkeletonPipeline(
             person,
             cameras,
             settings,
             on_corrected=log.add_registration,
             equipment=coupling,
-            on_together=partial(on_step, _BATCH),
+            on_together=partial(on_step, "all instants together"),
             static_cameras=static_cameras,
             stations=stations,
             imus=imus,
         )
-        # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
-        stack.enter_context(threadpool_limits(1, user_api="blas"))
+        # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(output_path, force))
-        clocks = skeleton.clocks
-        out = ReplayOutput(writer, body, RegistrationDiagnostics(cameras), summary, log, clocks, coupling)
-        rows = ReadoutLog(cameras)
-        spans = CameraSpans([*cameras, *stations])
-        unusable = UnusableCount()
-        start_ns, images_step = None, f"replay of {summary.recorded_s:.1f} s"
+        out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
             registered = merged_results(workers, settings.growth, reference_map)
+        images_step = f"replay of {summary.recorded_s:.1f} s"
         for item in _with_images(registered, recording, stations):
-            if not isinstance(item, RegisteredImage | CameraImage):
-                unusable.add(item)
-                continue
-            if start_ns is None:
-                start_ns = summary.start_ns = item.stamp_ns
-                out.write_latched(start_ns, reference_map)
-            summary.images[item.camera] += 1
-            spans.add(item.camera, item.stamp_ns)
-            if isinstance(item, CameraImage):
-                out.write_states(skeleton.add(item))
-            else:
-                rows.add(item.matches)
-                out.write_registration(item)
-                out.write_states(skeleton.add(item.matches))
-            while seen:
-                out.write_seen(*seen.popleft())
-            on_step(images_step, 1e-9 * (item.stamp_ns - start_ns) / max(summary.recorded_s, 1e-9))
+            out.write_image(item)
+            if not isinstance(item, UnusableImages):
+                out.write_states(skeleton.add(item.matches if isinstance(item, RegisteredImage) else item))
+                on_step(images_step, 1e-9 * (item.stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9))
         out.write_states(skeleton.flush())
-        while seen:
-            out.write_seen(*seen.popleft())
         if not summary.solved:
             raise _nothing_solved(recording_path, map_path, outside)
-        out.write_robot()
-        summary.skipped, summary.lost = unusable.skipped, unusable.lost
-        summary.images += unusable.skipped
-        summary.readouts = rows.readouts()
-        summary.timings = {
-            camera: history.with_readout(summary.readouts.get(camera)) for camera, history in clocks.histories.items()
-        }
-        out.write_timings(summary.timings)
-        poses = log.poses()
-        summary.speeds = poses.speeds()
-        summary.equipment = out.coupled.record()
         # Hands that the body file does not have were added here, and need not be observed.
-        bare = [name for name in own.segments if not any(camera in cameras for camera in own.cameras_on(name))]
-        others = (*equipment_findings(summary.equipment, coupling), *out.static.findings(bare))
-        summary.verdict = judge(poses, others)
-        out.write_verdict(item.stamp_ns, summary.verdict)
-        summary.interpolated, summary.rejected = skeleton.interpolated, skeleton.rejected
-        summary.instants = skeleton.assembler.assembled + summary.interpolated
-        summary.late = skeleton.assembler.late
-    if summary.late:
-        logger.warning(
-            "%d registrations came after their instant had been solved without them; does a camera pause for longer "
-            "than assembler.max_wait?",
-            summary.late,
-        )
-    summary.remarks = (*spans.remarks(), *rows.doubts().values(), *skeleton.inertial.remarks())
+        out.finish([name for name in own.segments if not any(each in cameras for each in own.cameras_on(name))])
     summary.elapsed_s = time.monotonic() - started
     return summary
 

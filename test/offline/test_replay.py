@@ -16,7 +16,7 @@ from bodycam_ros.evaluate.comparison import compare, read_true_motion
 from bodycam_ros.messages.factory import stamp_ns, time_message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.offline.replay import replay
-from bodycam_ros.offline.replay_output import clock_remarks
+from bodycam_ros.offline.replay_remarks import clock_remarks
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recorded_messages
