@@ -21,7 +21,7 @@ from bodycam_ros.mapping.known_distance import KnownDistance
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.moving_camera import MovingCamera, open_body_cameras, video_camera
 from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
-from bodycam_ros.offline.align_map import registered_poses
+from bodycam_ros.offline.extend import registered_poses
 from bodycam_ros.output_place import check_output
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag

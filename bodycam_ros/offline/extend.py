@@ -1,8 +1,8 @@
-"""Rounds of registration and map extension over a recording (A 4.1)."""
+"""A recording registered in a map: in rounds that extend it (A 4.1), or once, for the scale and vertical of a new one."""
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout
+from bodycam_ros.inertial.map_alignment import RegisteredPoses
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
@@ -21,6 +22,7 @@ from bodycam_ros.offline.camera_worker import RegistrationTask
 from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap, load_map
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
@@ -142,3 +144,35 @@ def _kept_images(
                 quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
                 jpeg = cv2.imencode(".jpg", decode_grey(image), quality)[1]
                 yield KeptImage(image.camera, image.stamp_ns, pose, jpeg.tobytes())
+
+
+def registered_poses(
+    reference_map: ReferenceMap, cameras: Collection[str], recording_path: Path, jobs: int
+) -> dict[str, RegisteredPoses]:
+    """Camera -> its images that are registered in a map, whose unit may be wrong by a third.
+
+    Args:
+        reference_map: the map.
+        cameras: of the recording.
+        recording_path: with the images.
+        jobs: processes.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+    """
+    with open_recording(recording_path) as recording:
+        models = {camera: recording.camera_model(camera) for camera in cameras}
+    found: dict[str, list[LandmarkMatches]] = {camera: [] for camera in models}
+    with scratch_folder(Path(gettempdir())) as scratch:
+        reference_map.save(scratch / "map")
+        task = RegistrationTask(recording_path, scratch / "map", PipelineSettings(), with_messages=False)
+        for image in registered_images(task, models, jobs):
+            if image.matches.world_T_camera is not None:
+                found[image.camera].append(image.matches)
+    return {
+        camera: (
+            np.array([each.stamp_ns for each in own], np.int64),
+            np.array([each.world_T_camera for each in own], np.float64).reshape(-1, 4, 4),
+        )
+        for camera, own in found.items()
+    }

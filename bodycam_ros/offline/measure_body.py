@@ -1,19 +1,17 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from heapq import merge
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
@@ -22,16 +20,17 @@ from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.static_measurement import decode_images
 from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.timing.frame_assembler import AssemblerSettings, FrameAssembler
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
-_AT_ONCE_NS = 5_000_000
+_AT_ONCE_S = 0.005
 """Stamps of different stations that differ by less are one instant."""
 
 
@@ -98,25 +97,19 @@ def station_instants(
         stations: by name.
         refused: cameras of which an image could not be used, which was warned of; others are added.
     """
-    with ExitStack() as opened:
-        # A recording each: a bag has images in the order in which they came, which need not be that of their stamps.
-        recordings = {name: opened.enter_context(open_recording(path)) for name in stations}
-        any_of = next(iter(recordings.values()))
-        start_ns, length_ns = any_of.start_ns, max(1e9 * any_of.duration_s, 1.0)
-        together: dict[str, CameraImage] = {}
+    with open_recording(path) as recording:
+        start_ns, length_ns = recording.start_ns, max(1e9 * recording.duration_s, 1.0)
+        for frame in _frames(recording, stations):
+            if pictures := decode_images(frame.images, stations, refused):
+                yield (frame.stamp_ns - start_ns) / length_ns, FrameImages(frame.stamp_ns, pictures)
 
-        def instant(share: float) -> Iterator[tuple[float, FrameImages]]:
-            if pictures := decode_images(together, stations, refused):
-                yield share, FrameImages(next(iter(together.values())).stamp_ns, pictures)
 
-        streams = (recording.images([name]) for name, recording in recordings.items())
-        for image in merge(*streams, key=lambda image: image.stamp_ns):
-            first_ns = next((each.stamp_ns for each in together.values()), image.stamp_ns)
-            if image.stamp_ns - first_ns > _AT_ONCE_NS or image.camera in together:
-                yield from instant((first_ns - start_ns) / length_ns)
-                together = {}
-            together[image.camera] = image
-        yield from instant(1.0)
+def _frames(recording: Recording, stations: Collection[str]) -> Iterator[BodyFrame]:
+    """Images of static cameras that are of one time."""
+    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
+    for image in recording.images(stations):
+        yield from assembler.add(image)
+    yield from assembler.flush()
 
 
 Progress = Callable[[str, float], None]
