@@ -75,7 +75,7 @@ class DriverTopic:
 
     def close(self) -> None:
         """End the subscription."""
-        self._stage.node.drop(self._subscription)
+        self._stage.node.destroy_subscription(self._subscription)
 
 
 def offered_qualities(stage: Stage[Any], topic: str) -> list[QoSProfile]:

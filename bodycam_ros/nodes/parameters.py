@@ -70,7 +70,6 @@ class NodeParameters(Generic[P]):
             # ROS takes an empty list for a list of bytes.
             value = list(value) or [""] if isinstance(value, tuple) else value
             node.declare_parameter(name, value, _descriptor(self._described[name]), ignore_override=True)
-        self._pending: dict[str, Any] | None = None
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take)
 
@@ -103,15 +102,13 @@ class NodeParameters(Generic[P]):
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         """Reject what cannot change now, or not to this; names that are not of the node are rclpy's."""
-        values = dict(self._values)
         try:
             for each in parameters:
-                if each.name in values:
+                if each.name in self._values:
                     self._check_changeable(each.name)
-                    values[each.name] = self._checked(each.name, each.value)
+                    self._checked(each.name, each.value)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._pending = values
         return SetParametersResult(successful=True)
 
     def _check_changeable(self, full_name: str) -> None:
@@ -123,10 +120,9 @@ class NodeParameters(Generic[P]):
             )
 
     def _take(self, parameters: list[Parameter]) -> None:
-        if self._pending is not None:
-            self._use(self._pending)
-            self._pending = None
-            self.on_change()
+        own = [each for each in parameters if each.name in self._values]
+        self._use(self._values | {each.name: self._checked(each.name, each.value) for each in own})
+        self.on_change()
 
 
 def _full_name(group: str, name: str) -> str:

@@ -5,6 +5,7 @@ import socket
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
@@ -116,7 +117,8 @@ class Stage(Generic[P]):
         """A publisher of a message type by its name; users can override its quality of service if it is overridable."""
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         made = self.node.create_publisher(message_class(type_name), topic, quality, qos_overriding_options=options)
-        return self.node.keep(self.node.destroy_publisher, made)
+        self.node.made.callback(self.node.destroy_publisher, made)
+        return made
 
     def subscription(
         self,
@@ -140,7 +142,8 @@ class Stage(Generic[P]):
         made = self.node.create_subscription(
             kind, topic, guarded, quality, qos_overriding_options=options, event_callbacks=events, raw=raw
         )
-        return self.node.keep(self.node.destroy_subscription, made)
+        self.node.made.callback(self.node.destroy_subscription, made)
+        return made
 
     def converted_subscription(
         self,
@@ -170,12 +173,12 @@ class Stage(Generic[P]):
 
         self.subscription(type_name, topic, receive, quality, **options)
 
-    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Any:
+    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> None:
         """Call back regularly, in real time; see ``guarded``."""
         made = self.node.create_timer(seconds, self.guarded(callback, even_inactive), clock=_STEADY)
-        return self.node.keep(self.node.destroy_timer, made)
+        self.node.made.callback(self.node.destroy_timer, made)
 
-    def trigger(self, name: str, callback: Callable[[], str]) -> Any:
+    def trigger(self, name: str, callback: Callable[[], str]) -> None:
         """A service ``std_srvs/Trigger``, which answers with what was done, or with the text of a BodycamError."""
 
         def answer(request: Message, response: Message) -> Message:
@@ -185,7 +188,7 @@ class Stage(Generic[P]):
                 response.success, response.message = False, str(error)
             return response
 
-        return self.node.keep(self.node.destroy_service, self.node.create_service(Trigger, name, answer))
+        self.node.made.callback(self.node.destroy_service, self.node.create_service(Trigger, name, answer))
 
     def call_later(self, callback: Callable[[], None], even_inactive: bool = False) -> None:
         """Call back once, after all messages that have arrived by now."""
@@ -223,6 +226,7 @@ class StageNode(LifecycleNode, Generic[P]):
         stage: while the node is configured.
         is_active: whether the stage works.
         failure: error that has ended the work.
+        made: destroys the topics, timers and services of the stage.
     """
 
     def __init__(self, stage_type: type[Stage[P]], arguments: Sequence[str] = ()) -> None:
@@ -237,7 +241,7 @@ class StageNode(LifecycleNode, Generic[P]):
         self.is_active = False
         self.failure: BodycamError | None = None
         self._error_text = ""
-        self._entities: list[tuple[Callable[[Any], object], Any]] = []
+        self.made = ExitStack()
 
     def bring_up(self) -> None:
         """Read the parameters, and with ``autostart`` configure and activate the node.
@@ -277,17 +281,6 @@ class StageNode(LifecycleNode, Generic[P]):
         if not self.parameters.own.autostart and self.executor is not None:
             # Later: the callback that failed is still running. A transition that fails leads to ``on_error``.
             self.executor.create_task(self.trigger_deactivate if self.is_active else self.trigger_cleanup)
-
-    def keep(self, destroy: Callable[[Any], object], entity: Any) -> Any:
-        """Destroy a topic, timer or service with the stage."""
-        self._entities.append((destroy, entity))
-        return entity
-
-    def drop(self, entity: Any) -> None:
-        """Destroy one of these now."""
-        for entry in [entry for entry in self._entities if entry[1] is entity]:
-            self._entities.remove(entry)
-            entry[0](entity)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make the stage."""
@@ -333,9 +326,7 @@ class StageNode(LifecycleNode, Generic[P]):
     def _drop(self) -> None:
         self.stage = None
         self.parameters.is_configured = False
-        while self._entities:
-            destroy, entity = self._entities.pop()
-            destroy(entity)
+        self.made.close()
         if self.executor is not None:
             # A map is large, and subscriptions are in reference cycles.
             self.executor.create_task(gc.collect)

@@ -1,4 +1,4 @@
-"""A recording registered in a map: in rounds that extend it (A 4.1), or once, for the scale and vertical of a new one."""
+"""A recording registered in a map: in rounds that extend it (A 4.1), or once, for scale and vertical of a new one."""
 
 import logging
 from collections import Counter
