@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.articulation import ArticulatedMotion
+from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import LEFT, SegmentName, mirrored
 from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones, odd_scale
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion
@@ -60,7 +61,7 @@ def assess(
         raise RangeOfMotionError(
             "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(lines)
         )
-    bones = _bone_lengths(zeroed.motion, covariance)
+    bones = bone_lengths(zeroed.motion.body, covariance)
     stature_m = expected_stature(bones)
     return CalibrationDiagnosis(
         joints=joints,
@@ -93,9 +94,14 @@ def _place_covariance(refined: Refined, zeroed: ZeroedMotion) -> Array:
     return np.asarray(in_motion + covariance_along)
 
 
-def _bone_lengths(motion: ArticulatedMotion, covariance: Array) -> list[BoneLength]:
-    """Distances between the joints of each segment, with their standard deviations."""
-    body, bones = motion.body, []
+def bone_lengths(body: BodyModel, covariance: Array) -> list[BoneLength]:
+    """Distances between the joints of each segment, with their standard deviations.
+
+    Args:
+        body: of ball joints.
+        covariance: (3 J, 3 J) of the joints' places in their parents [m^2].
+    """
+    bones = []
     for segment in body.segments:
         above = body.joint_to_parent(segment)
         below = [joint for joint in body.tree_joints if joint.parent == segment]
@@ -106,8 +112,8 @@ def _bone_lengths(motion: ArticulatedMotion, covariance: Array) -> list[BoneLeng
             vector, by_offsets = np.zeros(3), np.zeros((3, len(covariance)))
             for joint, sign in ((end, 1.0), (start, 0.0 if start is above else -1.0)):
                 vector += sign * joint.parent_T_joint[:3, 3]
-                own = motion.place_columns(body.joint_row[joint.name])
-                by_offsets[:, own] = sign * np.eye(3)
+                row = 3 * body.joint_row[joint.name]
+                by_offsets[:, row : row + 3] = sign * np.eye(3)
             length_m = float(np.linalg.norm(vector))
             slope = vector @ by_offsets / max(length_m, 1e-9)
             sigma_m = float(np.sqrt(np.maximum(slope @ covariance @ slope, 0.0)))

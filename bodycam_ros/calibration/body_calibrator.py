@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.articulation import ArticulatedMotion, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.anthropometry import refuse_impossible
-from bodycam_ros.calibration.assessment import assess
+from bodycam_ros.calibration.assessment import assess, bone_lengths
 from bodycam_ros.calibration.camera_motion import CameraLog, camera_motion
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.first_body import first_body
@@ -106,10 +106,10 @@ class BodyCalibrator:
         motion = camera_motion(list(self._logs.values()))
         found = find_joints(self._rig, motion)  # A eq. 6-7, 12-14
         hinges = check_exercised(self._rig, found.centres)
-        # Before what is measured in metres is asked whether it moved.
-        refuse_impossible(found.bone_lengths(self._rig))
-        resting = find_rest_pose(motion.seconds, found.virtual)
         body = first_body(name, self._rig, found)  # A eq. 15
+        # Before what is measured in metres is asked whether it moved.
+        refuse_impossible(bone_lengths(body, np.zeros((3 * len(body.joints), 3 * len(body.joints)))))
+        resting = find_rest_pose(motion.seconds, found.virtual)
         rows = np.union1d(_spread(len(motion.stamps_ns), MAX_ROWS), resting[_spread(len(resting), _RESTING_ROWS)])
         first = motion_of_cameras(
             body, motion.cameras, motion.world_T_camera[rows], motion.twists[rows], motion.known[rows], motion.triggered

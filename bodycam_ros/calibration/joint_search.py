@@ -3,10 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from bodycam_ros.body.segment_name import SegmentName
-from bodycam_ros.calibration.anthropometry import BoneLength
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import JointCentre, find_joint_centre
 from bodycam_ros.calibration.rig import Rig
@@ -28,17 +25,6 @@ class FoundJoints:
 
     virtual: Mapping[str, VirtualCamera]
     centres: Mapping[str, JointCentre]
-
-    def bone_lengths(self, rig: Rig) -> list[BoneLength]:
-        """Bones between joints found so far; along the axis of a hinge its joint may be anywhere near the camera."""
-        bones = []
-        for child, below in self.centres.items():
-            segment = str(rig.parents[child])
-            if (above := self.centres.get(segment)) is not None:
-                length_m = float(np.linalg.norm(below.in_parent - above.in_child))
-                start, end = SegmentName(segment).joint, SegmentName(child).joint
-                bones.append(BoneLength(segment, start, end, length_m, sigma_m=0.0))
-        return bones
 
 
 def find_joints(rig: Rig, motion: CameraMotion) -> FoundJoints:
