@@ -3,7 +3,6 @@
 A measurement conditions the prediction of the later state, and the earlier one with it.
 """
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -40,8 +39,8 @@ class SegmentTurn:
         """See ``Between``."""
         previous_R_now = before[:3, :3].T @ after[:3, :3]
         r = log_so3(previous_R_now.T @ self.previous_R_segment) / self.sigma
-        by_after, by_before = np.zeros((2, 3, 6))
-        by_after[:, :3] = np.eye(3) / self.sigma
+        by_after, by_before = np.zeros((2, 3, 12))
+        by_after[:, :3] = _IDENTITY / self.sigma
         by_before[:, :3] = -previous_R_now.T / self.sigma
         return r, by_after, by_before
 
@@ -63,7 +62,7 @@ class RestingPoint:
     def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
         """See ``Between``."""
         left = (before[:3, :3] - after[:3, :3]) @ self.place + before[:3, 3] - after[:3, 3]
-        moves = np.concatenate([-hat(self.place), np.eye(3)], axis=1)
+        moves = np.concatenate([-hat(self.place), _IDENTITY, np.zeros((3, 6))], axis=1)
         return left / self.sigma, after[:3, :3] @ moves / self.sigma, -before[:3, :3] @ moves / self.sigma
 
 
@@ -100,28 +99,19 @@ class InertialStep:
             twist[3:] - lever @ spin for twist, spin in zip(twists, (self.spin_before, self.spin_after), strict=True)
         )
         velocity, turned = R1.T @ (R2 @ u2 - _GRAVITY * dt), R1.T @ R2
-        by_after, by_before = np.zeros((2, 3, 12))
-        by_after[:, :3], by_after[:, 9:] = -turned @ hat(u2), turned
-        by_before[:, :3], by_before[:, 9:] = hat(velocity), -_IDENTITY
-        # In sigmas, by the Cholesky factor (a, 0; b, c) of the covariance of velocity and position along each axis.
-        a = math.sqrt(self.density * dt + self.sigma**2)
-        of_velocity = (self.velocity - velocity + u1) / a, by_after / a, by_before / a
-        if not self.with_position:
-            return of_velocity
         moved = after[:3, 3] + R2 @ self.place - before[:3, 3] - R1 @ self.place
         position = R1.T @ (moved - 0.5 * _GRAVITY * dt**2)
-        by_after, by_before = np.zeros((2, 3, 12))
-        by_after[:, :3], by_after[:, 3:6] = -turned @ lever, turned
-        by_before[:, :3] = hat(position) + lever
-        by_before[:, 3:6], by_before[:, 9:] = -_IDENTITY, -dt * _IDENTITY
-        b = 0.5 * self.density * dt**2 / a
-        c = math.sqrt(self.density * dt**3 / 3.0 + 0.25 * (self.sigma * dt) ** 2 - b**2)
-        off = self.position - position + u1 * dt
-        of_position = (
-            (rows - b * known) / c for rows, known in zip((off, by_after, by_before), of_velocity, strict=True)
-        )
-        left, of_after, of_before = (np.concatenate(each) for each in zip(of_velocity, of_position, strict=True))
-        return left, of_after, of_before
+        r = np.concatenate([self.velocity - velocity + u1, self.position - position + u1 * dt])
+        by_after, by_before = np.zeros((2, 6, 12))
+        by_after[:3, :3], by_after[:3, 9:] = -turned @ hat(u2), turned
+        by_before[:3, :3], by_before[:3, 9:] = hat(velocity), -_IDENTITY
+        by_after[3:, :3], by_after[3:, 3:6] = -turned @ lever, turned
+        by_before[3:, :3], by_before[3:, 3:6], by_before[3:, 9:] = hat(position) + lever, -_IDENTITY, -dt * _IDENTITY
+        # Of velocity and position along each axis.
+        of_noise = self.density * np.array([[dt, dt**2 / 2.0], [dt**2 / 2.0, dt**3 / 3.0]])
+        covariance = of_noise + self.sigma**2 * np.diag([1.0, 0.25 * dt**2])
+        W = np.kron(np.linalg.inv(np.linalg.cholesky(covariance)), _IDENTITY)[: 6 if self.with_position else 3]
+        return W @ r, W @ by_after, W @ by_before
 
 
 def measured_turns(
@@ -153,14 +143,13 @@ def _loosen_joints(link: Transition, measured: Sequence[Between]) -> Transition:
     Smooth motion of joints, and rotations of both of their segments, would determine the angle between them (as of a
     hand and an eye). Limbs do not swing by chance, so it would be wrong, and surely so.
     """
-    rows = {each.row for each in measured if isinstance(each, SegmentTurn)}
+    rows = [each.row for each in measured if isinstance(each, SegmentTurn)]
     if not rows:
         return link
     tangent, covariance = link.after.at.tangent, link.after.covariance.copy()
-    for row, ends in enumerate(tangent.tree.joint_ends.tolist()):
-        if rows & set(ends):
-            columns = np.arange(*tangent.columns[row].indices(tangent.count))
-            covariance[columns, columns] += _FREE_RAD**2 * tangent.twists[row][:3].any(axis=0)
+    beside = np.asarray(np.isin(tangent.tree.joint_ends, rows).any(axis=1), bool)
+    columns = tangent.columns_of(beside) & tangent.turns
+    covariance[: tangent.count, : tangent.count][columns, columns] += _FREE_RAD**2
     return replace(link, after=Estimate(link.after.at, covariance))
 
 
@@ -176,14 +165,13 @@ def condition(link: Transition, measured: Sequence[Between]) -> Transition:
     both = start = Coordinates.stacked(link.before.at, link.after.at)
     for iteration in range(_ITERATIONS):
         r, H_before, H = _linearise(both, measured)
-        width = H.shape[1]
         if iteration:
             moved = start.step_to(both)
-            r += H @ moved[1, :width] + H_before @ moved[0, :width]
+            r += H @ moved[1] + H_before @ moved[0]
         # Covariances of the measured numbers with both states.
-        of_after = link.after.covariance[:, :width] @ H.T + link.cross[:, :width] @ H_before.T
-        of_before = link.cross[:width].T @ H.T + link.before.covariance[:, :width] @ H_before.T
-        S = H @ of_after[:width] + H_before @ of_before[:width] + np.eye(len(r))
+        of_after = link.after.covariance @ H.T + link.cross @ H_before.T
+        of_before = link.cross.T @ H.T + link.before.covariance @ H_before.T
+        S = H @ of_after + H_before @ of_before + np.eye(len(r))
         solved = np.linalg.solve(S, np.concatenate([of_after.T, of_before.T, r[:, None]], axis=1))
         gain_after, gain_before, scaled = solved[:, : 2 * K].T, solved[:, 2 * K : 4 * K].T, solved[:, -1]
         steps = np.stack([of_before @ scaled, of_after @ scaled])
@@ -207,30 +195,14 @@ def _lessened(covariance: Array, gain: Array, of_measured: Array) -> Array:
 
 
 def _linearise(both: Coordinates, measured: Sequence[Between]) -> tuple[Array, Array, Array]:
-    """Residuals (M), and Jacobians (M, K) of both states, or (M, 2K) where velocities take part."""
-    tangent, rows = both.tangent, [one.row for one in measured]
-    if set(rows) == {tangent.root}:
-        # Mostly: cameras observe all else.
-        rows, poses = [0] * len(rows), both.root[:, None]
-        J = np.broadcast_to(np.eye(6, tangent.count), (2, len(rows), 6, tangent.count))
-    else:
-        poses = both.poses
-        J = tangent.segment_jacobians(poses, rows)
+    """Residuals (M), and how increments (2K) of the earlier and of the later state lessen them: (M, 2K) each."""
+    rows = [one.row for one in measured]
+    poses, J = both.poses[:, rows], both.tangent.segment_jacobians(both.poses, rows)
     twists = (J @ both.velocity[:, None, :, None])[..., 0]
-    each = [
-        one.residual(*ends, *spins)
-        for one, ends, spins in zip(measured, np.swapaxes(poses[:, rows], 0, 1), np.swapaxes(twists, 0, 1), strict=True)
-    ]
-    with_velocities = any(by.shape[1] > 6 for _, by, _ in each)
-
-    def stacked(rows: Iterable[Array], jacobians: Array) -> Array:
-        blocks = []
-        for by, of_pose in zip(rows, jacobians, strict=True):
-            parts = [by[:, :6] @ of_pose]
-            if with_velocities:
-                parts.append(by[:, 6:] @ of_pose if by.shape[1] > 6 else np.zeros_like(parts[0]))
-            blocks.append(np.concatenate(parts, axis=1))
-        return np.concatenate(blocks)
-
-    H_before, H = stacked((by for _, _, by in each), J[0]), stacked((by for _, by, _ in each), J[1])
-    return np.concatenate([left for left, _, _ in each]), H_before, H
+    residuals, by_before, by_after = list[Array](), list[Array](), list[Array]()
+    for i, one in enumerate(measured):
+        r, of_after, of_before = one.residual(*poses[:, i], *twists[:, i])
+        residuals.append(r)
+        for rows_of, of_segment, jacobian in ((by_before, of_before, J[0, i]), (by_after, of_after, J[1, i])):
+            rows_of.append(np.concatenate([of_segment[:, :6] @ jacobian, of_segment[:, 6:] @ jacobian], axis=1))
+    return np.concatenate(residuals), np.concatenate(by_before), np.concatenate(by_after)

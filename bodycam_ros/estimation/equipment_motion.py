@@ -44,7 +44,7 @@ class EquipmentMotion:
                 given = moves.angular_acceleration_sigma, moves.acceleration_sigma
                 usual = motion.angular_acceleration_sigma, motion.acceleration_sigma
                 sigmas = [own if sigma is None else sigma for sigma, own in zip(given, usual, strict=True)]
-                self._density[columns] = np.where(tangent.twists[row][:3].any(axis=0), *sigmas) ** 2 * LASTS_S
+                self._density[columns] = np.where(tangent.turns[columns], *sigmas) ** 2 * LASTS_S
                 if moves.keeps_speed and joint.type == "hinge":
                     self.coasting_rows.append(row)
                     self._fade_s[columns] = _KEPT_S

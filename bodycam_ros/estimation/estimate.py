@@ -119,8 +119,7 @@ class Between(Protocol):
     def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
         """Its residual (M) in sigmas, of the earlier and the later pose (4, 4) and twist (6).
 
-        With it come the rows (M, 6) by which tangents of the later pose, and of the earlier one, lessen it; or rows
-        (M, 12), the last six for the segment's twist.
+        With it come the rows (M, 12) by which tangents of the later pose and twist, and of the earlier, lessen it.
         """
 
 

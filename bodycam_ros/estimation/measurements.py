@@ -134,7 +134,7 @@ class StateFit:
         self._soft = {}
         for row, joint in enumerate(joints):
             sigmas = np.array(joint.sigmas)[list(joint.free_rows(SLIDES_M))]
-            sigmas = np.where(tangent.twists[row][:3].any(axis=0) | (sigmas >= LOOSE_M), np.inf, sigmas)
+            sigmas = np.where(tangent.turns[tangent.columns[row]] | (sigmas >= LOOSE_M), np.inf, sigmas)
             if np.isfinite(sigmas).any():
                 self._soft[row] = sigmas
 

@@ -48,9 +48,8 @@ class MotionModel:
 
     def __init__(self, tangent: TreeTangent, settings: MotionSettings) -> None:
         self.tangent = tangent
-        turns = np.concatenate([np.ones(3), np.zeros(3), *[xi[:3].any(axis=0) for xi in tangent.twists]])
         self.fade_s = np.full(tangent.count, FADE_S)
-        self._first = np.append(np.full(tangent.count, UNKNOWN), np.where(turns > 0.0, *_FIRST_SPEEDS))
+        self._first = np.append(np.full(tangent.count, UNKNOWN), np.where(tangent.turns, *_FIRST_SPEEDS))
         equipment = tangent.tree.equipment_segments
         self._of_people = np.array([name not in equipment for name in tangent.tree.segments], bool)
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)

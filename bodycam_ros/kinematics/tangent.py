@@ -116,6 +116,7 @@ class TreeTangent:
         columns: of each joint of the tree, its columns of an increment; the root's are the first six.
         child_turns: (J, 3, K) how joint rotations turn, about the axes of the child.
         slides: (J, 3) along which axes joints slide.
+        turns: (K) columns that turn; the others shift.
         root: row of the root.
         count: K.
     """
@@ -132,6 +133,7 @@ class TreeTangent:
             self.child_turns[row, :, columns] = joint.child_T_joint[:3, :3] @ self.twists[row][:3]
         self._carriers = np.append(np.zeros(6, np.int64), 1 + np.repeat(np.arange(len(self.twists)), np.diff(ends)))
         self._of_columns = np.concatenate([np.eye(6), *(twists.T for twists in self.twists)])
+        self.turns = np.asarray(self._of_columns[:, :3].any(axis=1), bool)
         moves = np.concatenate([np.ones((len(tree.segments), 1)), tree.moves], axis=1)
         self._moves = np.ascontiguousarray(moves[:, self._carriers])
         child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
