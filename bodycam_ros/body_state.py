@@ -23,28 +23,6 @@ class SegmentPose:
     covariance: NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentMeasurements:
-    """Measurements of segments in one image of a static camera, made in another process.
-
-    Attributes:
-        station: the static camera.
-        stamp_ns: mid-exposure of its image's middle row [ns].
-        evidence: condensed poses of the segments that it observes well enough, each once.
-        confidence: segment -> share of its contour that is measured, of all segments that were searched for.
-    """
-
-    station: str
-    stamp_ns: int
-    evidence: tuple[SegmentPose, ...]
-    confidence: Mapping[str, float]
-
-    @property
-    def camera(self) -> str:
-        """Name of the static camera, as of a registration."""
-        return self.station
-
-
 @dataclass(frozen=True)
 class BodyUncertainty:
     """Covariances at one instant; rotation [rad] first, then translation [m], in the axes of what they speak of.
@@ -89,23 +67,6 @@ class BodyState:
     def predicted(self) -> bool:
         """Whether no camera was accepted, so that the state follows from what came before and after."""
         return self.cameras_used == 0
-
-
-@dataclass(frozen=True, eq=False)
-class LatestState:
-    """The latest state of a body, before later frames have improved it, for static cameras.
-
-    Attributes:
-        stamp_ns: of the frame [ns].
-        world_T_segment: (S, 4, 4).
-        covariances: (S, 6, 6) of the poses, rotation [rad] then translation [m], in the segments' axes.
-        observed: (S,) segments that cameras observe.
-    """
-
-    stamp_ns: int
-    world_T_segment: NDArray[np.float64]
-    covariances: NDArray[np.float64]
-    observed: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -154,16 +115,14 @@ def moving(
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The registrations of one instant, and images of static cameras or measurements in them.
+    """The registrations of one instant, and images of static cameras.
 
     Attributes:
         stamp_ns: the instant [ns].
         matches: camera -> its registration; a camera without one is absent.
         images: static camera -> its image.
-        measured: static camera -> measurements of segments in its image, where a node of its own made them.
     """
 
     stamp_ns: int
     matches: Mapping[str, LandmarkMatches]
     images: Mapping[str, CameraImage] = field(default_factory=dict)
-    measured: Mapping[str, SegmentMeasurements] = field(default_factory=dict)

@@ -8,23 +8,30 @@ registrations.
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
+from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
-from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, LatestState, moving
+from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, moving
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import evidence_floor
-from bodycam_ros.estimation.static_evidence import StaticCameras
+from bodycam_ros.estimation.static_evidence import StaticCameras, StaticMeasurement
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.surface import BodySurface
+from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.timing.clock_estimator import ClockEstimator
-from bodycam_ros.timing.frame_assembler import FIRST_WAIT_S, FrameAssembler
+from bodycam_ros.timing.frame_assembler import FrameAssembler
 from bodycam_ros.timing.silence import Silence
 from bodycam_ros.timing.timeline import Message, Timeline
 
@@ -43,7 +50,6 @@ class SkeletonPipeline:
         static_cameras: static cameras around the body.
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.
-        placed: whether the body is placed for them by hand; else, live, they are not awaited before it is solved.
 
     Attributes:
         body: with the equipment, if any.
@@ -67,7 +73,6 @@ class SkeletonPipeline:
         on_together: Callable[[float], None] = lambda share: None,
         static_cameras: StaticCameras | None = None,
         stations: Collection[str] = (),
-        placed: bool = False,
         imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
         if live:
@@ -78,11 +83,9 @@ class SkeletonPipeline:
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras = static_cameras
-        self._not_awaited = [*stations] if live and on_body and not placed else []
-        awaited = on_body if self._not_awaited else [*on_body, *stations]
         self.timeline = Timeline(settings.assembler.max_wait)
         self.clocks = ClockEstimator(body, on_body, settings.clock, evidence_floor(settings.evidence), live)
-        self.assembler = FrameAssembler(awaited, settings.assembler, live, self.clocks, on_corrected)
+        self.assembler = FrameAssembler([*on_body, *stations], settings.assembler, live, self.clocks, on_corrected)
         self._root = body.segment_index[body.root]
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
@@ -123,11 +126,6 @@ class SkeletonPipeline:
         """Camera -> instants at which it was down-weighted or rejected."""
         return self._rejected + self._smoother.rejected
 
-    @property
-    def latest_states(self) -> list[LatestState]:
-        """The body at the latest two instants, oldest first, for those who cannot wait for its states."""
-        return self._smoother.latest_states
-
     def join(self, camera: str, model: CameraModel) -> None:
         """Use one more camera, or another model of one; the body goes on from where it is."""
         self._cameras[camera] = model
@@ -156,7 +154,7 @@ class SkeletonPipeline:
         self._silence.add_image(stamp_ns)
 
     def add(self, message: Message) -> list[BodyOutput]:
-        """Add a registration, or an image or measurements of a static camera; outputs that are ready, by time."""
+        """Add a registration, or an image of a static camera; outputs that are ready, by time."""
         outputs, epoch = list[BodyOutput](), self.timeline.epoch
         for each in self.timeline.admit(message):
             if self.timeline.epoch > epoch:
@@ -187,8 +185,6 @@ class SkeletonPipeline:
             self._solved_ns = frame.stamp_ns
             self.inertial.set_clocks(self.clocks.corrections)
             outputs += self._outputs(self._smoother.update(frame))
-            while self._not_awaited and len(self._smoother.latest_states) > 1:
-                self.assembler.join(self._not_awaited.pop(), FIRST_WAIT_S)
         return outputs
 
     def _carry(self, due_ns: float) -> list[BodyOutput]:
@@ -197,7 +193,7 @@ class SkeletonPipeline:
         outputs = [] if self._is_carried else self._solve(self.assembler.flush())
         self._is_carried = True
         due_ns = min(due_ns, self._silence.message_ns + 1e9 * CARRIED_S)
-        while self._smoother.latest_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
+        while self._smoother.has_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
             if not self.inertial.carry(self._solved_ns, stamp_ns):
                 break
             outputs += self._solve([BodyFrame(stamp_ns, {})])
@@ -214,3 +210,35 @@ class SkeletonPipeline:
             self._previous = moving(state, self._angle_tracker.names, positions, change, self._root, before)
             outputs.append(self._previous)
         return outputs
+
+
+def image_measurement(
+    given: StaticCameraFiles,
+    stations: Mapping[str, Station],
+    body: BodyModel,
+    body_path: Path,
+    settings: PipelineSettings,
+    on_seen: Callable[[Mapping[str, int], StaticMeasurement], None],
+    live: bool = False,
+) -> ImageMeasurement:
+    """The measurement of a body by images of static cameras.
+
+    Args:
+        given: files of their poses, of the start and of the surface.
+        stations: the cameras, by name.
+        body: with its equipment, if any.
+        body_path: its file.
+        settings: of all stages.
+        on_seen: called with the stamp of each camera's image [ns], and the measurement.
+        live: whether images go on meanwhile, so that there is no time to search for limbs that are lost.
+
+    Raises:
+        BodyError: the body's surface, or the start, cannot be used.
+    """
+    # Here, as formats of others take a tenth of a second to load, and body cameras do without.
+    from bodycam_ros.formats.read_captured import read_start
+
+    surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
+    tracker = RegionTracker(body, surface, stations, settings.region, searches_again=not live)
+    placed = None if given.start is None else read_start(given.start, given.stations, stations, body)
+    return ImageMeasurement(tracker, placed, settings.motion, on_seen)

@@ -1,6 +1,6 @@
 """The live graph: a tracker for each camera of the body, registrations and the solver, and a bag if one is given.
 
-Static cameras have a region tracker each, and a robot may follow.
+A robot may follow.
 
 ros2 launch bodycam_ros bodycam.launch.py map:=MAP body:=body.yaml [bagfile:=BAG rate:=0.5] [cameras:=head,foot_left]
 ros2 launch bodycam_ros bodycam.launch.py --show-args

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body_state import BodyFrame, BodyState, LatestState, SegmentPose
+from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_factors import SegmentTurn, condition, measured_turns
@@ -67,7 +67,6 @@ class BodyEstimator:
     Attributes:
         rejected: camera -> states in which its registration was down-weighted or rejected.
         interpolated: states without any image that were filled in.
-        latest_states: the body in the latest two states, oldest first, before later ones improved it.
 
     Raises:
         BodyError: no camera is mounted on the body, and there is no static camera.
@@ -117,9 +116,13 @@ class BodyEstimator:
         self._chain: list[ChainState] = []
         self._static = StaticEvidence(self.body, self._static_cameras, self._published.stop)
         self._whole.reset()
-        self.latest_states: list[LatestState] = []
         if self._coupling:
             self._coupling.reset()
+
+    @property
+    def has_states(self) -> bool:
+        """Whether there is a state that the next one follows from."""
+        return bool(self._chain)
 
     @property
     def period_ns(self) -> float:
@@ -219,7 +222,7 @@ class BodyEstimator:
         estimate = link.after
         if self._coupling:
             self._coupling.remember(estimate)
-        state = ChainState(
+        return ChainState(
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
             link=link,
@@ -232,11 +235,6 @@ class BodyEstimator:
             uncertainty=static.widen(body_uncertainty(estimate, link.dt_s, bool(observed[self._root]))),
             active=self._coupling.active if self._coupling else None,
         )
-        rows = self._published
-        covariances = state.uncertainty.segments[rows]
-        now = LatestState(state.stamp_ns, estimate.at.poses[rows], covariances, observed[rows])
-        self.latest_states = [*self.latest_states[-1:], now]
-        return state
 
     def _gate(
         self, registered: Mapping[str, SegmentPose], predicted: Estimate

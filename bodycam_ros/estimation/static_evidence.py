@@ -50,7 +50,7 @@ class StaticCameras(Protocol):
     """Static cameras around a body."""
 
     def place(self, frame: BodyFrame) -> list[SegmentPose]:
-        """Segments that were placed by hand, in the first image; empty without."""
+        """Segments where the body is known beforehand, in the first image; empty if it is not."""
 
     def measure(
         self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
@@ -58,7 +58,7 @@ class StaticCameras(Protocol):
         """The body in the images of a frame; None if they cannot determine it.
 
         Args:
-            frame: their images, or measurements.
+            frame: with their images.
             predicted: (S, 4, 4) poses.
             dt_s: since the state before [s]; 0 at the first.
             known: poses of segments by body cameras.
@@ -84,7 +84,7 @@ class StaticEvidence:
 
     def place(self, frame: BodyFrame, measured: Iterable[SegmentPose]) -> list[SegmentPose]:
         """Segments that were placed by hand in the first frame, but those that body cameras measured."""
-        placed = self._cameras.place(frame) if self._cameras and (frame.images or frame.measured) else []
+        placed = self._cameras.place(frame) if self._cameras and frame.images else []
         known = {each.segment for each in measured}
         return [each for each in placed if each.segment not in known]
 
@@ -92,7 +92,7 @@ class StaticEvidence:
         self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose], on_body: Mask
     ) -> None:
         """Measure a frame, as ``StaticCameras.measure``; body cameras measured the segments ``on_body`` (S,)."""
-        cameras, before = self._cameras if frame.images or frame.measured else None, self._measured.world_T_segment
+        cameras, before = self._cameras if frame.images else None, self._measured.world_T_segment
         known = self._recently_known(predicted, dt_s, known)
         measured = cameras.measure(frame, predicted[: self._count], dt_s, known) if cameras else None
         if measured:
@@ -125,7 +125,6 @@ class StaticEvidence:
     def _at_stamp(self, measured: StaticMeasurement, frame: BodyFrame, velocities: Array) -> StaticMeasurement:
         """Evidence moved from the time of each image to that of the frame, at the segments' velocities (S, 6)."""
         stamps_ns = {image.camera: image.stamp_ns for image in frame.images.values()}
-        stamps_ns |= {each.camera: each.stamp_ns for each in frame.measured.values()}
         evidence = dict(measured.evidence)
         for name, poses in measured.evidence.items():
             if late_ns := stamps_ns.get(name, frame.stamp_ns) - frame.stamp_ns:

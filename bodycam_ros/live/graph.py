@@ -71,7 +71,7 @@ class GraphArguments:
     )
     grown_map: str = _as(RegistrationParameters, "grown_map")
     stations: str = _as(SolverParameters, "stations")
-    surface: str = _as(OF_NODES["region_tracker"], "surface")
+    surface: str = _as(SolverParameters, "surface")
     start: str = _as(SolverParameters, "start")
     urdf: str = _as(RetargetParameters, "urdf")
     mapping: str = _as(RetargetParameters, "mapping")
@@ -127,7 +127,7 @@ class GraphNode:
 
 
 def graph(of: GraphArguments) -> list[GraphNode]:
-    """A tracker for each worn camera, the registrations and the solver; a region tracker for each static camera.
+    """A tracker for each worn camera, the registrations and the solver, which has the images of static cameras.
 
     A robot follows where one is given, and a bag is played once the whole graph reads it.
 
@@ -156,7 +156,6 @@ def graph(of: GraphArguments) -> list[GraphNode]:
                 landmark_readers=READERS_OF_LANDMARKS,
             )
         )
-    nodes += [_node("region_tracker", f"region_tracker_{each}", of, camera=each) for each in stations]
     of_solver: dict[str, Any] = {"cameras": worn} if of.cameras else {}
     nodes.append(_node("skeleton_solver", "skeleton_solver", of, **of_solver, **({} if worn else {"worn": False})))
     if of.urdf or of.mapping:

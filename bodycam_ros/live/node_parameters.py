@@ -7,7 +7,6 @@ from bodycam_ros.settings import describe, setting
 
 TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit", "inertial")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
-REGION_GROUPS: Final = ("region", "motion")
 SOLVER_GROUPS: Final = (
     *("clock", "assembler", "smoother", "motion", "contact", "evidence"),
     *("coupling", "inertial", "region", "pose_fit"),
@@ -40,14 +39,8 @@ class ManagedParameters(CommonParameters):
 
 @dataclass(frozen=True)
 class ImageParameters(ManagedParameters):
-    """Of a node that processes the images of one camera."""
+    """Of a node that processes images."""
 
-    camera: str = setting("", reason="the camera; its images are on <camera>/image_raw/compressed")
-    map: str = setting(
-        "",
-        reason="folder of the reference map, made by 'bodycam map'; optional: with its photographs the tracker finds "
-        "landmarks directly, and its frame is the world's for the region tracker",
-    )
     transport: str = setting(
         "compressed",
         reason="'compressed' reads <camera>/image_raw/compressed, 'raw' <camera>/image_raw, 'video' and "
@@ -63,7 +56,22 @@ class ImageParameters(ManagedParameters):
         live=True,
     )
     image_queue: int = setting(
-        60, unit="images", limits=(1, 10000), reason="images that may wait, 2 s; beyond, the oldest are dropped"
+        60,
+        unit="images",
+        limits=(1, 10000),
+        reason="images of a camera that may wait, 2 s; beyond, the oldest are dropped",
+    )
+
+
+@dataclass(frozen=True)
+class TrackerParameters(ImageParameters):
+    """Of the node ``tracker``."""
+
+    camera: str = setting("", reason="the camera; its images are on <camera>/image_raw/compressed")
+    map: str = setting(
+        "",
+        reason="folder of the reference map, made by 'bodycam map'; optional: with its photographs the tracker finds "
+        "landmarks directly",
     )
     most_ahead: int = setting(
         5,
@@ -72,12 +80,6 @@ class ImageParameters(ManagedParameters):
         reason="frames by which the tracker may run ahead of the registration: 0.2 s",
         live=True,
     )
-
-
-@dataclass(frozen=True)
-class TrackerParameters(ImageParameters):
-    """Of the node ``tracker``."""
-
     body: str = setting(
         "", reason="body YAML; with it the camera's inertial sensor, if that was calibrated, predicts its turns"
     )
@@ -119,8 +121,8 @@ class RegistrationParameters(ManagedParameters):
 
 
 @dataclass(frozen=True)
-class SolverParameters(ManagedParameters):
-    """Of the node ``skeleton_solver``."""
+class SolverParameters(ImageParameters):
+    """Of the node ``skeleton_solver``; its images are those of static cameras, in colour."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
     equipment: str = setting(
@@ -137,7 +139,14 @@ class SolverParameters(ManagedParameters):
         reason="with 'rig': folder of the reference map, which must have a scale and a vertical for a body to be made; "
         "with 'stations': the map whose frame is the world",
     )
-    stations: str = setting("", reason="YAML of static cameras, whose <camera>/segment_poses are used; none if empty")
+    stations: str = setting(
+        "", reason="YAML of the static cameras, their poses and lenses, whose images are used; none if empty"
+    )
+    surface: str = setting(
+        "",
+        reason="with 'stations': folder of the segments' meshes; if empty the one that 'body' names, or capsules along "
+        "its bones",
+    )
     start: str = setting(
         "", reason="with 'stations': YAML of the body in the first images; if empty body cameras must find it"
     )
@@ -173,36 +182,6 @@ class SolverParameters(ManagedParameters):
         unit="s",
         limits=(0.1, 600.0),
         reason="without registrations for so long, publish the frames that wait for later ones",
-        live=True,
-    )
-
-
-@dataclass(frozen=True)
-class RegionTrackerParameters(ImageParameters):
-    """Of the node ``region_tracker``; its camera is a static one, in colour."""
-
-    stations: str = setting("", reason="YAML of the static cameras: their poses and lenses")
-    body: str = setting("", reason="body YAML; the solver must have the same")
-    surface: str = setting(
-        "", reason="folder of the segments' meshes; if empty the one that 'body' names, or capsules along its bones"
-    )
-    start: str = setting(
-        "", reason="YAML of the body in the first image; if empty it waits until the solver has it from body cameras"
-    )
-    equipment: str = setting("", reason="as of the solver")
-    image_queue: int = setting(
-        150,
-        unit="images",
-        limits=(1, 10000),
-        reason="images that may wait: 5 s, for the first search of the limbs takes long; images older than the "
-        "solver's latest frame are left out anyway",
-    )
-    most_ahead: int = setting(
-        1,
-        unit="frames",
-        limits=(1, 10000),
-        reason="frames by which it may run ahead of the solver: on a cyclist all cameras together leave 0.9 cm, with 1 "
-        "each by itself leaves 1.0, with 2 it leaves 1.2, with 3 the feet are lost",
         live=True,
     )
 
@@ -249,7 +228,6 @@ class PlayerParameters(CommonParameters):
 
 OF_NODES = {
     "tracker": TrackerParameters,
-    "region_tracker": RegionTrackerParameters,
     "registration": RegistrationParameters,
     "skeleton_solver": SolverParameters,
     "retarget": RetargetParameters,

@@ -4,10 +4,12 @@ With a rig it first calibrates the body from a range of motion (A 4.2).
 """
 
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
@@ -16,31 +18,29 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import read_equipment
-from bodycam_ros.body_state import BodyOutput, LatestState, SegmentMeasurements
+from bodycam_ros.body_state import BodyOutput
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.live.camera_diagnostics import verdict_status
-from bodycam_ros.live.dropped_messages import LostMessages
+from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
 from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.live.solver_diagnostics import SolverDiagnostics, equipment_status
 from bodycam_ros.messages.diagnostics import Status
-from bodycam_ros.messages.segment_poses import (
-    SEGMENT_POSES,
-    SEGMENT_POSES_TYPE,
-    SEGMENTS_NOW,
-    latest_state_message,
-    segment_poses,
-)
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
+from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
-from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
+from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline, image_measurement
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.static_cameras.static_measurement import ReportedMeasurement
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
 
@@ -66,7 +66,8 @@ class SolverStage(Stage[SolverParameters]):
         self.required("body")
         self.settings.smoother.check_live()
         equipment = read_equipment(given.equipment) if given.equipment else None
-        self._static = stations = _read_static_cameras(given)
+        self._stations = _read_static_cameras(given)
+        self._static_cameras: ImageMeasurement | None = None
         self._person: BodyModel | None = None
         self._body: BodyModel | None = None  # with the part of the equipment that fits it
         self._equipment: Equipment | None = None
@@ -81,16 +82,16 @@ class SolverStage(Stage[SolverParameters]):
             self._calibration = live_calibration.LiveCalibration(given, equipment)
         carried = self._read_body() if self._calibration is None else self._calibration.cameras
         self._topics = BodyTopics(self, with_equipment=equipment is not None)
-        # A region tracker that was restarted needs both states.
-        self._now = self.publisher(SEGMENT_POSES_TYPE, SEGMENTS_NOW, latched(2)) if stations else None
-        self._now_ns = -1
-        for station in stations:
-            measured = SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", partial(segment_poses, station=station)
-            self.converted_subscription(*measured, self._add_static, "segment poses dropped", reliable(STAGE_DEPTH))
+        self._segment_poses = {
+            station: self.publisher(SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
+            for station in self._stations
+        }
+        self._observed = {station: Counter[str]() for station in self._stations}  # segments since the last report
+        self._confidence = dict.fromkeys(self._stations, 0.0)  # of these, summed
         self._timings = CameraTimings(self, carried)
         self._started = self._is_described = False
-        self._waiting: list[LandmarkMatches | SegmentMeasurements] = []
-        self._most_waiting = STAGE_DEPTH * (len(carried) + len(stations))
+        self._waiting: list[LandmarkMatches] = []
+        self._most_waiting = STAGE_DEPTH * len(carried)
         self._lost = LostMessages()
         self._first_info_s: float | None = None
         for camera in carried:
@@ -105,6 +106,10 @@ class SolverStage(Stage[SolverParameters]):
             self.trigger("~/calibrate", self._calibration.make_body)
             self.trigger("~/start_calibration", self._calibration.restart)
             self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
+        self._images = {
+            station: CameraImages(self, station, DroppedMessages(self.log.warning), self._add_static, self._static_wait)
+            for station in self._stations
+        }
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model, self._add_image)
         self._diagnostics = SolverDiagnostics(self._cameras, self.dropped)
@@ -123,6 +128,13 @@ class SolverStage(Stage[SolverParameters]):
             self._set_person(self._calibration.stop())
         self._flush()
         self._forget_waiting()
+        for images in self._images.values():
+            images.drop()
+
+    def settings_changed(self) -> None:
+        """Use the current limit."""
+        for images in self._images.values():
+            images.thinning.longest_wait_s = self.parameters.longest_wait
 
     def finish(self) -> None:
         """The same, and wait until the readers have received them."""
@@ -162,11 +174,17 @@ class SolverStage(Stage[SolverParameters]):
 
     def _use_person(self, person: BodyModel) -> BodyModel:
         """Set the person; return the body to solve, which has the equipment too if there is any."""
-        person = with_hands(person) if self._static else person
-        given = self.parameters.equipment
+        given = self.parameters
+        person = with_hands(person) if self._stations else person
         # Fitted once, so that what does not fit is reported once.
-        self._equipment = held_equipment(given, person) if given else None
+        self._equipment = held_equipment(given.equipment, person) if given.equipment else None
         self._person, self._body = person, coupled_body(person, self._equipment)
+        if self._stations:
+            surface, start = (Path(name) if name else None for name in (given.surface, given.start))
+            files, path = StaticCameraFiles(Path(given.stations), surface, start), Path(given.body)
+            self._static_cameras = image_measurement(
+                files, self._stations, self._body, path, self.settings, self._publish_seen, live=True
+            )
         return self._body
 
     def _set_model(self, camera: str) -> None:
@@ -201,7 +219,7 @@ class SolverStage(Stage[SolverParameters]):
     def _solve(self) -> None:
         """Start to solve with the cameras known by now, without a past, if there is a body."""
         person, body, models = self._person, self._body, self._cameras.models
-        if person is None or body is None or not (models or self._static):
+        if person is None or body is None or not (models or self._stations):
             return
         self._pipeline = SkeletonPipeline(
             person,
@@ -210,23 +228,11 @@ class SolverStage(Stage[SolverParameters]):
             live=True,
             on_corrected=self._judge_registration,
             equipment=self._equipment,
-            static_cameras=self._static_measurement(body),
-            stations=self._static,
-            placed=bool(self.parameters.start),
+            static_cameras=self._static_cameras,
+            stations=self._stations,
         )
         self._restart_verdict()
         self._timings.set_body(body)
-
-    def _static_measurement(self, body: BodyModel) -> ReportedMeasurement | None:
-        """The measurement of a body by what region trackers report; None without static cameras."""
-        start, placed = self.parameters.start, None
-        if not self._static:
-            return None
-        if start:
-            from bodycam_ros.formats.read_captured import read_start  # it loads SciPy, which few nodes need
-
-            placed = read_start(Path(start), Path(self.parameters.stations), self._static, body).world_T_segment
-        return ReportedMeasurement(body, placed, self.settings.motion)
 
     def _restart_verdict(self) -> None:
         if self._body is not None:
@@ -255,7 +261,13 @@ class SolverStage(Stage[SolverParameters]):
         if self._lost.add(camera, matches.stamp_ns, matches.previous_stamp_ns):
             reason = f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             self.dropped.add("registrations lost", reason)
-        self._receive(matches)
+        self._diagnostics.add_registration(matches.stamp_ns)
+        if self._started:
+            self._add(matches)
+        elif len(self._waiting) < self._most_waiting:
+            self._waiting.append(matches)
+        else:
+            self.dropped.add("registrations dropped", "registrations, but no camera_info of the cameras")
 
     def _add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
         if self._pipeline is not None and (outputs := self._pipeline.add_sample(camera, stamp_ns, reading)):
@@ -265,21 +277,30 @@ class SolverStage(Stage[SolverParameters]):
         if self._pipeline is not None:
             self._pipeline.add_image(stamp_ns)
 
-    def _add_static(self, measured: SegmentMeasurements) -> None:
+    def _static_wait(self) -> str:
+        """Why images of static cameras have to wait."""
         # The wait for the models of body cameras starts here, too.
         self._first_info_s = self._first_info_s or time.monotonic()
-        self._receive(measured)
+        return "" if self._started else "there is no camera_info of the cameras on the body"
 
-    def _receive(self, measured: LandmarkMatches | SegmentMeasurements) -> None:
-        self._diagnostics.add_registration(measured.stamp_ns)
-        if self._started:
-            self._add(measured)
-        elif len(self._waiting) < self._most_waiting:
-            self._waiting.append(measured)
-        else:
-            self.dropped.add("registrations dropped", "registrations, but no camera_info of the cameras")
+    def _add_static(self, image: CameraImage) -> bool:
+        self._diagnostics.add_registration(image.stamp_ns)
+        self._add(image)
+        return True
 
-    def _add(self, measured: LandmarkMatches | SegmentMeasurements) -> None:
+    def _publish_seen(self, stamps_ns: Mapping[str, int], seen: StaticMeasurement) -> None:
+        """Publish what static cameras measured, each with the stamp of its own image [ns]."""
+        assert self._body is not None
+        for station, evidence in seen.evidence.items():
+            confidence = seen.confidence[station]
+            measured = evidence, self._body.segments, confidence
+            message = segment_poses_message(self.make, stamps_ns[station], station, *measured)
+            self._segment_poses[station].publish(message)
+            self._observed[station].update(each.segment for each in evidence)
+            rows = [self._body.segment_index[each.segment] for each in evidence]
+            self._confidence[station] += float(confidence[rows].sum())
+
+    def _add(self, measured: LandmarkMatches | CameraImage) -> None:
         if isinstance(measured, LandmarkMatches) and self._calibration is not None:
             self._calibration.add(measured)
         self._is_flushed = False
@@ -313,9 +334,6 @@ class SolverStage(Stage[SolverParameters]):
         pipeline, body = self._pipeline, self._body
         if pipeline is None or body is None:
             return
-        # First: static cameras wait for it before their next image.
-        if self._now is not None:
-            self._publish_now(self._now, pipeline.latest_states, body)
         for output in outputs:
             if self._verdict is not None:
                 self._verdict.add_state(output.state.stamp_ns, output.state.world_T_segment)
@@ -326,23 +344,27 @@ class SolverStage(Stage[SolverParameters]):
                 self.moments.note(Moment.SOLVING, "", output.state.stamp_ns, started)
             self._diagnostics.add_state(output.state)
 
-    def _publish_now(self, now: Any, latest: Sequence[LatestState], body: BodyModel) -> None:
-        """Publish the latest state once, and the one before as it is estimated by now.
-
-        Their difference is the velocity of each limb. The earlier estimate of the state before would not do: a
-        correction of the pose is no motion.
-        """
-        if latest and latest[-1].stamp_ns != self._now_ns:
-            self._now_ns = latest[-1].stamp_ns
-            for state in latest:
-                now.publish(latest_state_message(self.make, state, body))
-
     def report(self) -> list[Status]:
         """Status of the body and its cameras since the last report."""
         statuses = self._diagnostics.report(self._pipeline, has_body=self._body is not None)
+        statuses += self._static_statuses()
         statuses += [] if self._coupling is None else [equipment_status(self._coupling)]
         statuses += [] if self._verdict is None else [verdict_status(self._verdict.verdict())]
         return statuses if self._calibration is None else [*statuses, self._calibration.report()]
+
+    def _static_statuses(self) -> Iterator[Status]:
+        """Status of the static cameras since the last report."""
+        for station, images in self._images.items():
+            observed, confidence = self._observed[station], self._confidence[station]
+            self._observed[station], self._confidence[station] = Counter(), 0.0
+            total, segments = observed.total(), self._body.segments if self._body else ()
+            values = {
+                "segments per image": images.tally.mean(total),
+                "confidence": round(confidence / total, 2) if total else "none",
+                "unobserved": ", ".join(segment for segment in segments if not observed[segment]) or "none",
+            }
+            error = "" if total else "no segment of the body is observed; is it in front of the camera?"
+            yield replace(images.status(values, error), name=f"static camera {station}")
 
 
 def _read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:

@@ -21,7 +21,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
-NODES = ("tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "player")
+NODES = ("tracker", "registration", "skeleton_solver", "retarget", "player")
 GRAPH = "graph"
 
 
@@ -58,9 +58,7 @@ def _end(code: int) -> NoReturn:
     os._exit(code)
 
 
-tracker, region_tracker, registration, skeleton_solver, retarget, player, graph = (
-    partial(_run, name) for name in (*NODES, GRAPH)
-)
+tracker, registration, skeleton_solver, retarget, player, graph = (partial(_run, name) for name in (*NODES, GRAPH))
 """Entry points of the executables."""
 
 if __name__ == "__main__":

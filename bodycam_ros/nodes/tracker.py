@@ -11,33 +11,37 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
+from bodycam_ros.live.unanswered_frames import UnansweredFrames
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, TRACKS_TYPE, landmark_matches, tracks_message
 from bodycam_ros.moments import Moment
+from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, subscribe_sensor
-from bodycam_ros.nodes.image_stage import ImageStage
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
-from bodycam_ros.nodes.stage_node import StageNode
+from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
 
 
-class TrackerStage(ImageStage[TrackerParameters]):
+class TrackerStage(Stage[TrackerParameters]):
     """Tracks the features of one camera.
 
-    Images wait until there is a camera_info and a reader of the tracks: a lost track message is lost for good. Tracking
-    restarts when the camera_info changes, and after the node was inactive.
+    Images wait until there is a camera_info and a reader of the tracks, for a lost track message is lost for good, and
+    while ``most_ahead`` frames are unanswered. Tracking restarts when the time of the images goes back, when the
+    camera_info changes, and after the node was inactive.
     """
 
     name, parameters_type, groups = "tracker", TrackerParameters, TRACKER_GROUPS
 
     def __init__(self, node: StageNode[TrackerParameters]) -> None:
         super().__init__(node)
+        self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
-        self._readers = 0
+        self._readers = self._track_count = self._keyframes = 0
+        self.unanswered = UnansweredFrames(self.parameters.most_ahead)
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         answer = LANDMARKS_TYPE, f"{self.camera}/landmarks", partial(landmark_matches, camera=self.camera)
         self.converted_subscription(*answer, self._add_landmarks, "landmarks dropped", reliable(STAGE_DEPTH))
@@ -46,17 +50,24 @@ class TrackerStage(ImageStage[TrackerParameters]):
         self._sensor = self._read_sensor()
         if self._sensor is not None:
             subscribe_sensor(self, self.camera, self._add_sample)
-        self.subscribe_images()
+        self._images = CameraImages(
+            self, self.camera, self.dropped, self._track, self._waiting_reason, self._forget, self._ready_since_s
+        )
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
         self.trigger("~/reset", self._reset)
 
     def pause(self) -> None:
         """Drop the images; the first one afterwards has no predecessor."""
-        self.drop_images()
-        self.forget()
+        self._images.drop()
+        self._forget()
 
-    def forget(self) -> None:
+    def settings_changed(self) -> None:
+        """Use the current limits."""
+        self.unanswered.most_ahead = self.parameters.most_ahead
+        self._images.thinning.longest_wait_s = self.parameters.longest_wait
+
+    def _forget(self) -> None:
         """Forget all images so far; the next is a keyframe without a predecessor."""
         if self.camera in self._models.models:
             # Samples from before a restart would do, but not those from before the time of the images went back.
@@ -64,9 +75,9 @@ class TrackerStage(ImageStage[TrackerParameters]):
             model = self._models.models[self.camera]
             self._tracker = landmark_tracker(model, self._map, self.settings, turn=self._turn)
         self.unanswered.clear()
-        self.thinning.forget()
+        self._images.thinning.forget()
 
-    def waiting_reason(self) -> str:
+    def _waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
         if self._tracker is None:
             return f"there is no {self.camera}/camera_info"
@@ -74,35 +85,35 @@ class TrackerStage(ImageStage[TrackerParameters]):
             return f"no node reads {self.camera}/tracks"
         return "the registration has not answered yet" if self.unanswered.must_wait() else ""
 
-    def processing_since_s(self) -> float:
+    def _ready_since_s(self) -> float:
         """Images that wait for the start of the registration do not count as waiting for a slow machine."""
         return self.unanswered.answered_since_s or time.monotonic()
 
-    def process(self, image: CameraImage, arrival_s: float) -> None:
-        """Track an image."""
+    def _track(self, image: CameraImage) -> bool:
+        """Track an image; whether it could be used."""
         assert self._tracker is not None
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
             frame = self._tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.dropped.add("images unusable", str(error))
-            return
+            return False
         self._tracks.publish(tracks_message(self.make, frame))
         self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self.unanswered.add(frame.stamp_ns)
-        tally = self.tally
-        tally.add_image(arrival_s)
-        tally.tracks, tally.keyframes = tally.tracks + len(frame.track_ids), tally.keyframes + frame.keyframe
+        self._track_count += len(frame.track_ids)
+        self._keyframes += frame.keyframe
+        return True
 
     def _reset(self) -> str:
         if self._tracker is None:
             return f"nothing to reset: there is no {self.camera}/camera_info"
-        self.restart()
+        self._images.restart()
         return f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
 
     def _set_model(self, camera: str) -> None:
-        self.forget()
-        self.call_later(self.process_next)
+        self._forget()
+        self.call_later(self._images.process_next)
 
     def _has_reader(self) -> bool:
         readers = self._tracks.get_subscription_count()
@@ -118,7 +129,7 @@ class TrackerStage(ImageStage[TrackerParameters]):
         # Answers to frames before a restart do not concern the current tracks.
         if self.unanswered.answer(matches.stamp_ns):
             self._tracker.add_registration(matches)
-        self.call_later(self.process_next)
+        self.call_later(self._images.process_next)
 
     def _read_sensor(self) -> ImuCalibration | None:
         """Calibration of the camera's inertial sensor; None if the body has none."""
@@ -144,15 +155,15 @@ class TrackerStage(ImageStage[TrackerParameters]):
 
     def report(self) -> list[Status]:
         """Status of the camera since the last report."""
-        tally = self.tally
         values: dict[str, object] = {
-            "tracks per image": tally.mean(tally.tracks),
-            "keyframes": tally.keyframes,
+            "tracks per image": self._images.tally.mean(self._track_count),
+            "keyframes": self._keyframes,
             "camera_info changed": self._models.changes,
             "inertial sensor": self._sensor_state,
         }
-        error = "" if tally.tracks else "the images show nothing that can be tracked; is the lens covered?"
-        return [self.status(values, error)]
+        error = "" if self._track_count else "the images show nothing that can be tracked; is the lens covered?"
+        self._track_count = self._keyframes = 0
+        return [self._images.status(values, error)]
 
 
 make = partial(StageNode, TrackerStage)

@@ -29,9 +29,9 @@ from bodycam_ros.offline.extend import ExtensionRound, extend_map
 from bodycam_ros.offline.front_end import merged_results, start_workers
 from bodycam_ros.offline.replay_output import ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
-from bodycam_ros.offline.static_input import make_image_measurement, read_recorded_stations
+from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
-from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline import SkeletonPipeline, image_measurement
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
@@ -114,7 +114,7 @@ def replay(
             logger.warning("%s: %s", map_path, ASSUMED_VERTICAL)
         static_cameras = None
         if outside is not None:
-            static_cameras = make_image_measurement(
+            static_cameras = image_measurement(
                 outside, stations, body, body_path, settings, lambda *measured: out.write_measured(*measured)
             )
             if not cameras and outside.start is None:

@@ -102,8 +102,8 @@ class ReplayOutput:
         )
         for station, evidence in measured.evidence.items():
             self._summary.registered[station] += bool(evidence)
-            confidence = dict(zip(names, measured.confidence[station].tolist(), strict=True))
-            message = segment_poses_message(self._make, stamps_ns[station], station, evidence, confidence)
+            seen = evidence, names, measured.confidence[station]
+            message = segment_poses_message(self._make, stamps_ns[station], station, *seen)
             self._writer.write(f"/{station}{SEGMENT_POSES}", stamps_ns[station], message)
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:

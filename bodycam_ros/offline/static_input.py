@@ -1,8 +1,8 @@
-"""Static cameras of a recording: their poses from a file or by registration, and how they measure the body."""
+"""Static cameras of a recording: their poses from a file, or by registration."""
 
 import logging
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,18 +14,12 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
-from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration, StationsSettings
 from bodycam_ros.static_cameras.stations_file import read_stations, refuse_worn
-from bodycam_ros.static_cameras.surface import BodySurface
-from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 logger = logging.getLogger(__name__)
 
@@ -75,36 +69,6 @@ def _renamed(path: Path, stations: dict[str, Station], cameras: Sequence[str]) -
 def _number(name: str) -> int | None:
     digits = re.findall(r"\d+", name)
     return int(digits[0]) if len(digits) == 1 else None
-
-
-def make_image_measurement(
-    given: StaticCameraFiles,
-    stations: dict[str, Station],
-    body: BodyModel,
-    body_path: Path,
-    settings: PipelineSettings,
-    on_measured: Callable[[Mapping[str, int], StaticMeasurement], None],
-) -> ImageMeasurement:
-    """The measurement of a body by images of static cameras.
-
-    Args:
-        given: files of their poses, of the start and of the surface.
-        stations: that the recording has images of.
-        body: with its equipment, if any.
-        body_path: its file.
-        settings: of all stages.
-        on_measured: called with the stamp of each camera's image [ns], and the measurement.
-
-    Raises:
-        BodyError: the body's surface, or the start, cannot be used.
-    """
-    # Here, as formats of others take a tenth of a second to load, and body cameras do without.
-    from bodycam_ros.formats.read_captured import read_start
-
-    surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
-    tracker = RegionTracker(body, surface, stations, settings.region)
-    placed = None if given.start is None else read_start(given.start, given.stations, stations, body)
-    return ImageMeasurement(tracker, placed, settings.motion, on_measured)
 
 
 def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:

@@ -14,7 +14,7 @@ from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, observed_segments
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
@@ -214,9 +214,8 @@ def read_solved(path: Path) -> SolvedRecording:
                     row = len(matches.landmark_ids), pose, camera_sight(matches)
                     registered[matches.camera][matches.stamp_ns] = row
                 else:
-                    measured = segment_poses(message)
-                    confidence = float(np.mean([*measured.confidence.values()])) if measured.confidence else 0.0
-                    observed[measured.station][measured.stamp_ns] = len(measured.evidence), confidence
+                    station, stamp_ns, count, confidence = observed_segments(message)
+                    observed[station][stamp_ns] = count, confidence
     solved = messages.solved()
     order = {camera: place for place, camera in enumerate(solved.body.mounts)}
     cameras = []

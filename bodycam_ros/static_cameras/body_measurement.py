@@ -3,7 +3,8 @@
 Gauss-Newton over all frames together. Poses are eliminated frame by frame; they are tracked anew in each round.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,12 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
+from bodycam_ros.estimation.motion_model import predict as predict_poses
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
-from bodycam_ros.static_cameras.single_camera import BodyPredictor
 from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.static_measurement import predicted_body
 from bodycam_ros.static_cameras.station import Image, Station
@@ -29,6 +30,7 @@ _ALIKE_S = 1.0  # errors within this time are correlated; with 0.3 s errors of l
 _MEASURED = 0.6  # sigma of a length over that beforehand, above which the recording does not measure it
 _MIN_SEEN = 0.5  # smallest mean share of observed segments; below it the body is lost
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
+_MAX_PREDICTION_S = 0.5  # for which a body is predicted; after a longer gap it stays at its last pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,19 +165,20 @@ class BodyMeasurement:
         body = evidence.body
         tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
         information, vector = np.zeros((self._size, self._size)), np.zeros(self._size)
-        predictor, seen = BodyPredictor(), list[float]()
+        latest: deque[tuple[int, Array]] = deque(maxlen=2)  # stamps [ns] and poses (S, 4, 4)
+        seen: list[float] = []
         measured_ns = count = 0
         for share, frame in self._instants():
             self._on_progress(step, share)
-            stamp_ns, predicted = frame.stamp_ns, predictor.predict(frame.stamp_ns)
-            if predicted is None:
+            stamp_ns = frame.stamp_ns
+            if not latest:
                 placed = self._placed(body)
                 poses = tracker.initialise(frame.images, placed.world_T_segment, placed.unplaced)
             else:
-                found = tracker.measure(frame.images, predicted_body(*predicted, self._motion))
+                found = tracker.measure(frame.images, predicted_body(*_predict(latest, stamp_ns), self._motion))
                 poses = found.world_T_segment
                 seen.append(len(found.together) / len(body.segments))
-            predictor.add_measurement(stamp_ns, poses)
+            latest.append((stamp_ns, poses))
             if not count or stamp_ns - measured_ns >= 1e9 * _INTERVAL_S - 1.0:
                 # Frames with correlated errors count as one.
                 weight = min(1.0, 1e-9 * (stamp_ns - measured_ns) / _ALIKE_S) if count else 1.0
@@ -197,3 +200,15 @@ class BodyMeasurement:
         rows = zip(shape.names, *(column.tolist() for column in columns), strict=True)
         measures = tuple(Measure(*name, *numbers) for name, *numbers in rows)
         return measures[:count], measures[count:]
+
+
+def _predict(latest: Sequence[tuple[int, Array]], stamp_ns: int) -> tuple[Array, float]:
+    """Poses (S, 4, 4) at a stamp by the latest one or two stamps [ns] and poses, and the time since then [s]."""
+    latest_ns, poses = latest[-1]
+    ahead_s = 1e-9 * (stamp_ns - latest_ns)
+    if ahead_s > _MAX_PREDICTION_S:
+        return poses, _MAX_PREDICTION_S
+    if len(latest) < 2:
+        return poses, ahead_s
+    before_ns, before = latest[0]
+    return predict_poses(before, poses, 1e-9 * (latest_ns - before_ns), ahead_s), ahead_s

@@ -74,6 +74,7 @@ class RegionTracker:
         surface: of its segments.
         stations: by name.
         settings: rate of learning and least confidence.
+        searches_again: whether limbs that are lost are searched for, which takes seconds; else they stay lost.
 
     Attributes:
         views: camera -> colours of the segments in its images.
@@ -85,6 +86,7 @@ class RegionTracker:
         surface: BodySurface,
         stations: Mapping[str, Station],
         settings: RegionSettings,
+        searches_again: bool = True,
     ) -> None:
         body = with_usual_limits(body)
         self.body, self._settings = body, settings
@@ -92,10 +94,16 @@ class RegionTracker:
         jointed[tuple(body.joint_ends.T)] = jointed[tuple(body.joint_ends[:, ::-1].T)] = True
         self.views = {name: RegionModel(station, surface, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
-        self._support = SegmentSupport(body)
-        self._cameras = CameraSupport()
+        self._min_views = _MIN_VIEWS if searches_again else len(stations) + 1
         self._all = np.ones(len(body.segments), bool)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all images so far."""
+        self._support = SegmentSupport(self.body)
+        self._cameras = CameraSupport()
         self._random = np.random.default_rng(_SEED)
+        self._forget_colours()
 
     def initialise(self, images: Images, placed: Array, unplaced: Mask | None = None) -> Array:
         """Measure colours in the first images of a body placed by hand (S, 4, 4); returns its poses, joints closed.
@@ -256,7 +264,7 @@ class RegionTracker:
         self._support.update(self._measure_support(images, fit))
         on_body = self.body.named(each.segment for each in known)
         jumped = ~self._all
-        if len(images) >= _MIN_VIEWS and (missing := self._support.next_search() & ~on_body).any():
+        if len(images) >= self._min_views and (missing := self._support.next_search() & ~on_body).any():
             colours = {name: view.colours for name, view in self.views.items()}
             poses, still = self._search(images, fit.poses, missing, known)
             jumped = missing & ~still

@@ -1,22 +1,19 @@
-"""Measurements of static cameras for the solver (B 2): from their images, or from their own processes' messages."""
+"""Measurements of static cameras for the solver (B 2), from their images; live, in a replay and in a library alike."""
 
 import logging
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
-from bodycam_ros.static_cameras.limb_search import with_usual_limits
+from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.segment_support import surface_variances
-from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS, PlacedBody, placed_segments
+from bodycam_ros.static_cameras.start_file import PlacedBody, placed_segments
 from bodycam_ros.static_cameras.station import Image, Station
 
 logger = logging.getLogger(__name__)
@@ -53,14 +50,23 @@ class ImageMeasurement:
         self._motion, self._on_seen = motion, on_seen
         self._unreadable: set[str] = set()
         self._has_colours = False
+        self._latest: tuple[int, Array] | None = None  # stamp [ns] and measured poses (S, 4, 4)
 
     def place(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``StaticCameras.place``: once, and nothing without a placed body, or without an image."""
-        pictures = {} if self._placed is None else decode_images(frame.images, self._stations, self._unreadable)
-        if self._placed is None or not pictures:
+        """As ``StaticCameras.place``: by the start that was given, and after a gap where the body was before it.
+
+        Nothing without a start, or without an image. The start counts again where stamps went back.
+        """
+        if self._placed is None:
             return []
+        if self._latest is not None and frame.stamp_ns >= self._latest[0]:
+            return placed_segments(self._tracker.body, self._latest[1])
+        pictures = decode_images(frame.images, self._stations, self._unreadable)
+        if not pictures:
+            return []
+        self._tracker.restart()
+        self._latest, self._has_colours = None, True
         poses = self._tracker.initialise(pictures, self._placed.world_T_segment, self._placed.unplaced)
-        self._placed, self._has_colours = None, True
         return placed_segments(self._tracker.body, poses)
 
     def measure(
@@ -70,12 +76,16 @@ class ImageMeasurement:
         pictures = decode_images(frame.images, self._stations, self._unreadable)
         if not pictures:
             return None
+        if self._latest is not None and frame.stamp_ns < self._latest[0]:
+            self._tracker.restart()
+            self._latest, self._has_colours = None, False
         if not self._has_colours and not known:
             return None
         if not self._has_colours:
             predicted = self._tracker.find_limbs(pictures, predicted, known)
             self._has_colours = True
         seen = self._tracker.measure(pictures, predicted_body(predicted, dt_s, self._motion), known)
+        self._latest = frame.stamp_ns, seen.world_T_segment
         self._on_seen({name: frame.images[name].stamp_ns for name in pictures}, seen)
         return seen
 
@@ -96,69 +106,3 @@ def decode_images(
         else:
             pictures[name] = picture
     return pictures
-
-
-_ROUNDS = 3
-"""Gauss-Newton steps of the body as a whole; only rotations are not linear."""
-
-
-class ReportedMeasurement:
-    """Combines the cameras' reports on a body, joints closed, as ``RegionTracker`` does with all their images.
-
-    Args:
-        body: segments and joints, with people's usual limits where it has none; with its equipment, if any.
-        placed: (S, 4, 4) initial pose given by hand; None without one.
-        motion: sigmas of the segments' accelerations.
-    """
-
-    def __init__(self, body: BodyModel, placed: Array | None, motion: MotionSettings) -> None:
-        self._body, self._placed = body, placed
-        self._motion = motion
-        self._step = ArticulatedStep(with_usual_limits(body))
-        self._seen: Array | None = None
-        self._seen_ns = 0
-
-    def place(self, frame: BodyFrame) -> list[SegmentPose]:
-        """As ``StaticCameras.place``: nothing without an initial pose, or before the first report.
-
-        After a gap it is the last measured pose; the initial one only if stamps went back.
-        """
-        if self._placed is None or not frame.measured:
-            return []
-        poses = self._placed if self._seen is None or frame.stamp_ns <= self._seen_ns else self._seen
-        return placed_segments(self._body, poses)
-
-    def measure(
-        self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose]
-    ) -> StaticMeasurement | None:
-        """As ``StaticCameras.measure``, by reports on segments of the body."""
-        if not frame.measured:
-            return None
-        index = self._body.segment_index
-        evidence = {
-            name: [each for each in report.evidence if each.segment in index] for name, report in frame.measured.items()
-        }
-        confidence = {
-            name: np.array([report.confidence.get(segment, 0.0) for segment in self._body.segments])
-            for name, report in frame.measured.items()
-        }
-        received = [each for measured in evidence.values() for each in measured]
-        poses = self._together([*received, *known], predicted, dt_s)
-        self._seen, self._seen_ns = poses, frame.stamp_ns
-        information = np.zeros((len(poses), 6, 6))
-        for each in received:
-            information[index[each.segment]] += np.linalg.inv(each.covariance)
-        seen = sorted({index[each.segment] for each in received})
-        together = [SegmentPose(self._body.segments[row], poses[row], np.linalg.inv(information[row])) for row in seen]
-        return StaticMeasurement(evidence, together, poses, confidence, surface_variances=surface_variances(self._body))
-
-    def _together(self, received: Collection[SegmentPose], predicted: Array, dt_s: float) -> Array:
-        """Poses (S, 4, 4) of the body as a whole under all measurements of its segments."""
-        start = self._step.close_joints(predicted)
-        prior = predicted_body(start, dt_s, self._motion)
-        if dt_s == 0.0:
-            prior = PredictedBody(start, START_SIGMAS, START_JOINT_RAD)
-        rows = [self._body.segment_index[each.segment] for each in received]
-        measured = np.array([each.world_T_segment for each in received]).reshape(-1, 4, 4)
-        information = np.linalg.inv(np.array([each.covariance for each in received]).reshape(-1, 6, 6))
-        return self._step.fit(start, rows, measured, information, prior, _ROUNDS)

@@ -26,10 +26,7 @@ _KEPT_NS = round(2e9 * MAX_GAP_S)  # of images before the latest frame, for the 
 
 
 class CameraStream:
-    """Messages of one camera.
-
-    Args:
-        came_s: when it is waited for from on, on the steady clock; now, if it is not given.
+    """Messages of one camera, which is waited for from now on.
 
     Attributes:
         is_free: whether it takes its images at times of its own.
@@ -40,12 +37,12 @@ class CameraStream:
         came_s: when the latest message came, on the steady clock.
     """
 
-    def __init__(self, came_s: float | None = None) -> None:
+    def __init__(self) -> None:
         self.is_free = False
         self.waiting, self.messages = deque[Message](), deque[Message]()
         self.latest_ns: int | None = None
         self.before_ns: int | None = None
-        self.came_s = time.monotonic() if came_s is None else came_s
+        self.came_s = time.monotonic()
         self._intervals_ns: deque[int] = deque(maxlen=_INTERVALS)
         self._frame_ns: float = inf
         self._previous: tuple[int, int] | None = None

@@ -9,17 +9,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from bodycam_ros.body_state import BodyFrame, SegmentMeasurements
+from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.camera_stream import CameraStream
 from bodycam_ros.timing.clock_estimator import ALL_NS, ClockEstimator
 from bodycam_ros.timing.timeline import Message
-
-FIRST_WAIT_S = 10.0
-"""Live, a static camera first searches for the limbs, which takes seconds of a core: its first message is waited for
-by so much longer than ``max_wait``."""
 
 _RECENT = 150  # frames by which cameras are judged: some seconds
 _SAME_NS = 1_000_000  # stamps of one trigger differ by less
@@ -115,9 +111,9 @@ class FrameAssembler:
         most = max(counts.values(), default=0)
         return {camera: counts[camera] / most for camera in self._streams} if most else {}
 
-    def join(self, camera: str, longer_s: float = 0.0) -> None:
-        """Wait for one more camera from now on; live, for its first message by so much longer."""
-        self._streams.setdefault(camera, CameraStream(came_s=time.monotonic() + longer_s))
+    def join(self, camera: str) -> None:
+        """Wait for one more camera from now on."""
+        self._streams.setdefault(camera, CameraStream())
         self._sharing = None
 
     def add(self, message: Message) -> list[BodyFrame]:
@@ -264,6 +260,5 @@ class FrameAssembler:
                 stamp_ns,
                 {camera: each for camera, each in taken.items() if isinstance(each, LandmarkMatches)},
                 {camera: each for camera, each in taken.items() if isinstance(each, CameraImage)},
-                {camera: each for camera, each in taken.items() if isinstance(each, SegmentMeasurements)},
             )
         ]

@@ -2,7 +2,6 @@
 
 from collections import deque
 
-from bodycam_ros.body_state import SegmentMeasurements
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
@@ -11,8 +10,8 @@ _NEAR_AT_FIRST_NS = 15_000_000_000  # of a camera's first image: a static camera
 _VOTES, _KEPT = 2, 8  # images of a camera elsewhere that count, and that are kept
 _LIVELY = 8  # a camera without an image while each other sent so many has no vote on the time
 
-Message = LandmarkMatches | CameraImage | SegmentMeasurements
-"""Of a body camera, the image of a static one, or what a static one measured."""
+Message = LandmarkMatches | CameraImage
+"""Of a body camera, or the image of a static one."""
 
 
 class Timeline:

@@ -121,7 +121,7 @@ def test_a_running_tracker_changes_or_says_why_not_and_its_dump_loads_back(
     assert _same(_values(again), values | {"autostart": False})
 
 
-@pytest.mark.parametrize("name", ["tracker", "region_tracker", "registration", "skeleton_solver", "retarget", "player"])
+@pytest.mark.parametrize("name", ["tracker", "registration", "skeleton_solver", "retarget", "player"])
 def test_what_is_in_config_and_then_dumped_loads_back(make: Callable[..., Any], tmp_path: Path, name: str) -> None:
     own = _OWN.get(name, {})
     node = make(name, own, _CONFIG / "all_settings.yaml")

@@ -50,9 +50,9 @@ def test_static_cameras_around_a_body_that_wears_none_may_have_a_map(tmp_path: P
     write_body_file(replace(read_body(body), mounts={}), body)
     write_stations(stations, stations_around(1).values())
     nodes = live_graph(tmp_path / "map", body, stations=str(stations), start=str(tmp_path / "start.yaml"))
-    assert [node.executable for node in nodes] == ["region_tracker", "skeleton_solver"]
-    assert all(node.parameters["map"] == str(tmp_path / "map") for node in nodes)
-    assert nodes[1].parameters["worn"] is False
+    assert [node.executable for node in nodes] == ["skeleton_solver"]
+    assert nodes[0].parameters["map"] == str(tmp_path / "map")
+    assert nodes[0].parameters["worn"] is False
 
 
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:

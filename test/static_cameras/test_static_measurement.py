@@ -48,8 +48,8 @@ def images(dressed: DressedBody, truth: NDArray[np.float64]) -> Images:
     }
 
 
-def frame_of(images: dict[str, CameraImage]) -> BodyFrame:
-    return BodyFrame(0, {}, images)
+def frame_of(images: dict[str, CameraImage], stamp_ns: int = 0) -> BodyFrame:
+    return BodyFrame(stamp_ns, {}, images)
 
 
 def watch_of(
@@ -110,3 +110,19 @@ def test_an_image_that_cannot_be_used_is_warned_about_once_and_left_out(
     # One that is whole again is taken again.
     seen = watch.measure(frame_of(images), truth, 0.03, [])
     assert seen is not None and set(seen.evidence) == set(STATIONS)
+
+
+def test_after_a_gap_the_body_is_where_it_was_and_where_stamps_go_back_at_its_start(
+    dressed: DressedBody, truth: NDArray[np.float64], images: Images
+) -> None:
+    watch = watch_of(dressed, truth)
+    assert watch.measure(frame_of(images), truth, 0.0, []) is None
+    first = watch.place(frame_of(images, 1000))
+    seen = watch.measure(frame_of(images, 1000), truth, 0.0, [])
+    assert seen is not None
+    continued = watch.place(frame_of(images, 3000))
+    for row, each in enumerate(continued):
+        np.testing.assert_array_equal(each.world_T_segment, seen.world_T_segment[row])
+    again = watch.place(frame_of(images, 500))
+    for before, after in zip(first, again, strict=True):
+        np.testing.assert_array_equal(before.world_T_segment, after.world_T_segment)

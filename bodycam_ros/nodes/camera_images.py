@@ -1,0 +1,210 @@
+"""Images of one camera on their way into a stage, the tracker or the solver: in order, one at a time."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.live.dropped_messages import DroppedMessages
+from bodycam_ros.live.every_second_image import EverySecondImage
+from bodycam_ros.live.stamp_order import StampOrder
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.images import TRANSPORTS, image_stamp_ns
+from bodycam_ros.moments import Moment
+from bodycam_ros.nodes.camera_topics import ImageSource
+from bodycam_ros.nodes.stage_node import Stage
+from bodycam_ros.recording.video_decoder import VideoDecoder
+
+_POLL_S = 0.25
+_PATIENCE_S = 2.0
+"""A gap without images that is an error; images may arrive slowly from a bag that is played slowly."""
+
+_RECOVERY_S = 5.0
+"""All images are used again after so long without one that waited a quarter of the longest wait."""
+
+_BUSY = "images arrive faster than they are processed"
+_THINNED = "every second image left out, the machine does not keep up"
+
+
+@dataclass
+class WaitingImage:
+    """An image that waits.
+
+    Attributes:
+        image: still encoded except for video, of which every frame is needed to decode the next.
+        arrival_s: on the steady clock [s].
+        restarts: whether time went back before it.
+    """
+
+    image: CameraImage
+    arrival_s: float
+    restarts: bool = False
+
+
+@dataclass
+class ImageTally:
+    """Counts since the last report.
+
+    Attributes:
+        arrived, images: images that arrived, and that were processed.
+        latency_s: from arrival to result, summed [s].
+    """
+
+    arrived: int = 0
+    images: int = 0
+    latency_s: float = 0.0
+
+    def mean(self, total: float) -> float:
+        """Mean of a total over the images."""
+        return round(total / max(1, self.images), 1)
+
+
+class CameraImages:
+    """Images of one camera, from any transport, in order, processed one at a time.
+
+    Images wait, up to ``image_queue`` of them, while there is a reason. If they wait for too long every second one is
+    left out, undecoded, until the node keeps up again.
+
+    Args:
+        stage: processes the images; its parameters have their limits.
+        camera: its name.
+        dropped: counts images that could not be used.
+        process: called with each image; whether it has a result.
+        waiting_reason: why the next image has to wait; empty if there is none.
+        restart: called where the time of the images goes back.
+        ready_since_s: time on the steady clock from which images wait for nothing but processing.
+
+    Attributes:
+        thinning: decides which images are left out.
+        tally: counts since the last report.
+        restarts: number of restarts of the camera.
+    """
+
+    def __init__(
+        self,
+        stage: Stage[Any],
+        camera: str,
+        dropped: DroppedMessages,
+        process: Callable[[CameraImage], bool],
+        waiting_reason: Callable[[], str],
+        restart: Callable[[], None] = lambda: None,
+        ready_since_s: Callable[[], float] = lambda: 0.0,
+    ) -> None:
+        self._stage, self._camera, self._dropped, self._process = stage, camera, dropped, process
+        self._waiting_reason, self._restart, self._ready_since_s = waiting_reason, restart, ready_since_s
+        parameters = stage.parameters
+        self.thinning = EverySecondImage(parameters.longest_wait, _RECOVERY_S)
+        self.tally, self.restarts = ImageTally(), 0
+        self.drop()
+        self._source = ImageSource(stage, camera, parameters.transport, parameters.image_queue, self._add)
+        # The reason to wait may end without another image.
+        stage.every(_POLL_S, self.process_next)
+
+    def drop(self) -> None:
+        """Drop the images that wait; the next one has no predecessor."""
+        self._decoder = VideoDecoder()
+        self._order: StampOrder[WaitingImage] = StampOrder(partial(self._count_drop, "images out of time"))
+        self._images: deque[WaitingImage] = deque()
+
+    def restart(self) -> None:
+        """Forget all images so far, and count it in the diagnostics."""
+        self.restarts += 1
+        self._restart()
+
+    def process_next(self) -> None:
+        """Process the next image if there is one that need not wait."""
+        if not self._images:
+            return
+        following = self._images[0]
+        if following.restarts:
+            following.restarts = False  # once: the image may have to wait here
+            self._stage.log.warning(f"camera {self._camera}: the time of its images goes back; restart")
+            self.restart()
+        if self._waiting_reason():
+            return
+        if self._take(self._ready_since_s()) and self._process(following.image):
+            self.tally.images += 1
+            self.tally.latency_s += time.monotonic() - following.arrival_s
+        # One image at a time, so that other messages are handled in between.
+        self._stage.call_later(self.process_next)
+
+    def _take(self, since_s: float) -> bool:
+        """Take the oldest image; False if it is left out because the machine does not keep up.
+
+        Args:
+            since_s: start of the time in which images wait for nothing but processing, on the steady clock.
+        """
+        taken, now_s = self._images.popleft(), time.monotonic()
+        if not self.thinning.leaves_out(taken.image.stamp_ns, now_s - max(taken.arrival_s, since_s), now_s):
+            return True
+        self._count_drop("images left out", _THINNED)
+        return False
+
+    def _add(self, message: Message, transport: str) -> None:
+        self.tally.arrived += 1
+        now_s, stamp = time.monotonic(), image_stamp_ns(message)
+        self._stage.moments.note(Moment.IMAGE_RECEIVED, self._camera, stamp)
+        if stamp <= 0:
+            self._count_drop("images without a stamp", f"an image has the stamp {stamp} ns")
+            return
+        try:
+            encoded = TRANSPORTS[transport].convert(message, self._camera)
+        except RecordingError as error:
+            encoded = CameraImage(self._camera, stamp, error)  # which is raised when it is decoded
+        for image in self._decoder.feed(encoded):
+            in_order, goes_back = self._order.add(image.stamp_ns, WaitingImage(image, now_s))
+            for each in in_order:
+                each.restarts = goes_back and each is in_order[0]
+                self._images.append(each)
+        while len(self._images) > self._stage.parameters.image_queue:
+            lost = self._images.popleft()
+            self._images[0].restarts |= lost.restarts
+            self._count_drop("images dropped", f"{self._waiting_reason() or _BUSY}; an image is dropped")
+        self._stage.call_later(self.process_next)
+
+    def _count_drop(self, kind: str, reason: str) -> None:
+        self._dropped.add(kind, f"camera {self._camera}: {reason}")
+
+    def status(self, values: Mapping[str, object], error: str) -> Status:
+        """Status of the camera since the last report.
+
+        Args:
+            values: figures of the node.
+            error: what is wrong with the results of the images that were processed; empty if nothing is.
+        """
+        tally, self.tally = self.tally, ImageTally()
+        lost = self._dropped.count_new()
+        level, text = StatusLevel.OK, "tracking"
+        if not tally.images:
+            level, text = self._judge_idle(tally.arrived, lost)
+        elif error:
+            level, text = StatusLevel.ERROR, error
+        elif self.thinning.active:
+            level, text = StatusLevel.WARN, _THINNED
+        elif lost:
+            level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
+        figures = {
+            "images per second": tally.arrived,
+            "tracked per second": tally.images,
+            **values,
+            "latency [ms]": round(1e3 * tally.latency_s / tally.images, 1) if tally.images else "none",
+            "images waiting": len(self._images),
+            "restarts": self.restarts,
+            **self._dropped.values,
+        }
+        return Status(f"camera {self._camera}", level, text, figures)
+
+    def _judge_idle(self, arrived: int, lost: int) -> tuple[StatusLevel, str]:
+        """Why no image was processed."""
+        if self._images:
+            return StatusLevel.ERROR, f"no image is tracked: {self._waiting_reason() or _BUSY}"
+        if arrived and lost:
+            return StatusLevel.ERROR, f"none of the images can be used: {self._dropped.latest}"
+        if arrived or self._source.quiet_s < _PATIENCE_S:
+            return StatusLevel.OK, "between two images"
+        return StatusLevel.ERROR, self._source.explain()
