@@ -17,7 +17,7 @@ from bodycam_ros.messages.equipment import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory, stamp_ns
 from bodycam_ros.messages.imu import IMU_TYPE, imu_message, imu_row, imu_row_of_cdr
 from bodycam_ros.messages.poses import body_covariance, ros_covariance
-from bodycam_ros.messages.timing import CameraTiming, camera_timing, timing_message
+from bodycam_ros.messages.timing import clock_state, readout_time, timing_message
 from bodycam_ros.messages.tracks import (
     landmark_matches,
     landmarks_message,
@@ -27,6 +27,7 @@ from bodycam_ros.messages.tracks import (
 )
 from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.clock_state import ClockState
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 STAMP_NS = 1_700_000_000_123_456_789
@@ -141,19 +142,19 @@ def test_landmarks_survive_the_wire(
 @pytest.mark.parametrize("readout", [Readout(0.012, 0.0), Readout(-0.0123, 0.0004), None])
 def test_a_cameras_timing_survives_the_wire(library: tuple[MessageFactory, Send], readout: Readout | None) -> None:
     make, send = library
-    sent = CameraTiming(STAMP_NS, "sound", readout, 0.003, 0.0005, 2e-6, 1e-6)
-    message = send(timing_message(make, "head", sent))
-    assert message.header.frame_id == "head_optical_frame"
-    assert camera_timing(message) == sent
-    unknown = camera_timing(send(timing_message(make, "head", CameraTiming(STAMP_NS, "body", readout))))
-    assert unknown.readout == readout and math.isnan(unknown.offset_sigma)
+    sent = ClockState(STAMP_NS, STAMP_NS, 0.003, 2e-6, 0.0005, 1e-6)
+    message = send(timing_message(make, "head", "sound", readout, sent))
+    assert (message.header.frame_id, message.source) == ("head_optical_frame", "sound")
+    assert (readout_time(message), clock_state(message)) == (readout, sent)
+    unknown = send(timing_message(make, "head", "body", readout))
+    assert readout_time(unknown) == readout and math.isnan(clock_state(unknown).offset_sigma)
 
 
 @pytest.mark.parametrize("readout", [Readout(0.5, 0.0), Readout(math.inf, 0.0), Readout(0.01, -1.0)])
 def test_a_readout_time_that_cannot_be_is_refused(readout: Readout) -> None:
     make = recorded_messages()
     with pytest.raises(ValueError, match="0.1 s"):
-        camera_timing(timing_message(make, "head", CameraTiming(STAMP_NS, "given", readout)))
+        readout_time(timing_message(make, "head", "given", readout))
 
 
 def test_lengths_that_disagree_are_refused(library: tuple[MessageFactory, Send], rng: np.random.Generator) -> None:

@@ -20,7 +20,7 @@ from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, time_message
 from bodycam_ros.messages.images import COMPRESSED_VIDEO, camera_info_message
-from bodycam_ros.messages.timing import CameraTiming, timing_message
+from bodycam_ros.messages.timing import timing_message
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.camera_video import CameraVideo
@@ -28,6 +28,7 @@ from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.recording.video_encoder import h264_packets
 from bodycam_ros.recording.video_file import TimedPacket
+from bodycam_ros.timing.clock_state import ClockState
 
 _INFO_EVERY_NS = 1_000_000_000  # a reader that starts in the middle of a bag finds the lens
 _ASTRAY_S = 60.0  # a frame so far from the time of its file has a damaged time
@@ -140,10 +141,9 @@ class FrameStream:
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
         readout = None if self.camera.readout_s is None else Readout(self.camera.readout_s, 0.0)
-        timing = CameraTiming(
-            stamp_ns, time.source, readout, offset_sigma=time.start_sigma_s, drift_sigma=time.drift_sigma
-        )
-        return timing_message(recorded_messages(), self.camera.topic_name, timing)
+        # Stamps are corrected.
+        clock = ClockState(stamp_ns, stamp_ns, 0.0, 0.0, time.start_sigma_s, time.drift_sigma)
+        return timing_message(recorded_messages(), self.camera.topic_name, time.source, readout, clock)
 
     def _frames(self) -> Iterator[tuple[float, str, Message]]:
         """Media time [s], end of the topic, and message without a stamp."""

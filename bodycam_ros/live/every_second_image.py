@@ -5,29 +5,27 @@ from collections import deque
 import numpy as np
 
 _REMEMBERED = 15  # images whose distance in time gives the camera's rate
-_EMPTY = 0.25  # share of the longest wait below which an image hardly waits
 
 
 class EverySecondImage:
     """Decides, image by image, whether it is left out.
 
-    It begins when an image has waited for too long, and ends when for a while none has waited to speak of. Which of two
-    images goes is decided by their stamps, not by turns: cameras that trigger together leave out the same ones, and the
-    instants that are left have all of them.
+    It begins when an image has waited for too long, and ends when for a while none has. Which of two images goes is
+    decided by their stamps, not by turns: cameras that trigger together leave out the same ones, and the instants that
+    are left have all of them.
 
     Args:
         longest_wait_s: that an image may have waited; 0: nothing is ever left out.
-        recovery_s: how long nothing may have waited before all images are taken again.
+        recovery_s: how long none may have waited for so long before all images are taken again.
 
     Attributes:
-        longest_wait_s, recovery_s: as given; they may be replaced.
+        longest_wait_s: as given; it may be replaced.
         active: whether every second image is left out.
     """
 
     def __init__(self, longest_wait_s: float, recovery_s: float) -> None:
         self.longest_wait_s = longest_wait_s
-        self.recovery_s = recovery_s
-        self._calm_since_s: float | None = None
+        self._recovery_s, self._until_s = recovery_s, 0.0
         self._stamps_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self._slot: int | None = None
         self.active = False
@@ -40,7 +38,9 @@ class EverySecondImage:
             waited_s: how long it waited because others were worked on.
             now_s: on the steady clock.
         """
-        self._judge(waited_s, now_s)
+        if 0.0 < self.longest_wait_s < waited_s:
+            self._until_s = now_s + self._recovery_s
+        self.active = now_s < self._until_s
         if self._stamps_ns and stamp_ns <= self._stamps_ns[-1]:
             self.forget()
         self._stamps_ns.append(stamp_ns)
@@ -59,15 +59,3 @@ class EverySecondImage:
         """Time begins anew."""
         self._stamps_ns.clear()
         self._slot = None
-
-    def _judge(self, waited_s: float, now_s: float) -> None:
-        if self.longest_wait_s <= 0.0:
-            return
-        if waited_s > self.longest_wait_s:
-            self.active = True
-        if not self.active or waited_s > _EMPTY * self.longest_wait_s:
-            self._calm_since_s = None
-            return
-        self._calm_since_s = now_s if self._calm_since_s is None else self._calm_since_s
-        if now_s - self._calm_since_s >= self.recovery_s:
-            self.active, self._calm_since_s = False, None

@@ -10,14 +10,15 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, SettingsError
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, timing_message, timing_messages
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, UNKNOWN_CLOCK, timing_message
 from bodycam_ros.nodes.parameters import best_effort, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.timing.clock_state import ClockHistory
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 _INFO_DEPTH = 10
 _SENSOR_DEPTH = 1000  # 1 s of a fast one
@@ -238,16 +239,17 @@ class CameraTimings:
     def set_body(self, body: BodyModel) -> None:
         """Publish what a body, the first or another, has of the cameras' read-out times."""
         for camera, readout in body.readout_starts.items():
-            if camera in self._publishers:
-                self._publishers[camera].publish(timing_message(self._make, camera, CameraTiming(0, "body", readout)))
+            self._publish(camera, readout)
 
     def publish_clocks(self, histories: Mapping[str, ClockHistory]) -> None:
         """Publish the clocks that have changed; each is valid from the stamp of its estimate."""
         for camera, history in histories.items():
-            if history == self._histories.get(camera) or camera not in self._publishers:
-                continue
-            self._histories[camera] = history
-            now = replace(history.latest, since_ns=max(history.latest.since_ns, history.latest.at_ns))
-            # Without the read-out time, which the registration would count twice.
-            for _, message in timing_messages(self._make, ClockHistory(camera, (now,))):
-                self._publishers[camera].publish(message)
+            if history != self._histories.get(camera):
+                self._histories[camera] = history
+                now = replace(history.latest, since_ns=max(history.latest.since_ns, history.latest.at_ns))
+                # Without the read-out time, which the registration would count twice.
+                self._publish(camera, None, now)
+
+    def _publish(self, camera: str, readout: Readout | None, clock: ClockState = UNKNOWN_CLOCK) -> None:
+        if camera in self._publishers:
+            self._publishers[camera].publish(timing_message(self._make, camera, "body", readout, clock))

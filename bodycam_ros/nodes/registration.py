@@ -14,7 +14,8 @@ from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, camera_timing
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.messages.tracks import (
     LANDMARKS_TYPE,
     TRACKS_TYPE,
@@ -86,8 +87,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         points = of.publish_map
         self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched()) if points else None
         for each in cameras:
-            add, kind = partial(self._set_timing, each), "timing messages dropped"
-            timed = TIMING_TYPE, f"{each}{TIMING}", camera_timing
+            add, kind = partial(self._set_readout, each), "timing messages dropped"
+            timed = TIMING_TYPE, f"{each}{TIMING}", _readout_by_source
             self.converted_subscription(*timed, add, kind, latched(_TIMINGS), even_inactive=True)
             tracked = TRACKS_TYPE, f"{each}/tracks", partial(track_frame, camera=each)
             self.converted_subscription(*tracked, partial(self._add_tracks, each), "track messages dropped", deep)
@@ -145,12 +146,13 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self.registrars.pop(camera, None)
             self._waiting.pop(camera, None)
 
-    def _set_timing(self, camera: str, timing: CameraTiming) -> None:
-        if timing.readout is not None:
+    def _set_readout(self, camera: str, given: tuple[str, Readout | None]) -> None:
+        source, readout = given
+        if readout is not None:
             # Of those of several sources the best known counts.
-            self._readouts[camera][timing.source] = timing.readout
+            self._readouts[camera][source] = readout
             if camera in self.registrars:
-                self.registrars[camera].set_readout(timing.readout)
+                self.registrars[camera].set_readout(readout)
 
     def _add_tracks(self, camera: str, frame: TrackFrame) -> None:
         self.moments.note(Moment.TRACKS_RECEIVED, camera, frame.stamp_ns)
@@ -245,6 +247,11 @@ class RegistrationStage(Stage[RegistrationParameters]):
         else:
             level, text = StatusLevel.STALE, "no tracks arrive"
         return [Status("all cameras", level, text, values), self._growth.report(), *self._diagnostics.report()]
+
+
+def _readout_by_source(message: Message) -> tuple[str, Readout | None]:
+    """Who gives a camera's read-out time, and the time."""
+    return message.source, readout_time(message)
 
 
 make = partial(StageNode, RegistrationStage)

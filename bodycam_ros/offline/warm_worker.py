@@ -3,6 +3,12 @@
 So a worker starts at once, and shares the memory of libraries and kernels with the others.
 """
 
+# ruff: noqa: E402
+import os
+
+# The processes share the cores; more threads of the linear algebra, which is loaded below, would compete.
+os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+
 import gc
 
 import cv2

@@ -4,7 +4,6 @@ This loads little itself, so that a command can begin with ``warm_up`` and load 
 """
 
 import multiprocessing
-import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -15,7 +14,6 @@ from multiprocessing.context import ForkServerContext
 from bodycam_ros.kernels import prepare_kernels
 
 _WARM = "bodycam_ros.offline.warm_worker"
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 def warm_up() -> None:
@@ -28,25 +26,6 @@ def warm_up() -> None:
 
 @contextmanager
 def ready_to_start() -> Iterator[ForkServerContext]:
-    """Processes that are started in this block have one thread each, and the parent alone receives signals."""
-    with _one_thread_each(), _signals_for_us_alone():
-        yield multiprocessing.get_context("forkserver")
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """The processes share the cores; more threads inside them would compete."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})
-
-
-@contextmanager
-def _signals_for_us_alone() -> Iterator[None]:
     """Processes that are started in this block never receive the signals that end us, not even while they start.
 
     Ctrl-C and a closed terminal signal a whole group of processes; the parent alone handles them, and kills the others.
@@ -57,7 +36,7 @@ def _signals_for_us_alone() -> Iterator[None]:
         with _handled_later():
             resource_tracker.ensure_running()  # it would unblock the others
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-            yield
+            yield multiprocessing.get_context("forkserver")
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -17,7 +17,7 @@ from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
-from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, CameraTiming, camera_timing
+from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
 
@@ -100,8 +100,8 @@ class Recording:
             return camera_model(message, camera)
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
 
-    def timing(self, camera: str) -> CameraTiming | None:
-        """Clock and read-out time of the camera, on ``/<camera>/timing``; None if nothing.
+    def readout(self, camera: str) -> Readout | None:
+        """Read-out time of the camera, first on ``/<camera>/timing``; None if it is not there.
 
         Raises:
             RecordingError: a value is impossible.
@@ -112,15 +112,10 @@ class Recording:
             return None
         for _, _, message in self._bag.messages([topic]):
             try:
-                return camera_timing(message)
+                return readout_time(message)
             except ValueError as error:
                 raise RecordingError(f"camera {camera}: {topic} in {self.path} has {error}") from error
         return None
-
-    def readout(self, camera: str) -> Readout | None:
-        """The camera's read-out time, if the recording has it; raises as ``timing`` does."""
-        timing = self.timing(camera)
-        return None if timing is None else timing.readout
 
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.

@@ -8,7 +8,7 @@ from two_cameras import BODY, write_map
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.messages.timing import CameraTiming, timing_message
+from bodycam_ros.messages.timing import timing_message
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -28,7 +28,7 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
     said = {(c, topic): graph.publisher(f"/{c}/{topic}", kind) for c in KNOWN_S for topic, kind in kinds.items()}
     # The right camera says more exactly than the body how its rows are read out.
     of_right = graph.publisher("/right/timing", "bodycam_msgs/msg/CameraTiming", latched())
-    of_right.publish(timing_message(make, "right", CameraTiming(0, "given", Readout(*KNOWN_S["right"]))))
+    of_right.publish(timing_message(make, "right", "given", Readout(*KNOWN_S["right"])))
     graph.listen({f"/{c}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for c in KNOWN_S})
     graph.run(
         GraphNode("skeleton_solver", "skeleton_solver", {"body": str(body)}),
