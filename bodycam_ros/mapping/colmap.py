@@ -19,6 +19,7 @@ from bodycam_ros.mapping.structure import Structure, distinct
 _RANDOM_SEED = 1
 _MAX_TRIALS = 1000  # of two-view geometry; pairs that need more have few inliers, and others tie their photographs
 _SMALLEST_MODEL = 2  # photographs; COLMAP's default of 10 would refuse small sets
+_PAIRS_AT_ONCE = 100  # in one call of COLMAP, which Ctrl-C waits for
 _RATIO_OF_GLOBAL_ADJUSTMENTS = 1.2  # growth of the model between them; COLMAP's 1.1 costs twice the time
 _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way stop; the last one goes to the end
 
@@ -212,20 +213,32 @@ def write_model(folder: Path, ply: Path, structure: Structure) -> None:
     reconstruction.export_PLY(ply)
 
 
-def match_and_verify(database: Path, pairs: Sequence[tuple[str, str]], workers: int) -> None:
-    """Match the features of each pair, and verify the matches by their epipolar geometry."""
+def match_and_verify(
+    database: Path, pairs: Sequence[tuple[str, str]], workers: int, on_matched: Callable[[int], None]
+) -> None:
+    """Match the features of each pair, and verify the matches by their epipolar geometry.
+
+    Args:
+        database: with features.
+        pairs: names of photographs, without spaces.
+        workers: threads.
+        on_matched: called with how many more pairs are done.
+    """
     listed = database.with_name("pairs.txt")
-    listed.write_text("".join(f"{first} {second}\n" for first, second in pairs))
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.random_seed = _RANDOM_SEED
     options.ransac.max_num_trials = _MAX_TRIALS
-    pycolmap.match_image_pairs(
-        database,
-        pycolmap.FeatureMatchingOptions(num_threads=workers),
-        pycolmap.ImportedPairingOptions(match_list_path=listed),
-        options,
-        pycolmap.Device.cpu,
-    )
+    for first in range(0, len(pairs), _PAIRS_AT_ONCE):
+        some = pairs[first : first + _PAIRS_AT_ONCE]
+        listed.write_text("".join(f"{one} {other}\n" for one, other in some))
+        pycolmap.match_image_pairs(
+            database,
+            pycolmap.FeatureMatchingOptions(num_threads=workers),
+            pycolmap.ImportedPairingOptions(match_list_path=listed),
+            options,
+            pycolmap.Device.cpu,
+        )
+        on_matched(len(some))
 
 
 def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:

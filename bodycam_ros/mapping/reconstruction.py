@@ -3,6 +3,7 @@
 import logging
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,12 +53,18 @@ def reconstruct(
         progress: shows the steps.
 
     Raises:
-        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics; or
-            the name of one has a space in it.
+        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics.
     """
-    if spaced := next((image.name for image in features if any(map(str.isspace, image.name))), None):
-        raise MapError(f"{spaced}: COLMAP takes no pairs of photographs with spaces in their names; rename them")
     with scratch_folder(Path(tempfile.gettempdir())) as scratch, threadpool_limits(1, user_api="blas"):
+        # COLMAP's lists of pairs take no spaces in names.
+        pictures = scratch / "photographs"
+        pictures.mkdir()
+        name_of = {f"{row:06d}{Path(image.name).suffix}": image.name for row, image in enumerate(features)}
+        for number, name in name_of.items():
+            (pictures / number).symlink_to(folder.absolute() / name)
+        features = [replace(image, name=number) for image, number in zip(features, name_of, strict=True)]
+        camera_of_name = {number: camera_of_name[name] for number, name in name_of.items()}
+
         with progress.step("choosing pairs", len(features)) as advance:
             counts = []
             for row in count_common_features(features, workers):
@@ -82,12 +89,12 @@ def reconstruct(
         _check_fits(coarse, distinct(list(camera_of_name.values()))[0], workers)
         database = _match_in_full(features, camera_of_name, coarse, pairs, scratch, workers, progress)
         with progress.step("adjusting the bundle", 3) as advance:
-            model = colmap.complete(database, folder, coarse, _MIN_VIEWS, _MIN_ANGLE_DEG, workers, advance)
+            model = colmap.complete(database, pictures, coarse, _MIN_VIEWS, _MIN_ANGLE_DEG, workers, advance)
             # A 4.1
             colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
             structure = colmap.structure_from(model, camera_of_name)
             advance()
-    return _keep_observed(structure)
+    return _keep_observed(replace(structure, names=[name_of[number] for number in structure.names]))
 
 
 def _coarse_model(
@@ -105,9 +112,8 @@ def _coarse_model(
     database = folder / "database.db"
     largest = [image.largest(count) for image in features]
     colmap.write_database(database, camera_of_name, largest)
-    with progress.step("matching pairs", 1) as advance:
-        colmap.match_and_verify(database, _names(features, pairs), workers)
-        advance()
+    with progress.step("matching pairs", len(pairs)) as advance:
+        colmap.match_and_verify(database, _names(features, pairs), workers, advance)
     with progress.step("registering photographs", len(features)) as advance:
         return colmap.reconstruct(database, folder, workers, advance)
 
