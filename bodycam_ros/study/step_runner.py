@@ -6,11 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Collection, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study.done_steps import DoneSteps, state_of
@@ -19,7 +20,6 @@ from bodycam_ros.verdict import WRONG_RESULT
 from bodycam_ros.whole_file import failure_named
 
 LOCK = ".bodycam-study"
-_POLL_S = 0.05
 _MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption
 _ERROR = "bodycam: error: "
 _MAX_LOG_TAIL = 20_000  # [bytes]
@@ -39,15 +39,6 @@ class StepEnd:
     failure: str | None
 
 
-@dataclass
-class _Running:
-    step: Step
-    process: "subprocess.Popen[bytes]"
-    state: str
-    started: float
-    cores: int
-
-
 class StepRunner:
     """Runs steps.
 
@@ -60,74 +51,72 @@ class StepRunner:
 
     def __init__(self, notes: DoneSteps, cores: int, logs: Path | None, lock: int) -> None:
         self._notes, self._cores, self._logs, self._lock = notes, cores, logs, lock
-        self._running: list[_Running] = []
-        # A thread of its own: no signal interrupts it between the start of a process and the note of it.
-        self._starter = ThreadPoolExecutor(1)
+        self._processes: list[subprocess.Popen[bytes]] = []
+        self._starting, self._is_ending = Lock(), False
 
     def run(self, steps: Sequence[Step]) -> Generator[Step | StepEnd, None, None]:
         """Run steps; yields each when it starts and its ``StepEnd``. An interruption ends all processes."""
         waiting, failed = list(steps), dict[Path, Step]()
+        running: dict[Future[StepEnd], tuple[Step, int]] = {}
+        pool = ThreadPoolExecutor(max(1, self._cores))
         try:
-            while waiting or self._running:
+            while waiting or running:
                 for step in [step for step in waiting if failed.keys() & set(step.inputs)]:
                     first = next(failed[path] for path in step.inputs if path in failed)
                     waiting.remove(step)
                     failed[step.output] = first
                     yield StepEnd(step, 0.0, f"not run, because step '{first.name}' failed")
-                for step in self._start_ready(waiting):
+                unfinished = {step.output for step in (*waiting, *(step for step, _ in running.values()))}
+                ready = [step for step in waiting if not unfinished & set(step.inputs)]
+                # A process is waited for by its own threads, not by others, so many share the cores.
+                for number, step in enumerate(ready):
+                    free = self._cores - sum(cores for _, cores in running.values())
+                    if free < 1 or (self._logs is None and running):
+                        break
+                    sharing = 1 if self._logs is None else len(ready) - number
+                    cores = max(1, free // sharing) if step.is_parallel else 1
                     waiting.remove(step)
                     yield step
-                time.sleep(_POLL_S)
-                for running in [each for each in self._running if each.process.poll() is not None]:
-                    self._running.remove(running)
-                    end = self._end(running)
+                    running[pool.submit(self._run, step, cores)] = step, cores
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    step, _ = running.pop(future)
+                    end = future.result()
                     if end.failure is not None:
-                        failed[running.step.output] = running.step
+                        failed[step.output] = step
                     yield end
         finally:
-            self._interrupt()
+            self._end_processes(running)
+            pool.shutdown()
 
-    def _start_ready(self, waiting: Sequence[Step]) -> Iterator[Step]:
-        """Start what can run; a process is waited for by its own threads, not by others, so many share the cores."""
-        unfinished = {step.output for step in (*waiting, *(each.step for each in self._running))}
-        ready = [step for step in waiting if not unfinished & set(step.inputs)]
-        for number, step in enumerate(ready):
-            free = self._cores - sum(each.cores for each in self._running)
-            if free < 1 or (self._logs is None and self._running):
-                return
-            sharing = 1 if self._logs is None else len(ready) - number
-            cores = max(1, free // sharing) if step.is_parallel else 1
-            self._starter.submit(self._start, step, cores).result()
-            yield step
-
-    def _start(self, step: Step, cores: int) -> None:
-        state = state_of(step)
+    def _run(self, step: Step, cores: int) -> StepEnd:
+        """Run one step to its end; on a thread of its own, which no signal interrupts."""
+        state, started = state_of(step), time.monotonic()
         step.output.parent.mkdir(parents=True, exist_ok=True)
         jobs = ("--jobs", str(cores)) if step.is_parallel else ()
         command = [sys.executable, "-m", "bodycam_ros.cli.main", *step.words, *jobs]
-        log = None
-        if self._logs is not None:
-            self._logs.mkdir(parents=True, exist_ok=True)
-            log = self._log(step).open("wb")
-        # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            pass_fds=(self._lock,),
-            start_new_session=True,
-        )
-        if log is not None:
-            log.close()
-        self._running.append(_Running(step, process, state, time.monotonic(), cores))
-
-    def _end(self, running: _Running) -> StepEnd:
-        code, seconds = running.process.returncode, time.monotonic() - running.started
+        with ExitStack() as opened:
+            log = None
+            if self._logs is not None:
+                self._logs.mkdir(parents=True, exist_ok=True)
+                log = opened.enter_context(self._log(step).open("wb"))
+            with self._starting:
+                if self._is_ending:
+                    return StepEnd(step, 0.0, "not run")
+                # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=log,
+                    pass_fds=(self._lock,),
+                    start_new_session=True,
+                )
+                self._processes.append(process)
+            code, seconds = process.wait(), time.monotonic() - started
         if code not in (0, WRONG_RESULT):
-            return StepEnd(running.step, seconds, self._failure(running.step, code))
-        self._notes.write(running.step, running.state, code, seconds)
-        return StepEnd(running.step, seconds, None)
+            return StepEnd(step, seconds, self._failure(step, code))
+        self._notes.write(step, state, code, seconds)
+        return StepEnd(step, seconds, None)
 
     def _failure(self, step: Step, code: int) -> str:
         if code < 0:
@@ -145,16 +134,16 @@ class StepRunner:
         assert self._logs is not None
         return self._logs / f"{step.name.replace(': ', '_').replace(' ', '_')}.log"
 
-    def _interrupt(self) -> None:
-        self._starter.shutdown()
+    def _end_processes(self, running: Collection[Future[StepEnd]]) -> None:
+        with self._starting:
+            self._is_ending = True
         # Not SIGINT: a Python that is still starting would print a traceback.
         for number in (signal.SIGTERM, signal.SIGKILL):
-            for running in self._running:
-                if running.process.poll() is None:
-                    os.killpg(running.process.pid, number)
-            end = time.monotonic() + _MAX_CLEANUP_S
-            while any(each.process.poll() is None for each in self._running) and time.monotonic() < end:
-                time.sleep(_POLL_S)
+            for process in self._processes:
+                if process.poll() is None:
+                    with suppress(ProcessLookupError):
+                        os.killpg(process.pid, number)
+            wait(running, _MAX_CLEANUP_S)
 
 
 @contextmanager
