@@ -61,8 +61,7 @@ class CameraPoses:
         seconds: (T,) since ``start_ns`` [s].
         start_ns: stamp of the first image [ns].
         registered: camera -> (T, 4, 4) poses of its optical frame by its own registration [m]; NaN where unknown.
-        twists: camera -> (T, 6) velocity of these poses in their own axes [rad/s, m/s]; NaN where unknown.
-        solved: camera -> (T, 4, 4) its poses on the solved body [m].
+        solved: mount -> (T, 4, 4) pose of a camera on it by the solved body [m]; of cameras without images, too.
         counts: camera -> its images.
         lens_errors: camera -> deviation of its lens from its model; absent where unknown.
     """
@@ -72,16 +71,20 @@ class CameraPoses:
     seconds: Array
     start_ns: int
     registered: Mapping[str, Array]
-    twists: Mapping[str, Array]
     solved: Mapping[str, Array]
     counts: Mapping[str, CameraCount]
     lens_errors: Mapping[str, LensDeviation]
 
     def speeds(self) -> dict[str, tuple[float, float]]:
         """Camera -> median speed of its turn [rad/s] and of its motion [m/s]; absent where it was not registered."""
-        sizes = {camera: np.linalg.norm(twists.reshape(-1, 2, 3), axis=2) for camera, twists in self.twists.items()}
-        medians = {c: np.nanmedian(size, axis=0).tolist() for c, size in sizes.items() if np.isfinite(size).any()}
-        return {camera: (turning, moving) for camera, (turning, moving) in medians.items()}
+        medians: dict[str, tuple[float, float]] = {}
+        for camera, world_T_camera in self.registered.items():
+            steps = log_se3(inverse(world_T_camera[:-1]) @ world_T_camera[1:]).reshape(-1, 2, 3)
+            sizes = np.linalg.norm(steps, axis=2) / np.diff(self.seconds)[:, None]
+            if (known := np.isfinite(sizes[:, 0])).any():
+                turning, moving = np.median(sizes[known], axis=0).tolist()
+                medians[camera] = turning, moving
+        return medians
 
 
 class CameraPoseLog:
@@ -105,7 +108,7 @@ class CameraPoseLog:
 
     def _reset(self) -> None:
         self._recent: dict[str, deque[tuple[int, Array]]] = {}
-        self._rows: deque[tuple[int, dict[str, tuple[Array, Array]], NDArray[np.float64]]] = deque()
+        self._rows: deque[tuple[int, dict[str, Array], NDArray[np.float64]]] = deque()
         self._counts: dict[str, CameraCount] = {}
         self._step_ns = round(1e9 / _JUDGED_HZ)
         self._start_ns: int | None = None
@@ -157,27 +160,24 @@ class CameraPoseLog:
         """The poses that are kept."""
         body, start_ns = self._body, self._start_ns or 0
         cameras = tuple(camera for camera in body.mounts if camera in self._counts)
-        unknown = np.full((4, 4), np.nan), np.full(6, np.nan)
-        rows = {camera: [poses.get(camera, unknown) for _, poses, _ in self._rows] for camera in cameras}
-        registered = {c: np.array([pose for pose, _ in row]).reshape(-1, 4, 4) for c, row in rows.items()}
-        twists = {c: np.array([twist for _, twist in row]).reshape(-1, 6) for c, row in rows.items()}
+        unknown = np.full((4, 4), np.nan)
+        rows = {c: np.array([poses.get(c, unknown) for _, poses, _ in self._rows]) for c in cameras}
         world_T_segment = np.array([state for _, _, state in self._rows]).reshape(-1, len(body.segments), 4, 4)
-        segment_of = {camera: body.segment_index[body.mounts[camera].segment] for camera in cameras}
+        mounts = ((c, body.segment_index[mount.segment], mount) for c, mount in body.mounts.items())
         return CameraPoses(
             body=body,
             cameras=cameras,
             seconds=np.array([1e-9 * (stamp_ns - start_ns) for stamp_ns, _, _ in self._rows]),
             start_ns=start_ns,
-            registered=registered,
-            twists=twists,
-            solved={c: world_T_segment[:, segment_of[c]] @ body.mounts[c].segment_T_camera for c in cameras},
+            registered={camera: poses.reshape(-1, 4, 4) for camera, poses in rows.items()},
+            solved={c: world_T_segment[:, segment] @ mount.segment_T_camera for c, segment, mount in mounts},
             counts=dict(self._counts),
             lens_errors={c: lens.error() for c, lens in self._lenses.items() if lens.images >= _MIN_LENS_IMAGES},
         )
 
 
-def _interpolate_pose(recent: deque[tuple[int, Array]], stamp_ns: int) -> tuple[Array, Array] | None:
-    """Pose (4, 4) and twist (6) of a camera at a time between two of its registrations; None if they are far apart."""
+def _interpolate_pose(recent: deque[tuple[int, Array]], stamp_ns: int) -> Array | None:
+    """Pose (4, 4) of a camera at a time between two of its registrations; None if they are far apart."""
     after = max(1, bisect_left(recent, stamp_ns, key=itemgetter(0)))
     if after >= len(recent) or recent[0][0] > stamp_ns:
         return None
@@ -186,4 +186,4 @@ def _interpolate_pose(recent: deque[tuple[int, Array]], stamp_ns: int) -> tuple[
     if step_ns > _MAX_STEP_NS:
         return None
     step = log_se3(inverse(world_T_before) @ world_T_after)
-    return world_T_before @ exp_se3(step * ((stamp_ns - before_ns) / step_ns)), step / (1e-9 * step_ns)
+    return world_T_before @ exp_se3(step * ((stamp_ns - before_ns) / step_ns))

@@ -4,21 +4,20 @@ A map of another scale than the body: all cameras contradict alike, and one scal
 camera fits the mount of another. A clock that is some milliseconds off: the poses are right at another time.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from bodycam_ros.geometry import Array, inverse
+from bodycam_ros.body.body_model import CameraMount
+from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.quality.camera_poses import CameraPoses
 from bodycam_ros.quality.contradiction import (
     DOUBTFUL_GAP_M,
-    CameraLink,
     Contradiction,
-    blame,
-    camera_links,
-    lasting_gaps,
+    lasting,
+    pose_distance,
+    proportion,
 )
 from bodycam_ros.quality.lens_evidence import LensDeviation
 
@@ -33,8 +32,6 @@ WELL_REGISTERED = 0.6
 """Share of its images that a camera with the right lens is registered on, unless it is covered."""
 
 _MAX_STRAP_M = 0.6  # no strap moves a camera farther
-_MIN_SCALE = 0.03  # a map that is larger or smaller by less is no cause
-_SCALE_EXPLAINS = 0.9  # share of the cameras' distances
 _CLOCK_EXPLAINS = 0.35  # share of the gaps; on good recordings no clock of 5 ms explains more than 0.25
 _LEFT_BY_CLOCK = 0.85  # share of the gap that may be left once the clock is put right; a fast limb is no straight line
 _MIN_CLOCK_ROWS = 20  # states that a clock is estimated by: of fewer, chance explains as much
@@ -50,18 +47,16 @@ class Cause:
     remedy: str
 
 
-def find_causes(poses: CameraPoses, found: Contradiction) -> dict[str, Cause]:
+def find_causes(found: Contradiction) -> dict[str, Cause]:
     """The likely cause for each camera that contradicts."""
-    if len(found.gaps) > len(found.core):
-        scale = _map_scale(poses, [*found.core, *found.gaps])
-        if scale is not None and abs(scale - 1.0) > _MIN_SCALE:
-            why = f"the map is {scale:.3g} times as large as the body"
-            return dict.fromkeys(found.gaps, Cause(why, "check the tag size of the board on the map's photographs"))
-    places = _exchanged_places(poses, found)
-    return {camera: _find_cause(poses, found, camera, places) for camera in found.gaps}
+    if found.map_scale is not None:
+        why = f"the map is {found.map_scale:.3g} times as large as the body"
+        return dict.fromkeys(found.gaps, Cause(why, "check the tag size of the board on the map's photographs"))
+    places = _exchanged_places(found)
+    return {camera: _find_cause(found.poses, camera, places) for camera in found.gaps}
 
 
-def _find_cause(poses: CameraPoses, found: Contradiction, camera: str, places: dict[str, str]) -> Cause:
+def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Cause:
     place = places.get(camera)
     if place and places.get(place) == camera:
         return Cause(f"its name is exchanged with {place}", "exchange the two names, in the topics or in the body file")
@@ -69,17 +64,15 @@ def _find_cause(poses: CameraPoses, found: Contradiction, camera: str, places: d
         return lens
     if place:
         return Cause(f"its pictures come from where {place} sits", "check which camera records under which name")
-    if (clock := _clock_cause(poses, found.core, camera)) is not None:
+    if (clock := clock_cause(poses, camera)) is not None:
         return clock
-    views = _joint_views(poses, found.core, camera)
-    slips = [slip for view in views if (slip := view.slip())]
-    if len(slips) > len(views) / 2:
-        seconds, moved_m = (float(value) for value in np.median(slips, axis=0))
+    view = JointView(poses, camera)
+    if (slip := view.slip()) is not None:
+        seconds, moved_m = slip
         why = f"its strap slipped at {seconds:.1f} s, by {1e3 * moved_m:.0f} mm"
         return Cause(why, "use the recording up to then, or record again")
-    far_m = max((float(np.linalg.norm(view.offset)) for view in views), default=np.inf)
-    is_registered = poses.counts[camera].share > WELL_REGISTERED
-    if is_registered and far_m < _MAX_STRAP_M and all(view.is_steady for view in views):
+    far_m = float(np.linalg.norm(view.offset))
+    if poses.counts[camera].share > WELL_REGISTERED and far_m < _MAX_STRAP_M and view.is_steady:
         return Cause(
             f"it sits {1e3 * far_m:.0f} mm from where the body has it, all the time: strapped anew, or the body of "
             "another day or person",
@@ -98,59 +91,42 @@ def lens_cause(lens: LensDeviation | None) -> Cause | None:
     return Cause(f"its lens is not what camera_info says: {lens.text}", "check its camera_info, or calibrate it anew")
 
 
-def clock_causes(poses: CameraPoses, cameras: Sequence[str]) -> dict[str, Cause]:
-    """Cameras, among those that agree with each other, whose clock is off."""
-    disagreements = {}
-    for link in camera_links(poses.body, cameras):
-        if link.is_exact:
-            view = JointView(poses, link, link.pair[1])
-            error_s, explained = view.clock_error() if len(view.places) >= _MIN_CLOCK_ROWS else (0.0, 0.0)
-            disagreements[link.pair] = abs(error_s) if explained > _CLOCK_EXPLAINS else 0.0
-    off, _ = blame(disagreements, _CLOCK_ERROR_S, lambda camera: poses.counts[camera].share)
-    right = [camera for camera in cameras if camera not in off]
-    found = {camera: _clock_cause(poses, right, camera) for camera in off}
-    return {camera: cause for camera, cause in found.items() if cause is not None}
-
-
-def _clock_cause(poses: CameraPoses, core: Sequence[str], camera: str) -> Cause | None:
-    """A clock that is off from the core's; None if no clock explains the gaps."""
-    views = [view for view in _joint_views(poses, core, camera) if len(view.places) >= _MIN_CLOCK_ROWS]
-    errors = [view.clock_error() for view in views]
-    if not errors or np.median([explained for _, explained in errors]) < _CLOCK_EXPLAINS:
+def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
+    """A clock that is off from the others'; None if no clock explains the gaps."""
+    view = JointView(poses, camera)
+    if len(view.places) < _MIN_CLOCK_ROWS:
         return None
-    error_s = float(np.median([error_s for error_s, _ in errors]))
-    better = all(view.gap_with_clock(error_s) < _LEFT_BY_CLOCK * view.gap_with_clock(0.0) for view in views)
-    if abs(error_s) <= _CLOCK_ERROR_S or not better:
+    error_s, explained = view.clock_error()
+    is_better = view.gap_with_clock(error_s) < _LEFT_BY_CLOCK * view.gap_with_clock(0.0)
+    if explained < _CLOCK_EXPLAINS or abs(error_s) <= _CLOCK_ERROR_S or not is_better:
         return None
     side = "ahead" if error_s > 0.0 else "behind"
     return Cause(f"its clock is {1e3 * abs(error_s):.0f} ms {side}", "check how its images are stamped")
 
 
 class JointView:
-    """The end of an exact link in a camera's frame, at the T states at which the cameras on both sides are known.
+    """The joint above a camera's segment, as the body has it, in the camera's frame where that is registered.
 
     Args:
         poses: of all cameras.
-        link: that is exact.
-        camera: one of its two.
+        camera: name.
 
     Attributes:
-        expected: (3,) by the body [m].
-        places: (T, 3) by the other camera [m].
+        expected: (3,) by the mount [m].
+        places: (T, 3) by the solved body [m], at the T states at which the camera is registered.
         velocities: (T, 3) of that point in the world, in the camera's axes [m/s].
         seconds: (T,) [s].
     """
 
-    def __init__(self, poses: CameraPoses, link: CameraLink, camera: str) -> None:
-        other = link.other(camera)
-        camera_T_other = inverse(poses.registered[camera]) @ poses.registered[other]
-        places = link.place(other, camera_T_other)
-        # By the other camera: one whose poses are wrong would move with its own errors.
-        twist = poses.twists[other]
-        moving = np.cross(twist[:, :3], link.ends[other]) + twist[:, 3:]
-        velocities = (camera_T_other[:, :3, :3] @ moving[:, :, None])[:, :, 0]
+    def __init__(self, poses: CameraPoses, camera: str) -> None:
+        self.expected: Array = inverse(poses.body.mounts[camera].segment_T_camera)[:3, 3]
+        joint_world = transform_points(poses.solved[camera], self.expected[None])
+        camera_T_world = inverse(poses.registered[camera])
+        places = transform_points(camera_T_world, joint_world)[:, 0]
+        # By the body: a camera whose poses are wrong would move with its own errors.
+        moving = np.gradient(joint_world, poses.seconds, axis=0) if len(joint_world) > 1 else np.zeros_like(joint_world)
+        velocities = (camera_T_world[:, :3, :3] @ np.swapaxes(moving, 1, 2))[:, :, 0]
         known = np.isfinite(places).all(axis=1)
-        self.expected: Array = link.ends[camera]
         self.places, self.velocities, self.seconds = places[known], velocities[known], poses.seconds[known]
 
     @property
@@ -185,12 +161,12 @@ class JointView:
         return (float(self.seconds[row]), moved_m) if is_firm else None
 
     def clock_error(self) -> tuple[float, float]:
-        """By how much the camera's clock is ahead of the other's [s], and which share of the gaps that explains.
+        """By how much the camera's clock is ahead of the others' [s], and which share of the gaps that explains.
 
         With a clock that is ahead, an image with stamp t was taken before t: the joint lies ahead by its velocity times
         the clock's error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
         """
-        return _proportion(*(each - each.mean(axis=0) for each in (self.velocities, self.places)))
+        return proportion(*(each - each.mean(axis=0) for each in (self.velocities, self.places)))
 
     def gap_with_clock(self, error_s: float) -> float:
         """Root mean square of the offset if the camera's clock is ahead by so much [m]."""
@@ -203,66 +179,46 @@ def _spread(places: Array, centre: Array) -> float:
     return float(np.median(np.linalg.norm(places - centre, axis=1)))
 
 
-def _joint_views(poses: CameraPoses, core: Sequence[str], camera: str) -> list[JointView]:
-    """A camera's nearest joints, or its own segment, by the core."""
-    links = camera_links(poses.body, core, of=camera)
-    views = [JointView(poses, link, camera) for link in links if link.is_exact]
-    return [view for view in views if len(view.places) >= _MIN_ROWS]
-
-
-def _map_scale(poses: CameraPoses, cameras: Sequence[str]) -> float | None:
-    """Scale of the map over the body; None if no scale explains the positions of the cameras.
-
-    The vector from one camera to another over the joint between them has the length of the body; that of their
-    registered positions has the map's.
-    """
-    vectors = [np.zeros((2, 0, 3))]
-    for link in camera_links(poses.body, cameras):
-        if link.is_exact:
-            registered = [poses.registered[camera] for camera in link.pair]
-            by_map = registered[1][:, :3, 3] - registered[0][:, :3, 3]
-            vectors.append(np.stack([by_map + np.subtract(*map(link.place, link.pair, registered)), by_map]))
-    by_body, by_map = np.concatenate(vectors, axis=1)
-    known = np.isfinite(by_body).all(axis=1)
-    scale, explained = _proportion(by_body[known], by_map[known])
-    return scale if scale > 0.0 and explained > _SCALE_EXPLAINS else None
-
-
-def _proportion(x: Array, y: Array) -> tuple[float, float]:
-    """The factor of x (N, 3) that is closest to y (N, 3), and which share of y's squares it explains; 0 of nothing."""
-    squared, total = float((x**2).sum()), float((y**2).sum())
-    if squared == 0.0 or total == 0.0:
-        return 0.0, 0.0
-    factor = float((x * y).sum()) / squared
-    return factor, 1.0 - float(((y - factor * x) ** 2).sum()) / total
-
-
-def _exchanged_places(poses: CameraPoses, found: Contradiction) -> dict[str, str]:
+def _exchanged_places(found: Contradiction) -> dict[str, str]:
     """Camera that contradicts -> the camera whose mount on the body its poses fit.
 
-    Only mounts are tried whose own camera contradicts, too, or is missing: the others are taken. A mount whose camera
-    is missing must be next to one that agrees: over more than one joint much fits by chance.
+    Only mounts are tried whose own camera contradicts, too, or is missing: the others are taken. They must be next to
+    a segment whose pose is known, by the body or by a camera that has found its mount: more fits by chance.
     """
-    body, core, wanted = poses.body, list(found.core), sorted(found.gaps)
-    free = [place for place in body.mounts if place not in core]
+    poses, mounts = found.poses, found.poses.body.mounts
+    known = {mounts[c].segment: poses.solved[c] @ inverse(mounts[c].segment_T_camera) for c in found.core}
     fits: dict[str, str] = {}
-    while core and wanted:
-        # One whose neighbours have found their mounts can be tried next: the best fit of all first.
-        moved = {**body.mounts, **{camera: body.mounts[place] for camera, place in fits.items()}}
-        tried = {}
-        for camera, place in product(wanted, free):
-            if place == camera:
-                continue
-            links = camera_links(body, core, {**moved, camera: body.mounts[place]}, of=camera)
-            gaps = lasting_gaps(poses, links)
-            is_next = place in found.gaps or any(link.is_exact and link.pair in gaps for link in links)
-            if gaps and is_next and max(gaps.values()) <= DOUBTFUL_GAP_M:
-                tried[camera, place] = max(gaps.values())
-        if not tried:
+    while True:
+        free = [place for place in mounts if place not in found.core and place not in fits.values()]
+        gaps = {
+            (camera, place): _place_gap(poses, camera, mounts[place], known)
+            for camera, place in product(found.gaps, free)
+            if camera not in fits and place != camera
+        }
+        close = {pair: gap for pair, gap in gaps.items() if gap <= DOUBTFUL_GAP_M}
+        if not close:
             break
-        camera, place = min(tried, key=lambda pair: tried[pair])
+        camera, place = min(close, key=lambda pair: close[pair])
         fits[camera] = place
-        free.remove(place)
-        wanted.remove(camera)
-        core.append(camera)
+        mount = mounts[place]
+        known[mount.segment] = poses.registered[camera] @ inverse(mount.segment_T_camera)
     return fits
+
+
+def _place_gap(poses: CameraPoses, camera: str, mount: CameraMount, known: dict[str, Array]) -> float:
+    """Lasting gap between a camera, if it were at a mount, and the known poses of its segment or of those next to it.
+
+    Args:
+        known: segment -> (T, 4, 4) its pose [m].
+    """
+    world_T_segment = poses.registered[camera] @ inverse(mount.segment_T_camera)
+    if mount.segment in known:
+        return lasting(pose_distance(known[mount.segment], world_T_segment), poses.seconds)
+    gaps = []
+    for joint in poses.body.tree_joints:
+        of = {joint.parent: joint.parent_T_joint, joint.child: joint.child_T_joint}
+        other = next((segment for segment in of if segment != mount.segment), "")
+        if mount.segment in of and other in known and joint.type != "free":
+            apart = (world_T_segment @ of[mount.segment] - known[other] @ of[other])[:, :3, 3]
+            gaps.append(lasting(np.linalg.norm(apart, axis=1), poses.seconds))
+    return max(gaps, default=np.nan)

@@ -8,17 +8,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.quality.camera_poses import CameraPoseLog, CameraPoses
-from bodycam_ros.quality.causes import Cause, clock_causes, find_causes, lens_cause
-from bodycam_ros.quality.contradiction import (
-    DOUBTFUL_GAP_M,
-    LEVER_M,
-    Contradiction,
-    find_contradiction,
-    gaps_over_time,
-    lasting,
-)
+from bodycam_ros.quality.causes import Cause, clock_cause, find_causes, lens_cause
+from bodycam_ros.quality.contradiction import DOUBTFUL_GAP_M, Contradiction, find_contradiction, lasting, pose_gap
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.verdict import Finding, Level, Verdict
@@ -44,13 +36,13 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
     alone = [c for c in poses.cameras if c not in unregistered and _shares_no_time(poses, c)]
     cameras = [camera for camera in poses.cameras if camera not in unregistered and camera not in alone]
     found = find_contradiction(poses, cameras)
-    causes = find_causes(poses, found)
+    causes = find_causes(found)
     accused = [_contradiction_finding(poses, found, camera, cause) for camera, cause in causes.items()]
     findings = [
         *(_unregistered_finding(poses, camera, is_everybody=not cameras and not alone) for camera in unregistered),
         *(_no_common_time_finding(poses, camera, cameras) for camera in alone),
         *accused,
-        *_other_findings(poses, cameras, found.core),
+        *_other_findings(found, cameras),
     ]
     if all(finding.level is not Level.WRONG for finding in accused):
         subjects = {finding.subject for finding in findings}
@@ -59,10 +51,8 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
 
 
 def _solved_gap(poses: CameraPoses, camera: str) -> float:
-    """Lasting gap from a camera's registered to its solved pose [m], a turn counted at the next joint."""
-    gap = inverse(poses.solved[camera]) @ poses.registered[camera]
-    moved, turned = (np.linalg.norm(each, axis=1) for each in (gap[:, :3, 3], log_so3(gap[:, :3, :3])))
-    return lasting(np.maximum(moved, LEVER_M * turned), poses.seconds)
+    """Lasting gap from a camera's registered to its solved pose [m]."""
+    return lasting(pose_gap(poses, camera), poses.seconds)
 
 
 def _is_unregistered(poses: CameraPoses, camera: str) -> bool:
@@ -97,17 +87,13 @@ def _no_common_time_finding(poses: CameraPoses, camera: str, others: Sequence[st
 
 
 def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str, cause: Cause) -> Finding:
-    # Over segments without a camera, links give the least gap; the solved body gives more.
-    gap_m = float(np.fmax(found.gaps[camera], _solved_gap(poses, camera)))
-    over_time = gaps_over_time(poses, found.core, camera)
+    gap_m, over_time = found.gaps[camera], pose_gap(found.poses, camera)
     bad, known = over_time > DOUBTFUL_GAP_M, np.isfinite(over_time)
-    share = float(bad[known].mean()) if known.any() else 1.0
+    share = float(bad[known].mean())
     what = f"contradicts the body by {1e3 * gap_m:.0f} mm"
-    if bad.any() and share < 0.9:
+    if share < 0.9:
         times = poses.seconds[bad]
         what += f" between {times[0]:.1f} and {times[-1]:.1f} s"
-    if camera in found.rivals:
-        what += f" (or {found.rivals[camera]} does)"
     is_wrong = gap_m > _WRONG_GAP_M and share > _WRONG_SHARE and not _is_outvoted(poses, found, camera)
     level = Level.WRONG if is_wrong else Level.DOUBTFUL
     return Finding(camera, level, what, cause.why, cause.remedy, check="contradiction")
@@ -123,9 +109,9 @@ def _is_outvoted(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
     return is_shared and not any(_solved_gap(poses, other) > DOUBTFUL_GAP_M for other in found.core)
 
 
-def _other_findings(poses: CameraPoses, cameras: Sequence[str], core: Sequence[str]) -> Iterator[Finding]:
+def _other_findings(found: Contradiction, cameras: Sequence[str]) -> Iterator[Finding]:
     """Cameras that end early, leave their segment unobserved, or agree with each other by a wrong lens or clock."""
-    clocks, mounts = clock_causes(poses, core), poses.body.mounts
+    poses, core, mounts = found.poses, found.core, found.poses.body.mounts
     last_ns = max((poses.counts[camera].last_registered_ns for camera in cameras), default=0)
     from_ns = poses.start_ns + 1e9 * float(poses.seconds[0]) if len(poses.seconds) else np.inf
     for camera in cameras:
@@ -136,7 +122,7 @@ def _other_findings(poses: CameraPoses, cameras: Sequence[str], core: Sequence[s
         doubt = partial(Finding, camera, Level.DOUBTFUL)
         if camera in core and (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
             yield doubt("its landmarks do not fit its lens", cause.why, cause.remedy, check="lens")
-        elif camera in core and (cause := clocks.get(camera)) is not None:
+        elif camera in core and (cause := clock_cause(poses, camera)) is not None:
             yield doubt("its poses fit at other times", cause.why, cause.remedy, check="clock")
         if all_s - end_s > _EARLY_END_S:
             what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
