@@ -1,6 +1,7 @@
-"""Clocks of cameras, fitted to events that several of them recorded: a sound, or the same movement.
+"""Clocks of cameras, and their fit to what pairs of them recorded.
 
-A camera c that records the event e at its media time a has ``start_c + (1 + drift_c) a = t_e``.
+Cameras c and d that record the same at media times a and b have
+``start_c + (1 + drift_c) a = start_d + (1 + drift_d) b``.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -8,14 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-
-Array = NDArray[np.float64]
 
 _DRIFT_SIGMA = 100e-6  # of two cameras: crystals are sold with 20 to 50 ppm, and get warm; a minute outweighs it
 _ROUNDS = 30
-_CAUCHY = 2.4  # sigmas: 95 % efficient where nothing is wrong
+_CAUCHY = 3.4  # sigmas of the difference of two times: 95 % efficient where nothing is wrong
 
 
 @dataclass(frozen=True)
@@ -48,78 +45,47 @@ class CameraTime:
         return times
 
 
-def fit_clocks(
-    cameras: Sequence[str],
-    events: Sequence[Sequence[tuple[int, float, float]]],
-    reference: str,
-    source: str,
-    floor_s: float = 0.0,
-) -> dict[str, CameraTime]:
-    """Fit all clocks to the time of the reference camera by robust least squares; the events' times are eliminated.
+Reading = tuple[tuple[str, str], tuple[float, float]]
+"""Two cameras, and their media times [s] of something that both recorded."""
 
-    Cameras that share no event with the reference, if only through others, are left out.
+
+def fit_clocks(
+    readings: Sequence[Reading], reference: str, sigma_s: float, floor_s: float = 0.0
+) -> dict[str, CameraTime]:
+    """Fit all clocks to the time of the reference camera by robust least squares.
+
+    Cameras that have nothing in common with the reference, if only through others, are left out.
 
     Args:
-        cameras: names (C,), as the events count them.
-        events: those that cameras have in common: (camera's number, media time [s], its standard deviation [s]) of
-            each record of an event.
+        readings: what pairs of cameras recorded.
         reference: the camera that has start 0 and drift 0.
-        source: written into the clocks.
-        floor_s: standard deviation that all events of a camera have in common [s].
+        sigma_s: standard deviation of the difference of the two times of a reading [s].
+        floor_s: that all readings of a camera have in common [s].
     """
-    count, zero = len(cameras), list(cameras).index(reference)
-    records = np.array([(number, *record) for number, of_event in enumerate(events) for record in of_event], np.float64)
-    event, camera = records.reshape(-1, 4)[:, :2].astype(np.int64).T
-    joined = _joined(event, camera, count, zero)
-    used = joined[camera]
-    event, camera, (media_s, sigma_s) = event[used], camera[used], records.reshape(-1, 4)[used, 2:].T
-    number = len(events)
-    rows = np.arange(len(event))
-    design = np.zeros((len(event), 2 * count))
-    design[rows, camera] = 1.0
-    design[rows, count + camera] = media_s
-    free = np.tile(joined & (np.arange(count) != zero), 2)
-    prior = np.diag(np.repeat([0.0, _DRIFT_SIGMA**-2.0], count)[free])
-
-    def centred(values: Array, weight: Array) -> Array:
-        """Less the weighted mean of the event, by which its time is eliminated."""
-        sums = np.zeros((number, *values.shape[1:]))
-        np.add.at(sums, event, (values.T * weight).T)
-        total = np.bincount(event, weight, number)[event]
-        result: Array = values - (sums[event].T / total).T
-        return result
-
-    base = sigma_s**-2.0
-    weight, solution, covariance = base, np.zeros(2 * count), np.zeros((2 * count, 2 * count))
+    joined = {reference}
+    while more := {name for pair, _ in readings if not joined.isdisjoint(pair) for name in pair} - joined:
+        joined |= more
+    used = [reading for reading in readings if reading[0][0] in joined]
+    column = {name: number for number, name in enumerate(sorted(joined - {reference}))}
+    count = len(column)
+    design, wanted = np.zeros((len(used), 2 * count)), np.zeros(len(used))
+    for row, (pair, times) in enumerate(used):
+        wanted[row] = (times[0] - times[1]) / sigma_s
+        for name, media_s, sign in zip(pair, times, (-1.0, 1.0), strict=True):
+            if name != reference:
+                design[row, [column[name], count + column[name]]] = sign / sigma_s, sign * media_s / sigma_s
+    prior = np.diag(np.repeat([0.0, _DRIFT_SIGMA**-2.0], count))
+    weights = np.ones(len(used))
     for _ in range(_ROUNDS):
-        reduced, wanted = centred(design[:, free], weight), -centred(media_s, weight)
-        spread = np.linalg.pinv((reduced.T * weight) @ reduced + prior, hermitian=True)
-        solution[free] = spread @ ((reduced.T * weight) @ wanted)
-        covariance[np.ix_(free, free)] = spread
-        residuals = centred(design @ solution + media_s, weight)
-        weight = base / (1.0 + residuals**2 * base / _CAUCHY**2)
+        covariance = np.linalg.inv((design.T * weights) @ design + prior)
+        clocks = covariance @ (design.T * weights) @ wanted
+        weights = 1.0 / (1.0 + ((design @ clocks - wanted) / _CAUCHY) ** 2)
     sigma = np.sqrt(np.diag(covariance))
-    return {
-        name: CameraTime(
-            name,
-            float(solution[k]),
-            float(solution[count + k]),
-            float(np.hypot(sigma[k], floor_s)) if k != zero else 0.0,
-            float(sigma[count + k]),
-            source,
-        )
-        for k, name in enumerate(cameras)
-        if joined[k]
-    }
-
-
-def _joined(event: NDArray[np.int64], camera: NDArray[np.int64], cameras: int, reference: int) -> NDArray[np.bool_]:
-    """Which cameras (C,) share events with the reference, if only through others."""
-    size = cameras + int(event.max(initial=-1)) + 1
-    links = coo_array((np.ones(len(event)), (camera, cameras + event)), (size, size))
-    label = connected_components(links, directed=False)[1]
-    joined: NDArray[np.bool_] = label[:cameras] == label[reference]
-    return joined
+    fitted = {reference: CameraTime(reference)}
+    for name, k in column.items():
+        start_s, drift = float(clocks[k]), float(clocks[count + k])
+        fitted[name] = CameraTime(name, start_s, drift, float(np.hypot(sigma[k], floor_s)), float(sigma[count + k]))
+    return fitted
 
 
 def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, CameraTime]:

@@ -8,19 +8,21 @@ from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
-from bodycam_ros.ingest.motion_correlation import SEARCH_RATE, chance_curve, even_motion, offset_curve
-from bodycam_ros.ingest.offset_search import OffsetCurve, Pair, agreed_offsets
+from bodycam_ros.ingest.offset_search import Pair, Signal, agreed_offsets, offset_curves
 from bodycam_ros.tracking.angular_speed import AngularSpeed
 
+_RATE_HZ = 60.0  # of the comparison; twice what most cameras take
+_STRENGTH_S = 0.25  # over which the strength is evened out
+_STILL = 0.1  # [rad/s] below it a motion is not amplified: it is the noise of the images
+_WILD = 3.0  # [rad/s]
 _MAX_OFFSET_S = 600.0  # cameras started by hand run within minutes of each other; more is more chance of a wrong match
-_SEARCHED_S = 300.0  # the liveliest stretch of this length decides which second; drift is 30 ms within it at most
-_LEAST_SHARE = 0.1  # of the shorter recording that two must have in common
-_MIN_CONFIDENCE = 0.25  # limbs that have nothing to do with each other lead by less 19 times in 20, linked ones by 0.8
-_APART_S = 0.25
-_MIN_OVERLAP_S = 2.0  # shorter stretches of motion resemble each other by chance
+_MIN_EVIDENCE = 8.0  # of a pair; limbs of two people reach 7, those of one 14 and more
+_MIN_CONFIDENCE = 0.25  # of both, another person's camera passes one time in thirty
 _DRIFT_SIGMA = 7e-5  # of two cameras: each crystal is within 50 millionths
 _LINKED_SIGMA_S = 0.03  # of an offset: a limb leads or trails its neighbour by hundredths of a second
 
@@ -43,9 +45,9 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
         return FoundTimes("motion", {}, remarks)
     on_root = [camera for camera in lively if rig is not None and rig.cameras.get(camera) == rig.root]
     reference = next(iter(on_root or lively))
-    begin_s = _liveliest(lively)
-    curves, chance = _curves(lively, rig, begin_s)
-    agreed = agreed_offsets(reference, curves, round(_APART_S * SEARCH_RATE), chance)
+    signals = {camera: _even_motion(speed) for camera, speed in lively.items()}
+    curves = offset_curves(signals, _pairs(lively, rig), _RATE_HZ, _MAX_OFFSET_S)
+    agreed = agreed_offsets(reference, curves, _RATE_HZ, _MIN_EVIDENCE)
     sure = {camera: offset for camera, offset in agreed.items() if offset.confidence >= _MIN_CONFIDENCE}
     for camera in lively:
         if rig is not None and camera not in rig.cameras:
@@ -53,32 +55,23 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
                 f"camera {camera}: is not among the cameras of the rig, so its clock cannot be aligned by motion; add "
                 "it to the rig"
             )
-        elif camera not in agreed:
-            remarks.append(
-                f"camera {camera}: no camera on its own or a neighbouring segment that is aligned with {reference} has "
-                f"{_MIN_OVERLAP_S:g} s of motion in common with it; its clock cannot be aligned by motion"
-            )
         elif camera not in sure:
             remarks.append(
-                f"camera {camera}: its motion fits that of its neighbours at several offsets nearly alike (lead of "
-                f"the best {agreed[camera].confidence:.0%}), so its clock is unknown: record a clap near it, or "
-                "turn the whole body to and fro once"
+                f"camera {camera}: its motion has too little in common with that of aligned cameras on its own and "
+                "neighbouring segments, or fits at several offsets nearly alike, so its clock is unknown: record a "
+                "clap near it, or turn the whole body to and fro once"
             )
     times = {
         camera: CameraTime(
-            camera, each.samples / SEARCH_RATE, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence
+            camera, each.samples / _RATE_HZ, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence
         )
         for camera, each in sure.items()
     }
-    return FoundTimes(
-        "motion",
-        times | {reference: CameraTime(reference, source="motion", confidence=agreed[reference].confidence)},
-        remarks,
-    )
+    return FoundTimes("motion", times | {reference: CameraTime(reference, source="motion")}, remarks)
 
 
 def _is_lively(speed: AngularSpeed) -> bool:
-    return bool(speed.known.sum() >= 0.25 * len(speed.media_s)) and len(speed.media_s) > 20
+    return bool(speed.known.sum() >= max(8, 0.25 * len(speed.media_s))) and len(speed.media_s) > 20
 
 
 def _pairs(cameras: Mapping[str, AngularSpeed], rig: Rig | None) -> list[Pair]:
@@ -94,37 +87,16 @@ def _pairs(cameras: Mapping[str, AngularSpeed], rig: Rig | None) -> list[Pair]:
     return chosen
 
 
-def _curves(
-    speeds: Mapping[str, AngularSpeed], rig: Rig | None, begin_s: float
-) -> tuple[dict[Pair, OffsetCurve], dict[Pair, OffsetCurve]]:
-    """Evidence for the offsets of all pairs, of the stretch that begins at a media time [s], and what chance gives."""
-    end_s = begin_s + _SEARCHED_S
-    inner = {camera: even_motion(speed, begin_s, end_s) for camera, speed in speeds.items()}
-    outer = {
-        camera: even_motion(speed, begin_s - _MAX_OFFSET_S, end_s + _MAX_OFFSET_S) for camera, speed in speeds.items()
-    }
-    curves, chance = {}, {}
-    for pair in _pairs(speeds, rig):
-        first, second = outer[pair[0]], inner[pair[1]]
-        if first is None or second is None:
-            continue
-        shorter = min(len(first.values), len(second.values)) / SEARCH_RATE
-        overlap = max(_MIN_OVERLAP_S, _LEAST_SHARE * shorter)
-        curve = offset_curve(first, second, overlap, _MAX_OFFSET_S)
-        by_chance = chance_curve(first, second, overlap, _MAX_OFFSET_S)
-        if curve is not None and by_chance is not None:
-            curves[pair], chance[pair] = curve, by_chance
-    return curves, chance
+def _even_motion(speed: AngularSpeed) -> Signal:
+    """A camera's motion, evenly sampled: three components and their norm, of the same strength at all times.
 
-
-def _liveliest(speeds: Mapping[str, AngularSpeed]) -> float:
-    """Media time at which the stretch begins in which all cameras together turn most [s]."""
-    last = max(float(speed.media_s[-1]) for speed in speeds.values())
-    turned = np.zeros(int(last) + 2)
-    for speed in speeds.values():
-        seconds = np.clip(speed.media_s[speed.known], 0.0, None).astype(int)
-        # What turns wildly is one limb, or a camera that is being put on.
-        np.add.at(turned, seconds, np.minimum(speed.speed[speed.known], 3.0))
-    running = np.concatenate([[0.0], np.cumsum(turned)])
-    length = min(int(np.ceil(_SEARCHED_S)), len(turned))
-    return float(np.argmax(running[length:] - running[:-length]))
+    Limbs swing with sizes that differ by magnitudes, but they start and stop together.
+    """
+    times, omega = speed.media_s[speed.known], speed.omega[speed.known]
+    samples = np.arange(int(np.ceil(times[0] * _RATE_HZ)), int(np.floor(times[-1] * _RATE_HZ)) + 1)
+    measured = np.column_stack([omega, np.linalg.norm(omega, axis=1)])
+    values = CubicSpline(times, measured)(samples / _RATE_HZ)
+    strength = np.maximum(gaussian_filter1d((values**2).sum(axis=1), _STRENGTH_S * _RATE_HZ), 0.0)
+    even = values / np.sqrt(_STILL**2 + strength)[:, None]
+    # What turns wildly is one limb, or a camera that is being put on.
+    return Signal(int(samples[0]), even, np.clip(values[:, 3], 0.0, _WILD))
