@@ -121,15 +121,15 @@ class Robot:
         data = pin.GeometryData(self.hulls)
         pin.computeDistances(self.model, self.model.createData(), self.hulls, data, self.n_pose)
         chains = [set(self.model.supports[hull.parentJoint]) for hull in self.hulls.geometryObjects]
-        return np.array(
-            [
-                (pair.first, pair.second)
-                for pair, result in zip(self.hulls.collisionPairs, data.distanceResults, strict=True)
-                if result.min_distance > _TOUCHING_M
-                and len(chains[pair.first] ^ chains[pair.second]) > _LIMITED_BY_JOINTS
-            ],
-            np.int64,
-        ).reshape(-1, 2)
+        apart = [
+            (pair.first, pair.second)
+            for pair, result in zip(self.hulls.collisionPairs, data.distanceResults, strict=True)
+            if result.min_distance > _TOUCHING_M and len(chains[pair.first] ^ chains[pair.second]) > _LIMITED_BY_JOINTS
+        ]
+        self.hulls.removeAllCollisionPairs()
+        for each in apart:
+            self.hulls.addCollisionPair(pin.CollisionPair(*each))
+        return np.array(apart, np.int64).reshape(-1, 2)
 
 
 def _is_flat(shape: Any) -> bool:
