@@ -6,7 +6,7 @@ import numpy as np
 from known_walk import FRAMES, Walk, write_solved
 
 from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord, EquipmentReport
-from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
+from bodycam_ros.messages.body import EQUIPMENT, equipment_message
 from bodycam_ros.recording.typestore import recorded_messages
 
 OFF = range(20, 26)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros import geometry
 from bodycam_ros.body_state import BodyState, BodyUncertainty
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.messages.equipment import equipment_message, equipment_report
+from bodycam_ros.messages.body import equipment_message, equipment_report
 from bodycam_ros.messages.factory import Message, MessageFactory, stamp_ns
 from bodycam_ros.messages.imu import IMU_TYPE, imu_message, imu_row, imu_row_of_cdr
 from bodycam_ros.messages.poses import body_covariance, ros_covariance

@@ -48,7 +48,7 @@ class LiveMapper(LocalMapper):
         self._folder: Path | None = None
         self._saved_changes, self._saved_s, self._failure = 0, time.monotonic(), ""
         self._writer = ThreadPoolExecutor(1, "grown map")
-        self._writing: Future[int] | None = None
+        self._writing: Future[None] | None = None
 
     def start_camera(self, camera: str, model: CameraModel) -> None:
         """Start, or restart, the tracks of a camera."""
@@ -85,39 +85,35 @@ class LiveMapper(LocalMapper):
         self._folder, self._saved_changes = folder, self.map.changes
 
     def poll(self, save_interval_s: float) -> None:
-        """Start writing on a thread if it is due, and take the result of the thread; call it regularly."""
+        """Start writing on a thread if it is due; call it regularly."""
         if self._writing is not None and self._writing.done():
-            writing, self._writing, self._saved_s = self._writing, None, time.monotonic()
-            try:
-                self._saved_changes, failure = writing.result(), ""
-            except BodycamError as error:
-                failure = str(error)
-                if failure != self._failure:
-                    self._on_error(failure)
-            self._failure = failure
-        is_due = time.monotonic() - self._saved_s > save_interval_s
-        if self._writing is None and is_due and (write := self._prepare_write()) is not None:
-            self._writing = self._writer.submit(write)
+            self._writing.result()  # raises what is no user's error
+            self._writing, self._saved_s = None, time.monotonic()
+        if self._writing is None and self._unsaved and time.monotonic() - self._saved_s > save_interval_s:
+            self._writing = self._writer.submit(self._write, self.map.compact(), self.map.changes)
 
     def close(self) -> None:
         """Save the changes before the node ends; raises BodycamError."""
         self._writer.shutdown()
-        self.poll(float("inf"))
-        if (write := self._prepare_write()) is not None:
-            write()
+        if self._unsaved and self._folder is not None:
+            self.map.compact().save(self._folder, force=True)
 
-    def _prepare_write(self) -> Callable[[], int] | None:
-        """Function that writes the map as it is now, and returns the number of changes in it; None if it is saved."""
-        folder, changes = self._folder, self.map.changes
-        if folder is None or changes == self._saved_changes:
-            return None
-        snapshot = self.map.compact()
+    @property
+    def _unsaved(self) -> int:
+        """Changes that are not in the folder; none without one."""
+        return 0 if self._folder is None else self.map.changes - self._saved_changes
 
-        def write() -> int:
-            snapshot.save(folder, force=True)
-            return changes
-
-        return write
+    def _write(self, snapshot: ReferenceMap, changes: int) -> None:
+        """Write the map as it was at a number of changes."""
+        assert self._folder is not None
+        try:
+            snapshot.save(self._folder, force=True)
+        except BodycamError as error:
+            if str(error) != self._failure:
+                self._on_error(str(error))
+            self._failure = str(error)
+        else:
+            self._saved_changes, self._failure = changes, ""
 
     def report(self) -> Status:
         """Status of the growth and of its folder."""
@@ -129,6 +125,6 @@ class LiveMapper(LocalMapper):
             "folder": self._folder or "none",
         }
         if self._folder is not None:
-            values["changes not saved"] = self.map.changes - self._saved_changes
+            values["changes not saved"] = self._unsaved
         level, text = StatusLevel.OK, "growing" if self._enabled else "growth is off"
         return Status("grown map", StatusLevel.WARN if self._failure else level, self._failure or text, values)

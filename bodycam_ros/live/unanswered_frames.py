@@ -48,11 +48,6 @@ class UnansweredFrames:
             self._unanswered_ns.popleft()
         return True
 
-    def answer_until(self, stamp_ns: int) -> None:
-        """Remove all frames up to a time."""
-        if until := [sent_ns for sent_ns in self._unanswered_ns if sent_ns <= stamp_ns]:
-            self.answer(until[-1])
-
     def expect_no_answer(self) -> None:
         """Do not wait until the next answer: the node that answers is gone, or has just started."""
         self._is_alone = True

@@ -1,15 +1,15 @@
-"""Messages that the solver publishes: joints, root, transforms, a skeleton for display."""
+"""Messages that the solver publishes: joints, root, transforms, a skeleton for display, the coupling to equipment."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.urdf import LinkTransform
 from bodycam_ros.body_state import BodyOutput, BodyState
 from bodycam_ros.geometry import Array, inverse
-from bodycam_ros.messages.equipment import EQUIPMENT, equipment_message
-from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, header_message
+from bodycam_ros.messages.factory import MAP_FRAME, Message, MessageFactory, header_message, numbers
 from bodycam_ros.messages.poses import (
     point_message,
     pose_with_covariance_message,
@@ -17,6 +17,8 @@ from bodycam_ros.messages.poses import (
     twist_covariance,
     vector_message,
 )
+
+EQUIPMENT, EQUIPMENT_TYPE = "/equipment", "bodycam_msgs/msg/EquipmentState"
 
 _LINE_LIST, _SPHERE_LIST = 5, 7  # visualization_msgs/Marker types
 _BONE_WIDTH_M, _JOINT_DIAMETER_M = 0.02, 0.05
@@ -103,6 +105,43 @@ def _skeleton(make: MessageFactory, state: BodyState, bones: Sequence[tuple[int,
         )
     ]
     return make("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def equipment_message(make: MessageFactory, stamp_ns: int, report: EquipmentReport) -> Message:
+    """bodycam_msgs/EquipmentState at one stamp [ns]."""
+    return make(
+        EQUIPMENT_TYPE,
+        header=header_message(make, stamp_ns, MAP_FRAME),
+        name=report.name,
+        placed=report.placed,
+        attachments=list(report.attachments),
+        engaged=make.array(report.engaged, np.uint8),
+        deviations=make.array(report.deviations, np.float64),
+        lengths=list(report.lengths),
+        priors=make.array(report.priors, np.float64),
+        values=make.array(report.values, np.float64),
+        sigmas=make.array(report.sigmas, np.float64),
+    )
+
+
+def equipment_report(message: Message) -> EquipmentReport:
+    """Content of a bodycam_msgs/EquipmentState.
+
+    Raises:
+        ValueError: an array does not have one value for each name.
+    """
+    attachments, lengths = tuple(message.attachments), tuple(message.lengths)
+    return EquipmentReport(
+        name=message.name,
+        placed=bool(message.placed),
+        attachments=attachments,
+        engaged=numbers(message.engaged, np.uint8, len(attachments)).astype(bool),
+        deviations=numbers(message.deviations, np.float64, len(attachments)),
+        lengths=lengths,
+        priors=numbers(message.priors, np.float64, len(lengths)),
+        values=numbers(message.values, np.float64, len(lengths)),
+        sigmas=numbers(message.sigmas, np.float64, len(lengths)),
+    )
 
 
 def output_messages(

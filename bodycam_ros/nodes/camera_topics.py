@@ -217,9 +217,8 @@ class CameraModels:
 
 def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tuple[float, ...]], object]) -> None:
     """Call a function with each sample of a camera's inertial sensor: its stamp [ns] and reading."""
-    sampled = IMU_TYPE, f"{camera}{IMU_TOPIC}", imu_row_of_cdr, lambda sample: receive(*sample)
-    quality = best_effort(_SENSOR_DEPTH)
-    stage.converted_subscription(*sampled, "inertial samples dropped", quality, adapts=True, raw=True)
+    sampled = IMU_TYPE, f"{camera}{IMU_TOPIC}", lambda sample: receive(*sample), best_effort(_SENSOR_DEPTH)
+    stage.subscription(*sampled, imu_row_of_cdr, "inertial samples dropped", adapts=True, raw=True)
 
 
 class CameraTimings:

@@ -8,7 +8,6 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from types import FrameType
 from typing import Any
 
 import cv2
@@ -29,31 +28,6 @@ _SPIN_S = 0.2
 _POLL_S = 0.1
 
 
-class Signals:
-    """Records the signals that end a process, also SIGHUP of a terminal that is closed."""
-
-    def __init__(self) -> None:
-        self._received = False
-        self._numbers = [signal.SIGINT, signal.SIGTERM]
-        # nohup
-        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
-            self._numbers.append(signal.SIGHUP)
-        for number in self._numbers:
-            signal.signal(number, self._record)
-
-    def ignore(self) -> None:
-        """Ignore them from now on."""
-        for number in self._numbers:
-            signal.signal(number, signal.SIG_IGN)
-
-    def is_received(self) -> bool:
-        """Whether one was received."""
-        return self._received
-
-    def _record(self, number: int, frame: FrameType | None) -> None:
-        self._received = True
-
-
 def run(name: str, *make_nodes: Callable[[], Any]) -> int:
     """Run nodes in this process until one fails, all are done, or SIGINT, SIGTERM or SIGHUP comes; the exit code.
 
@@ -66,17 +40,22 @@ def run(name: str, *make_nodes: Callable[[], Any]) -> int:
     """
     cv2.setNumThreads(1)
     logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
-    signals = Signals()
+    ending = [signal.SIGINT, signal.SIGTERM]
+    # Of a terminal that is closed, unless nohup ignores it.
+    ending += [] if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else [signal.SIGHUP]
+    received: list[int] = []
+    for number in ending:
+        signal.signal(number, lambda number, frame: received.append(number))
     nodes: list[Any] = []
     try:
         # rclpy's handlers close the context at once, and nothing could be published or saved any more.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         for make in make_nodes:
-            if signals.is_received():
+            if received:
                 break
             nodes.append(make())
             nodes[-1].bring_up()
-        _work(nodes, signals.is_received)
+        _work(nodes, lambda: bool(received))
     except (BodycamError, rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
         # Of rclpy: without keys DDS does not admit the node, or its ROS arguments are invalid.
         with suppress(OSError):  # the terminal may be gone
@@ -84,7 +63,8 @@ def run(name: str, *make_nodes: Callable[[], Any]) -> int:
         return USER_ERROR
     finally:
         # A second signal, which a launch file sends, must not cut this short.
-        signals.ignore()
+        for number in ending:
+            signal.signal(number, signal.SIG_IGN)
         leave_ros(nodes)
     return 0
 

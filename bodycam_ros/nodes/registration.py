@@ -87,11 +87,10 @@ class RegistrationStage(Stage[RegistrationParameters]):
         points = of.publish_map
         self._points = self.publisher("sensor_msgs/msg/PointCloud2", "map/points", latched()) if points else None
         for each in cameras:
-            add, kind = partial(self._set_readout, each), "timing messages dropped"
-            timed = TIMING_TYPE, f"{each}{TIMING}", _readout_by_source
-            self.converted_subscription(*timed, add, kind, latched(_TIMINGS), even_inactive=True)
-            tracked = TRACKS_TYPE, f"{each}/tracks", partial(track_frame, camera=each)
-            self.converted_subscription(*tracked, partial(self._add_tracks, each), "track messages dropped", deep)
+            timed = TIMING_TYPE, f"{each}{TIMING}", partial(self._set_readout, each), latched(_TIMINGS)
+            self.subscription(*timed, _readout_by_source, "timing messages dropped", even_inactive=True)
+            tracked = TRACKS_TYPE, f"{each}/tracks", partial(self._add_tracks, each), deep
+            self.subscription(*tracked, partial(track_frame, camera=each), "track messages dropped")
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)

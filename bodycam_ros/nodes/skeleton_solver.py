@@ -95,10 +95,8 @@ class SolverStage(Stage[SolverParameters]):
         self._lost = LostMessages()
         self._first_info_s: float | None = None
         for camera in carried:
-            registered = LANDMARKS_TYPE, f"{camera}/landmarks", partial(landmark_matches, camera=camera)
-            self.converted_subscription(
-                *registered, self._add_landmarks, "registrations dropped", reliable(STAGE_DEPTH)
-            )
+            registered = LANDMARKS_TYPE, f"{camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH)
+            self.subscription(*registered, partial(landmark_matches, camera=camera), "registrations dropped")
             subscribe_sensor(self, camera, partial(self._add_sample, camera))
         self.trigger("~/flush", lambda: f"{self._flush()} frames published")
         self.trigger("~/reset", self._reset)

@@ -29,7 +29,6 @@ from bodycam_ros.nodes.process import spin
 from bodycam_ros.pipeline_settings import PipelineSettings
 
 P = TypeVar("P", bound=ManagedParameters)
-T = TypeVar("T")
 
 _REPORT_S = 1.0
 _DIAGNOSTICS_DEPTH = 100
@@ -124,8 +123,10 @@ class Stage(Generic[P]):
         self,
         type_name: str,
         topic: str,
-        callback: Callable[[Any], None],
+        callback: Callable[[Any], object],
         quality: QoSProfile,
+        convert: Callable[[Any], Any] | None = None,
+        count: str = "",
         overridable: bool = False,
         even_inactive: bool = False,
         adapts: bool = False,
@@ -133,45 +134,37 @@ class Stage(Generic[P]):
     ) -> Any:
         """A subscription; see ``guarded``.
 
-        If it adapts to publishers, incompatible ones cause no warning. A raw one is called with serialized messages.
-        """
-        options = QoSOverridingOptions.with_default_policies() if overridable else None
-        guarded = self.guarded(callback, even_inactive)
-        kind = message_class(type_name)
-        events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
-        made = self.node.create_subscription(
-            kind, topic, guarded, quality, qos_overriding_options=options, event_callbacks=events, raw=raw
-        )
-        self.node.made.callback(self.node.destroy_subscription, made)
-        return made
-
-    def converted_subscription(
-        self,
-        type_name: str,
-        topic: str,
-        convert: Callable[[Any], T],
-        callback: Callable[[T], object],
-        kind: str,
-        quality: QoSProfile,
-        **options: bool,
-    ) -> None:
-        """A subscription whose messages are converted first.
-
         Args:
-            convert: a message for which it raises ValueError is dropped.
-            kind: name of the count of these ("tracks dropped").
-            options: of ``subscription``.
+            type_name, topic, callback, quality: as of rclpy.
+            convert: makes of each message what the callback takes; one for which it raises ValueError is dropped.
+            count: name of the count of these ("tracks dropped").
+            overridable: users can override its quality of service.
+            even_inactive: as of ``guarded``.
+            adapts: to its publishers, so that incompatible ones cause no warning.
+            raw: messages are serialized.
         """
 
         def receive(message: Any) -> None:
             try:
-                converted = convert(message)
+                given = message if convert is None else convert(message)
             except ValueError as error:
-                self.dropped.add(kind, f"{topic}: malformed message ({error})")
+                self.dropped.add(count, f"{topic}: malformed message ({error})")
             else:
-                callback(converted)
+                callback(given)
 
-        self.subscription(type_name, topic, receive, quality, **options)
+        options = QoSOverridingOptions.with_default_policies() if overridable else None
+        events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
+        made = self.node.create_subscription(
+            message_class(type_name),
+            topic,
+            self.guarded(receive, even_inactive),
+            quality,
+            qos_overriding_options=options,
+            event_callbacks=events,
+            raw=raw,
+        )
+        self.node.made.callback(self.node.destroy_subscription, made)
+        return made
 
     def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> None:
         """Call back regularly, in real time; see ``guarded``."""

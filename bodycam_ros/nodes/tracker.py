@@ -43,8 +43,8 @@ class TrackerStage(Stage[TrackerParameters]):
         self._readers = self._track_count = self._keyframes = 0
         self.unanswered = UnansweredFrames(self.parameters.most_ahead)
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
-        answer = LANDMARKS_TYPE, f"{self.camera}/landmarks", partial(landmark_matches, camera=self.camera)
-        self.converted_subscription(*answer, self._add_landmarks, "landmarks dropped", reliable(STAGE_DEPTH))
+        answer = LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH)
+        self.subscription(*answer, partial(landmark_matches, camera=self.camera), "landmarks dropped")
         self.subscription("std_msgs/msg/Empty", f"{self.camera}/want_keyframe", self._request_keyframe, reliable(1))
         self._turn: CameraTurn | None = None
         self._sensor = self._read_sensor()

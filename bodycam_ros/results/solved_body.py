@@ -16,7 +16,7 @@ from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles, angles_within_a_turn
-from bodycam_ros.messages.equipment import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
+from bodycam_ros.messages.body import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
 from bodycam_ros.messages.factory import Message, numbers, stamp_ns
 from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.progress import Progress

@@ -15,7 +15,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
 from bodycam_ros.evaluate.summary_picture import draw_figures
-from bodycam_ros.messages.equipment import EQUIPMENT
+from bodycam_ros.messages.body import EQUIPMENT
 from bodycam_ros.picture_style import CENTRE, LEFT
 from bodycam_ros.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.recording.bag_file import BagFile

@@ -16,7 +16,7 @@ from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.cli.main import main
 from bodycam_ros.formats.export import FORMATS
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.messages.equipment import equipment_message
+from bodycam_ros.messages.body import equipment_message
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.typestore import recorded_messages
 

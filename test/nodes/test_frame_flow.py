@@ -37,18 +37,6 @@ def test_a_tracker_waits_when_it_is_too_far_ahead(clock: Clock) -> None:
     assert not frames.must_wait()
 
 
-def test_who_answers_may_name_a_time_between_frames(clock: Clock) -> None:
-    frames = UnansweredFrames(most_ahead=1)
-    frames.add(10)
-    frames.answer_until(9)
-    assert frames.must_wait()
-    frames.answer_until(12)
-    assert not frames.must_wait()
-    frames.add(20)
-    frames.answer_until(12)
-    assert frames.must_wait()
-
-
 def test_without_answers_the_tracker_goes_on_alone(clock: Clock) -> None:
     frames = UnansweredFrames(most_ahead=1)
     frames.add(10)
