@@ -15,34 +15,31 @@ class EverySecondImage:
     are left have all of them.
 
     Args:
-        longest_wait_s: that an image may have waited; 0: nothing is ever left out.
-        recovery_s: how long none may have waited for so long before all images are taken again.
+        recovery_s: how long none may have waited for too long before all images are taken again.
 
     Attributes:
-        longest_wait_s: as given; it may be replaced.
         active: whether every second image is left out.
     """
 
-    def __init__(self, longest_wait_s: float, recovery_s: float) -> None:
-        self.longest_wait_s = longest_wait_s
+    def __init__(self, recovery_s: float) -> None:
         self._recovery_s, self._until_s = recovery_s, 0.0
         self._stamps_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self._slot: int | None = None
         self.active = False
 
-    def leaves_out(self, stamp_ns: int, waited_s: float, now_s: float) -> bool:
+    def leaves_out(self, stamp_ns: int, is_late: bool, now_s: float) -> bool:
         """Whether an image is left out; ask about every image, in order.
 
         Args:
             stamp_ns: of the image.
-            waited_s: how long it waited because others were worked on.
+            is_late: whether it waited for too long, because others were worked on.
             now_s: on the steady clock.
         """
-        if 0.0 < self.longest_wait_s < waited_s:
+        if is_late:
             self._until_s = now_s + self._recovery_s
         self.active = now_s < self._until_s
         if self._stamps_ns and stamp_ns <= self._stamps_ns[-1]:
-            self.forget()
+            self._stamps_ns.clear()
         self._stamps_ns.append(stamp_ns)
         if not self.active or len(self._stamps_ns) < 3:
             self._slot = None
@@ -54,8 +51,3 @@ class EverySecondImage:
         second = slot == self._slot
         self._slot = slot
         return second
-
-    def forget(self) -> None:
-        """Time begins anew."""
-        self._stamps_ns.clear()
-        self._slot = None

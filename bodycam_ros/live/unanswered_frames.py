@@ -16,16 +16,11 @@ class UnansweredFrames:
     A tracker that runs ahead follows tracks that a prompt answer would have ended, and its frames age in a queue. It is
     better to let images wait, where the oldest can be dropped and counted.
 
-    Args:
-        most_ahead: frames that may be unanswered.
-
     Attributes:
-        most_ahead: as given; it may be replaced.
         answered_since_s: since when answers arrive, on the steady clock; None without answers.
     """
 
-    def __init__(self, most_ahead: int) -> None:
-        self.most_ahead = most_ahead
+    def __init__(self) -> None:
         self._unanswered_ns: deque[int] = deque(maxlen=_REMEMBERED)
         self._progress_s = 0.0
         self._is_alone = False
@@ -58,9 +53,9 @@ class UnansweredFrames:
         self._unanswered_ns.clear()
         self.answered_since_s = None
 
-    def must_wait(self) -> bool:
-        """Whether the next frame has to wait for an answer; False while no node answers."""
-        if len(self._unanswered_ns) < self.most_ahead:
+    def must_wait(self, most_ahead: int) -> bool:
+        """Whether the next frame has to wait for an answer, as so many have none; False while no node answers."""
+        if len(self._unanswered_ns) < most_ahead:
             return False
         if time.monotonic() - self._progress_s > _PATIENCE_S:
             self.expect_no_answer()

@@ -25,7 +25,7 @@ _PATIENCE_S = 2.0
 """A gap without images that is an error; images may arrive slowly from a bag that is played slowly."""
 
 _RECOVERY_S = 5.0
-"""All images are used again after so long without one that waited a quarter of the longest wait."""
+"""All images are used again after so long without one that waited for too long."""
 
 _BUSY = "images arrive faster than they are processed"
 _THINNED = "every second image left out, the machine does not keep up"
@@ -80,7 +80,6 @@ class CameraImages:
         ready_since_s: time on the steady clock from which images wait for nothing but processing.
 
     Attributes:
-        thinning: decides which images are left out.
         tally: counts since the last report.
         restarts: number of restarts of the camera.
     """
@@ -98,7 +97,7 @@ class CameraImages:
         self._stage, self._camera, self._dropped, self._process = stage, camera, dropped, process
         self._waiting_reason, self._restart, self._ready_since_s = waiting_reason, restart, ready_since_s
         parameters = stage.parameters
-        self.thinning = EverySecondImage(parameters.longest_wait, _RECOVERY_S)
+        self._thinning = EverySecondImage(_RECOVERY_S)
         self.tally, self.restarts = ImageTally(), 0
         self.drop()
         self._source = ImageSource(stage, camera, parameters.transport, parameters.image_queue, self._add)
@@ -140,7 +139,8 @@ class CameraImages:
             since_s: start of the time in which images wait for nothing but processing, on the steady clock.
         """
         taken, now_s = self._images.popleft(), time.monotonic()
-        if not self.thinning.leaves_out(taken.image.stamp_ns, now_s - max(taken.arrival_s, since_s), now_s):
+        is_late = 0.0 < self._stage.parameters.longest_wait < now_s - max(taken.arrival_s, since_s)
+        if not self._thinning.leaves_out(taken.image.stamp_ns, is_late, now_s):
             return True
         self._count_drop("images left out", _THINNED)
         return False
@@ -184,7 +184,7 @@ class CameraImages:
             level, text = self._judge_idle(tally.arrived, lost)
         elif error:
             level, text = StatusLevel.ERROR, error
-        elif self.thinning.active:
+        elif self._thinning.active:
             level, text = StatusLevel.WARN, _THINNED
         elif lost:
             level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"

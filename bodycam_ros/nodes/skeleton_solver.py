@@ -129,11 +129,6 @@ class SolverStage(Stage[SolverParameters]):
         for images in self._images.values():
             images.drop()
 
-    def settings_changed(self) -> None:
-        """Use the current limit."""
-        for images in self._images.values():
-            images.thinning.longest_wait_s = self.parameters.longest_wait
-
     def finish(self) -> None:
         """The same, and wait until the readers have received them."""
         self.pause()

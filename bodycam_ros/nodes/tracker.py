@@ -41,7 +41,7 @@ class TrackerStage(Stage[TrackerParameters]):
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
         self._tracker: LandmarkTracker | None = None
         self._readers = self._track_count = self._keyframes = 0
-        self.unanswered = UnansweredFrames(self.parameters.most_ahead)
+        self.unanswered = UnansweredFrames()
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         answer = LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH)
         self.subscription(*answer, partial(landmark_matches, camera=self.camera), "landmarks dropped")
@@ -62,11 +62,6 @@ class TrackerStage(Stage[TrackerParameters]):
         self._images.drop()
         self._forget()
 
-    def settings_changed(self) -> None:
-        """Use the current limits."""
-        self.unanswered.most_ahead = self.parameters.most_ahead
-        self._images.thinning.longest_wait_s = self.parameters.longest_wait
-
     def _forget(self) -> None:
         """Forget all images so far; the next is a keyframe without a predecessor."""
         if self.camera in self._models.models:
@@ -75,7 +70,6 @@ class TrackerStage(Stage[TrackerParameters]):
             model = self._models.models[self.camera]
             self._tracker = landmark_tracker(model, self._map, self.settings, turn=self._turn)
         self.unanswered.clear()
-        self._images.thinning.forget()
 
     def _waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
@@ -83,7 +77,7 @@ class TrackerStage(Stage[TrackerParameters]):
             return f"there is no {self.camera}/camera_info"
         if not self._has_reader():
             return f"no node reads {self.camera}/tracks"
-        return "the registration has not answered yet" if self.unanswered.must_wait() else ""
+        return "the registration has not answered yet" if self.unanswered.must_wait(self.parameters.most_ahead) else ""
 
     def _ready_since_s(self) -> float:
         """Images that wait for the start of the registration do not count as waiting for a slow machine."""

@@ -13,13 +13,13 @@ _LONGEST_S, _RECOVERY_S = 0.5, 2.0
 def _offer(thinning: EverySecondImage, first: int, count: int, waited_s: float, shift_ns: int = 0) -> list[bool]:
     """Whether each of so many images is left out, which come at their rate."""
     return [
-        thinning.leaves_out(_START_NS + shift_ns + number * _FRAME_NS, waited_s, number / _HZ)
+        thinning.leaves_out(_START_NS + shift_ns + number * _FRAME_NS, waited_s > _LONGEST_S, number / _HZ)
         for number in range(first, first + count)
     ]
 
 
 def test_every_second_one_is_left_out_once_they_wait_for_longer() -> None:
-    thinning = EverySecondImage(_LONGEST_S, _RECOVERY_S)
+    thinning = EverySecondImage(_RECOVERY_S)
     _offer(thinning, 0, 20, 0.0)
     left_out = _offer(thinning, 20, 60, _LONGEST_S + 0.01)
     assert thinning.active
@@ -28,7 +28,7 @@ def test_every_second_one_is_left_out_once_they_wait_for_longer() -> None:
 
 
 def test_cameras_that_trigger_together_leave_out_the_same_images() -> None:
-    one, other = EverySecondImage(_LONGEST_S, _RECOVERY_S), EverySecondImage(_LONGEST_S, _RECOVERY_S)
+    one, other = EverySecondImage(_RECOVERY_S), EverySecondImage(_RECOVERY_S)
     # One has been at it for longer, and began with an odd number of images.
     of_one = _offer(one, 0, 90, 1.0)
     of_other = _offer(other, 41, 49, 1.0, shift_ns=200_000)

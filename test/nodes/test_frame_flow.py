@@ -27,50 +27,50 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def test_a_tracker_waits_when_it_is_too_far_ahead(clock: Clock) -> None:
-    frames = UnansweredFrames(most_ahead=2)
-    assert not frames.must_wait()
+    frames = UnansweredFrames()
+    assert not frames.must_wait(2)
     frames.add(10)
-    assert not frames.must_wait()
+    assert not frames.must_wait(2)
     frames.add(20)
-    assert frames.must_wait()
+    assert frames.must_wait(2)
     frames.answer(10)
-    assert not frames.must_wait()
+    assert not frames.must_wait(2)
 
 
 def test_without_answers_the_tracker_goes_on_alone(clock: Clock) -> None:
-    frames = UnansweredFrames(most_ahead=1)
+    frames = UnansweredFrames()
     frames.add(10)
     clock.now_s += 1.9
-    assert frames.must_wait()
+    assert frames.must_wait(1)
     clock.now_s += 0.2
-    assert not frames.must_wait()
+    assert not frames.must_wait(1)
     for stamp_ns in (20, 30, 40):
         frames.add(stamp_ns)
-        assert not frames.must_wait(), "not for every few frames again"
+        assert not frames.must_wait(1), "not for every few frames again"
     assert frames.answer(30), "somebody is there again"
-    assert frames.must_wait()
+    assert frames.must_wait(1)
 
 
 def test_a_new_reader_need_not_answer_for_the_one_before(clock: Clock) -> None:
-    frames = UnansweredFrames(most_ahead=1)
+    frames = UnansweredFrames()
     frames.add(10)
-    assert frames.must_wait()
+    assert frames.must_wait(1)
     frames.expect_no_answer()
-    assert not frames.must_wait()
+    assert not frames.must_wait(1)
     frames.add(20)
-    assert not frames.must_wait()
+    assert not frames.must_wait(1)
     assert frames.answer(20)
     frames.add(30)
-    assert frames.must_wait(), "from its first answer on it is waited for"
+    assert frames.must_wait(1), "from its first answer on it is waited for"
 
 
 def test_a_slow_registration_is_waited_for_as_long_as_it_answers(clock: Clock) -> None:
-    frames = UnansweredFrames(most_ahead=2)
+    frames = UnansweredFrames()
     for number in range(10):
         frames.add(number)
         frames.add(number)
         clock.now_s += 1.5
-        assert frames.must_wait()
+        assert frames.must_wait(2)
         frames.answer(number)
 
 
