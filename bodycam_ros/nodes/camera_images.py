@@ -8,15 +8,15 @@ from functools import partial
 from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.every_second_image import EverySecondImage
 from bodycam_ros.live.stamp_order import StampOrder
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.messages.images import TRANSPORTS, image_stamp_ns
+from bodycam_ros.messages.images import TRANSPORTS, Transport, image_stamp_ns
 from bodycam_ros.moments import Moment
-from bodycam_ros.nodes.camera_topics import ImageSource
+from bodycam_ros.nodes.camera_topics import DriverTopic, TopicForm
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.recording.video_decoder import VideoDecoder
 
@@ -82,6 +82,9 @@ class CameraImages:
     Attributes:
         tally: counts since the last report.
         restarts: number of restarts of the camera.
+
+    Raises:
+        SettingsError: there is no such transport.
     """
 
     def __init__(
@@ -96,11 +99,17 @@ class CameraImages:
     ) -> None:
         self._stage, self._camera, self._dropped, self._process = stage, camera, dropped, process
         self._waiting_reason, self._restart, self._ready_since_s = waiting_reason, restart, ready_since_s
-        parameters = stage.parameters
+        if (transport := stage.parameters.transport) not in TRANSPORTS:
+            known = ", ".join(TRANSPORTS)
+            raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
         self._thinning = EverySecondImage(_RECOVERY_S)
         self.tally, self.restarts = ImageTally(), 0
         self.drop()
-        self._source = ImageSource(stage, camera, parameters.transport, parameters.image_queue, self._add)
+        forms = {
+            name: TopicForm(of.kind, f"{camera}{of.ending}", partial(self._add, of)) for name, of in TRANSPORTS.items()
+        }
+        preferred = [forms.pop(transport), *forms.values()]
+        self._source = DriverTopic(stage, preferred, stage.parameters.image_queue, overridable=True)
         # The reason to wait may end without another image.
         stage.every(_POLL_S, self.process_next)
 
@@ -145,7 +154,7 @@ class CameraImages:
         self._count_drop("images left out", _THINNED)
         return False
 
-    def _add(self, message: Message, transport: str) -> None:
+    def _add(self, transport: Transport, message: Message) -> None:
         self.tally.arrived += 1
         now_s, stamp = time.monotonic(), image_stamp_ns(message)
         self._stage.moments.note(Moment.IMAGE_RECEIVED, self._camera, stamp)
@@ -153,7 +162,7 @@ class CameraImages:
             self._count_drop("images without a stamp", f"an image has the stamp {stamp} ns")
             return
         try:
-            encoded = TRANSPORTS[transport].convert(message, self._camera)
+            encoded = transport.convert(message, self._camera)
         except RecordingError as error:
             encoded = CameraImage(self._camera, stamp, error)  # which is raised when it is decoded
         for image in self._decoder.feed(encoded):
@@ -207,4 +216,4 @@ class CameraImages:
             return StatusLevel.ERROR, f"none of the images can be used: {self._dropped.latest}"
         if arrived or self._source.quiet_s < _PATIENCE_S:
             return StatusLevel.OK, "between two images"
-        return StatusLevel.ERROR, self._source.explain()
+        return StatusLevel.ERROR, self._source.explain("image")

@@ -1,19 +1,19 @@
 """Images, camera_info and inertial samples of a driver, with the quality of service that it offers; cameras' timing."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.errors import LensError, SettingsError
+from bodycam_ros.errors import LensError
 from bodycam_ros.messages.factory import Message, stamp_ns
-from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model
+from bodycam_ros.messages.images import INFO, INFO_TYPE, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, UNKNOWN_CLOCK, timing_message
 from bodycam_ros.nodes.parameters import best_effort, latched, reliable
@@ -25,124 +25,107 @@ _SENSOR_DEPTH = 1000  # 1 s of a fast one
 _POLL_S = 0.5
 _QUIET_S = 1.5
 _PATIENCE_S = 2.0
-"""The publisher of the wanted transport may take a while to be discovered."""
+"""The publisher of the preferred form may take a while to be discovered."""
+
+Quality = Callable[[int], QoSProfile]
+"""Quality of service with some depth."""
+
+
+class TopicForm(NamedTuple):
+    """A form in which a driver may publish: type, topic, and what is called with each message."""
+
+    kind: str
+    topic: str
+    receive: Callable[[Message], None]
 
 
 class DriverTopic:
-    """A subscription to a topic of a driver, with the quality of service that its publishers offer.
+    """A subscription to what a driver publishes, in its form and with its quality of service.
 
-    It is reliable at first; ``adapt`` makes it best effort, or latched, if the driver offers no more.
+    It is the first form's, and reliable, at first. While no message comes it becomes best effort, or latched, if the
+    publishers offer no more; where there are none, it becomes another form's that is published.
 
     Args:
         stage: uses the messages.
-        kind, topic: type and name.
-        receive: called with each message.
+        forms: in order of preference.
         depth: messages that may wait in the subscription.
         overridable: whether users can override its quality of service.
         even_inactive: whether messages are received while the node is inactive.
+        is_once: whether one message is enough.
     """
 
     def __init__(
         self,
         stage: Stage[Any],
-        kind: str,
-        topic: str,
-        receive: Callable[[Message], None],
+        forms: Sequence[TopicForm],
         depth: int,
         overridable: bool = False,
         even_inactive: bool = False,
+        is_once: bool = False,
     ) -> None:
-        self._stage, self.topic, self._quality = stage, topic, reliable
-        self._subscribe = partial(stage.subscription, kind, topic, receive, even_inactive=even_inactive, adapts=True)
-        self._depth = depth
-        self._subscription = self._subscribe(reliable(depth), overridable=overridable)
-
-    def adapt(self) -> bool:
-        """Subscribe again if the publishers offer another quality; whether there are publishers."""
-        offers = offered_qualities(self._stage, self.topic)
-        if any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers):
-            quality = best_effort
-        elif offers and all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers):
-            quality = latched
-        else:
-            quality = reliable
-        if offers and quality is not self._quality:
-            if quality is best_effort:
-                self._stage.log.warning(f"{self.topic} is published with best effort: messages may get lost")
-            self.close()
-            # A user's override is for the first subscription: rclpy would apply it to the second too.
-            self._quality, self._subscription = quality, self._subscribe(quality(self._depth))
-        return bool(offers)
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._stage.node.destroy_subscription(self._subscription)
-
-
-def offered_qualities(stage: Stage[Any], topic: str) -> list[QoSProfile]:
-    """Quality of service of all publishers of a topic."""
-    node = stage.node
-    return [info.qos_profile for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))]
-
-
-class ImageSource:
-    """Subscribes to a camera's images.
-
-    Args:
-        stage: uses the images.
-        camera: its name.
-        transport: of ``TRANSPORTS``; another one is used if it alone is published.
-        depth: images that may wait in the subscription.
-        on_image: called with each message and its transport.
-
-    Raises:
-        SettingsError: there is no such transport here.
-    """
-
-    def __init__(
-        self, stage: Stage[Any], camera: str, transport: str, depth: int, on_image: Callable[[Message, str], None]
-    ) -> None:
-        if transport not in TRANSPORTS:
-            known = ", ".join(TRANSPORTS)
-            raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
-        self._stage, self._camera, self._depth, self._on_image = stage, camera, depth, on_image
-        self._source = self._subscribe(transport)
+        self._stage, self._forms, self._depth, self._is_once = stage, forms, depth, is_once
+        self._overridable, self._even_inactive = overridable, even_inactive
         self._started_s = time.monotonic()
-        self._latest_s = self._started_s - _QUIET_S
-        stage.every(_POLL_S, self._poll)
+        self._latest_s, self._is_received = self._started_s - _QUIET_S, False
+        self._subscribe(forms[0], reliable, overridable)
+        stage.every(_POLL_S, self._poll, even_inactive)
 
     @property
     def quiet_s(self) -> float:
-        """Time since the last image [s]."""
+        """Time since the latest message [s]."""
         return time.monotonic() - self._latest_s
 
-    def explain(self) -> str:
-        """Why no image arrives, as far as is known."""
-        topic = self._source.topic
-        if offered_qualities(self._stage, topic):
-            return f"no image on {topic}, though it is published"
-        return f"no image: no node publishes {topic}"
+    def explain(self, what: str) -> str:
+        """Why no message arrives, as far as is known."""
+        topic = self._form.topic
+        if offered_quality(self._stage, topic) is not None:
+            return f"no {what} on {topic}, though it is published"
+        return f"no {what}: no node publishes {topic}"
 
-    def _subscribe(self, transport: str) -> DriverTopic:
-        of, receive = TRANSPORTS[transport], partial(self._receive, transport)
-        topic = f"{self._camera}{of.ending}"
-        return DriverTopic(self._stage, of.kind, topic, receive, self._depth, overridable=True)
+    def _subscribe(self, form: TopicForm, quality: Quality, overridable: bool) -> None:
+        self._form, self._quality = form, quality
+        self._subscription = self._stage.subscription(
+            form.kind,
+            form.topic,
+            partial(self._receive, form),
+            quality(self._depth),
+            overridable=overridable,
+            even_inactive=self._even_inactive,
+            adapts=True,
+        )
 
-    def _receive(self, transport: str, message: Message) -> None:
-        self._latest_s = time.monotonic()
-        self._on_image(message, transport)
+    def _receive(self, form: TopicForm, message: Message) -> None:
+        self._latest_s, self._is_received = time.monotonic(), True
+        form.receive(message)
 
     def _poll(self) -> None:
-        """Adapt to what is published while no image arrives."""
-        if self.quiet_s < _QUIET_S or self._source.adapt() or time.monotonic() - self._started_s < _PATIENCE_S:
+        """Adapt to what is published while no message arrives."""
+        if self.quiet_s < _QUIET_S or (self._is_once and self._is_received):
             return
-        for transport, of in TRANSPORTS.items():
-            topic = f"{self._camera}{of.ending}"
-            if topic != self._source.topic and offered_qualities(self._stage, topic):
-                self._stage.log.info(f"no node publishes {self._source.topic}; reads {topic}")
-                self._source.close()
-                self._source = self._subscribe(transport)
-                return
+        form, quality = self._form, offered_quality(self._stage, self._form.topic)
+        if quality is None and time.monotonic() - self._started_s >= _PATIENCE_S:
+            for form in self._forms:
+                if (quality := offered_quality(self._stage, form.topic)) is not None:
+                    self._stage.log.info(f"no node publishes {self._form.topic}; reads {form.topic}")
+                    break
+        if quality is None or (form is self._form and quality is self._quality):
+            return
+        if quality is best_effort:
+            self._stage.log.warning(f"{form.topic} is published with best effort: messages may get lost")
+        self._stage.node.destroy_subscription(self._subscription)
+        # A user's override is for the first subscription to a topic: rclpy would apply it to the second too.
+        self._subscribe(form, quality, self._overridable and form is not self._form)
+
+
+def offered_quality(stage: Stage[Any], topic: str) -> Quality | None:
+    """Quality of service that all publishers of a topic offer, by depth; None without publishers."""
+    node = stage.node
+    offers = [info.qos_profile for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic))]
+    if any(offer.reliability == ReliabilityPolicy.BEST_EFFORT for offer in offers):
+        return best_effort
+    if offers and all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers):
+        return latched
+    return reliable if offers else None
 
 
 class CameraModels:
@@ -174,23 +157,16 @@ class CameraModels:
         self.models: dict[str, CameraModel] = {}
         self.rejected: set[str] = set()
         self.changes = 0
-        self._sources = {
+        self._cameras = tuple(cameras)
+        for camera in self._cameras:
+            form = TopicForm(INFO_TYPE, f"{camera}{INFO}", partial(self._update, camera))
             # While a node is inactive, too: a driver may publish it only once.
-            camera: DriverTopic(
-                stage, INFO_TYPE, f"{camera}{INFO}", partial(self._update, camera), _INFO_DEPTH, even_inactive=True
-            )
-            for camera in cameras
-        }
-        stage.every(_POLL_S, self._poll, even_inactive=True)
+            DriverTopic(stage, [form], _INFO_DEPTH, even_inactive=True, is_once=True)
 
     @property
     def missing(self) -> list[str]:
         """Cameras without camera_info so far."""
-        return [camera for camera in self._sources if camera not in self._contents]
-
-    def _poll(self) -> None:
-        for camera in self.missing:
-            self._sources[camera].adapt()
+        return [camera for camera in self._cameras if camera not in self._contents]
 
     def _update(self, camera: str, message: Message) -> None:
         self._on_info(stamp_ns(message.header.stamp))

@@ -68,7 +68,6 @@ class Player(Node):
         self._diagnostics = Diagnostics(self, self._make)
         self._moments = Moments(Path(given.moments) if given.moments else None)
         self._state, self._wanted = "waiting for readers", given.readers
-        self._lacking_since_s: float | None = None
         self._started_s: float | None = None
         self._count, self._behind_s = 0, 0.0  # since the start of the bag
 
@@ -217,11 +216,9 @@ class Player(Node):
 
     def _report(self) -> None:
         """Publish the state; warn of missing readers after a while in which a reader may restart."""
-        now_s, lacking = time.monotonic(), self._lacking()
-        self._lacking_since_s = (self._lacking_since_s or now_s) if lacking else None
-        if self._lacking_since_s is not None and now_s - self._lacking_since_s > _COMPLAINT_S:
+        if lacking := self._lacking():
             text = f"{self._state}; too few nodes read {few(lacking)}"
-            self.get_logger().warning(text, throttle_duration_sec=_COMPLAINT_S)
+            self.get_logger().warning(text, throttle_duration_sec=_COMPLAINT_S, skip_first=True)
         values: dict[str, object] = {
             "messages played": self._count,
             "time [s]": round(1e-9 * self._now_ns, 1),
