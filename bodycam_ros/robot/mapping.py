@@ -15,75 +15,65 @@
 A link is mapped by the joint at its origin. In the N-pose x of the robot's root is forward, z is up.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 from typing import Annotated, Literal
 
 from msgspec import Meta
-from msgspec.structs import astuple
+from msgspec.structs import astuple, replace
 
 from bodycam_ros.body.checked_fields import Entry, Name, read_entry
 from bodycam_ros.errors import BodyError
 from bodycam_ros.yaml_file import read_yaml
 
-SIDES = ("left", "right")
-_Side = Literal["left", "right"]
+Side = Literal["left", "right"]
+SIDES: tuple[Side, ...] = ("left", "right")
 
 
-class _LegEntry(Entry):
+class Leg(Entry):
+    """Links of a leg."""
+
     hip: Name
     knee: Name
     ankle: Name
     sole: Name
 
 
-class _ArmEntry(Entry):
+class Arm(Entry):
+    """Links of an arm."""
+
     shoulder: Name
     elbow: Name
     wrist: Name
 
 
-class _MappingEntry(Entry):
+class RobotMapping(Entry):
+    """Links of a robot and the parts of a person that they follow.
+
+    Attributes:
+        root: link that follows the pelvis.
+        legs, arms: by their side; arms are optional.
+        trunk: link that rotates as the torso; None if there is none.
+        head: link that rotates as the head; None if there is none.
+        n_pose: joint -> angle [rad] in the N-pose; others are 0, or at their limit.
+        feet_apart: outward shift of each foot [m].
+        path: of the file, which sets it when it is read.
+    """
+
     root: Name
-    legs: Annotated[dict[_Side, _LegEntry], Meta(min_length=2)]
-    arms: dict[_Side, _ArmEntry] = {}
+    legs: Annotated[dict[Side, Leg], Meta(min_length=2)]
+    arms: dict[Side, Arm] = {}
     trunk: Name | None = None
     head: Name | None = None
     n_pose: dict[Name, Annotated[float, Meta(ge=-2.0 * pi, le=2.0 * pi)]] = {}
     feet_apart: Annotated[float, Meta(ge=0.0, le=0.3)] = 0.0
-
-
-@dataclass(frozen=True)
-class RobotMapping:
-    """Links of a robot and the parts of a person that they follow.
-
-    Attributes:
-        path: of the file.
-        root: link that follows the pelvis.
-        trunk: link that rotates as the torso; None if there is none.
-        head: link that rotates as the head; None if there is none.
-        legs: side -> links at hip, knee, ankle and sole.
-        arms: side -> links at shoulder, elbow and wrist.
-        n_pose: joint -> angle [rad] in the N-pose; others are 0, or at their limit.
-        feet_apart: outward shift of each foot [m].
-    """
-
-    path: Path
-    root: str
-    trunk: str | None = None
-    head: str | None = None
-    legs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    arms: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    n_pose: Mapping[str, float] = field(default_factory=dict)
-    feet_apart: float = 0.0
+    path: str = ""
 
     @property
     def links(self) -> tuple[str, ...]:
         """All mapped links."""
         single = [link for link in (self.root, self.trunk, self.head) if link is not None]
-        return (*single, *(link for limbs in (self.legs, self.arms) for limb in limbs.values() for link in limb))
+        return (*single, *(link for limb in (*self.legs.values(), *self.arms.values()) for link in astuple(limb)))
 
 
 def read_mapping(path: Path) -> RobotMapping:
@@ -92,6 +82,5 @@ def read_mapping(path: Path) -> RobotMapping:
     Raises:
         BodyError: not a mapping; the message names the file and the key.
     """
-    entry: _MappingEntry = read_entry(_MappingEntry, read_yaml(path, "mapping to a robot", BodyError), str(path))
-    legs, arms = ({str(side): astuple(limb) for side, limb in sorted(of.items())} for of in (entry.legs, entry.arms))
-    return RobotMapping(path, entry.root, entry.trunk, entry.head, legs, arms, entry.n_pose, entry.feet_apart)
+    mapping: RobotMapping = read_entry(RobotMapping, read_yaml(path, "mapping to a robot", BodyError), str(path))
+    return replace(mapping, path=str(path))

@@ -5,16 +5,17 @@ wrists are in the direction of the person's arms, scaled by the arm lengths, fro
 Links rotate as segments do since the N-pose.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import astuple
 
 from bodycam_ros.body.body_model import BodyModel, sole_points
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.markers import bone_tip
 from bodycam_ros.geometry import Array, rigid, transform_points
-from bodycam_ros.robot.mapping import SIDES
+from bodycam_ros.robot.mapping import SIDES, Side
 from bodycam_ros.robot.robot_model import Robot
 
 _LEG, _ARM = ("thigh", "shin", "foot"), ("upper_arm", "forearm")
@@ -61,7 +62,10 @@ class ScaledPerson:
             raise BodyError(f"body {body.name} has no {', '.join(missing)}, which {mapping.path} lets a robot follow")
         at_rest = body.n_pose(np.eye(4))
         self._in_n = {link: robot.link_in_n_pose(link) for link in mapping.links}
-        hips, ankles = (np.mean([self._in_n[limb[k]][:3, 3] for limb in mapping.legs.values()], axis=0) for k in (0, 2))
+        limbs = mapping.legs.values()
+        hips, ankles = (
+            self._middle_in_n(links) for links in ([leg.hip for leg in limbs], [leg.ankle for leg in limbs])
+        )
         if hips[2] <= ankles[2]:
             raise BodyError(
                 f"{mapping.path}: in the N-pose the ankles of the robot are not below its hips: name the links from "
@@ -71,7 +75,7 @@ class ScaledPerson:
         self.scale = float(reach * (hips - ankles)[2]) / float(np.mean([leg[0, 2] - leg[2, 2] for leg in legs]))
         self._hips = hips
         shin = float(np.mean([np.linalg.norm(leg[1] - leg[2]) for leg in legs]))
-        soles = np.mean([self._in_n[limb[3]][2, 3] for limb in mapping.legs.values()])
+        soles = self._middle_in_n([leg.sole for leg in limbs])[2]
         # Where the person's soles are level with the floor, the robot's are.
         self._lift = float(ankles[2] - soles + self.scale * sole_points(shin)[0, 2])
         self._wrists = {side: bone_tip(body, f"forearm_{side}") for side in mapping.arms}
@@ -89,20 +93,25 @@ class ScaledPerson:
             if link is not None and segment in of:
                 turned = rigid(of[segment][:3, :3] @ self._in_n[link][:3, :3], np.zeros(3))
                 targets[link] = LinkTarget(turned, False, True)
-        for side, (_, knee, ankle, _) in mapping.legs.items():
+        for side, leg in mapping.legs.items():
             outward = mapping.feet_apart * (1.0 if side == "left" else -1.0) * _level(pelvis_R[:, 1])
-            targets[knee] = LinkTarget(rigid(np.eye(3), place[side][1] + 0.5 * outward), True, False)
-            foot_R = of[f"foot_{side}"][:3, :3] @ self._in_n[ankle][:3, :3]
-            targets[ankle] = LinkTarget(rigid(foot_R, place[side][2] + outward), True, True, is_end=True)
+            targets[leg.knee] = LinkTarget(rigid(np.eye(3), place[side][1] + 0.5 * outward), True, False)
+            foot_R = of[f"foot_{side}"][:3, :3] @ self._in_n[leg.ankle][:3, :3]
+            targets[leg.ankle] = LinkTarget(rigid(foot_R, place[side][2] + outward), True, True, is_end=True)
         torso_R = of["torso"][:3, :3] if "torso" in of else pelvis_R
-        for side, (shoulder, elbow, wrist) in mapping.arms.items():
-            arm = self._arm(of, side) * self._arm_scales[side] + self._shoulder(root, torso_R, shoulder)
-            targets[elbow] = LinkTarget(rigid(np.eye(3), arm[1]), True, False)
-            wrist_R = of[f"forearm_{side}"][:3, :3] @ self._in_n[wrist][:3, :3]
-            targets[wrist] = LinkTarget(rigid(wrist_R, arm[2]), True, True, is_end=True)
+        for side, arm in mapping.arms.items():
+            places = self._arm(of, side) * self._arm_scales[side] + self._shoulder(root, torso_R, arm.shoulder)
+            targets[arm.elbow] = LinkTarget(rigid(np.eye(3), places[1]), True, False)
+            wrist_R = of[f"forearm_{side}"][:3, :3] @ self._in_n[arm.wrist][:3, :3]
+            targets[arm.wrist] = LinkTarget(rigid(wrist_R, places[2]), True, True, is_end=True)
         return targets
 
-    def _bones(self, poses: Array, side: str, kinds: tuple[str, ...]) -> Array:
+    def _middle_in_n(self, links: Collection[str]) -> Array:
+        """(3,) mean of the places of some links in the N-pose [m]."""
+        middle: Array = np.mean([self._in_n[link][:3, 3] for link in links], axis=0)
+        return middle
+
+    def _bones(self, poses: Array, side: Side, kinds: tuple[str, ...]) -> Array:
         """(N, 3) origins of a limb's segments [m]."""
         origins: Array = poses[[self._index[f"{kind}_{side}"] for kind in kinds], :3, 3]
         return origins
@@ -112,17 +121,18 @@ class ScaledPerson:
         placed: Array = self.scale * points + [0.0, 0.0, self._lift]
         return placed
 
-    def _arm(self, of: Mapping[str, Array], side: str) -> Array:
+    def _arm(self, of: Mapping[str, Array], side: Side) -> Array:
         """(3, 3) shoulder, elbow and wrist of the person, from the shoulder on [m]."""
         shoulder, forearm = of[f"upper_arm_{side}"][:3, 3], of[f"forearm_{side}"]
         wrist = transform_points(forearm, self._wrists[side][None])[0]
         return np.array([shoulder, forearm[:3, 3], wrist]) - shoulder
 
-    def _arm_scale(self, at_rest: Array, side: str) -> float:
+    def _arm_scale(self, at_rest: Array, side: Side) -> float:
         """Length of the robot's arm over the person's."""
         of = dict(zip(self._body.segments, at_rest, strict=True))
         ours = _length(self._arm(of, side))
-        return _length(np.array([self._in_n[link][:3, 3] for link in self._robot.mapping.arms[side]])) / ours
+        robots = [self._in_n[link][:3, 3] for link in astuple(self._robot.mapping.arms[side])]
+        return _length(np.array(robots)) / ours
 
     def _shoulder(self, root: Array, torso_R: Array, shoulder: str) -> Array:
         """Position (3,) of the robot's shoulder if its trunk rotates as the person's."""

@@ -20,14 +20,14 @@ _MESH = (
 @pytest.fixture(scope="module", autouse=True)
 def readers() -> None:
     """Loads them; skips where they are not installed."""
-    Robot(talos_urdf(), RobotMapping(Path("m.yaml"), "base_link", legs={}, arms={}, feet_apart=0.0, n_pose={}))
+    Robot(talos_urdf(), RobotMapping("base_link", {}, path="m.yaml"))
 
 
 def refused(folder: Path, document: str, told: str) -> None:
     urdf = folder / "robot.urdf"
     urdf.write_text(document)
     with limited_memory(), pytest.raises(BodyError, match=rf"robot\.urdf: cannot be read as a robot: (?s:.*){told}"):
-        Robot(urdf, RobotMapping(folder / "m.yaml", "base", legs={}, arms={}, feet_apart=0.0, n_pose={}))
+        Robot(urdf, RobotMapping("base", {}, path="m.yaml"))
 
 
 @pytest.mark.parametrize("scheme", ["http", "https", "ftp"])
@@ -58,5 +58,5 @@ def test_entities_stand_for_nothing(tmp_path: Path) -> None:
     with limited_memory(), pytest.raises(BodyError, match=r"m\.yaml: robot\.urdf has no link base"):
         Robot(
             tmp_path / "robot.urdf",
-            RobotMapping(tmp_path / "m.yaml", "base", legs={}, arms={}, feet_apart=0.0, n_pose={}),
+            RobotMapping("base", {}, path="m.yaml"),
         )

@@ -1,11 +1,11 @@
 """Talos does what the sample's person does; what it does is judged by readers that we did not write."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yourdfpy
+from msgspec.structs import replace
 from talos import MAPPING, talos_urdf
 from unshown_progress import Unshown
 
@@ -14,7 +14,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
-from bodycam_ros.robot.mapping import read_mapping
+from bodycam_ros.robot.mapping import Leg, read_mapping
 from bodycam_ros.robot.retargeting import REACH, Retargeting, RobotState
 from bodycam_ros.robot.robot_model import FLOATING, Robot
 from bodycam_ros.robot.scaled_person import ScaledPerson
@@ -153,7 +153,7 @@ def _share() -> Path:
 
 
 def test_a_robot_that_stands_on_its_head_is_refused(robot: Robot, solved: SolvedBody) -> None:
-    upside_down = {side: limb[::-1] for side, limb in robot.mapping.legs.items()}
+    upside_down = {side: Leg(leg.sole, leg.ankle, leg.knee, leg.hip) for side, leg in robot.mapping.legs.items()}
     with pytest.raises(BodyError, match=r"talos.yaml: in the N-pose the ankles of the robot are not below its hips"):
         Retargeting(solved.body, Robot(talos_urdf(), replace(robot.mapping, legs=upside_down)))
 
