@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bodycam_ros.errors import OutputError, RecordingError, SettingsError
+from bodycam_ros.errors import BodyError, OutputError, RecordingError, SettingsError
 from bodycam_ros.formats import bvh, c3d, csv, glb, mjcf, npz, opensim, ply, trc, tum, urdf, usd
 from bodycam_ros.formats.sampled_motion import MotionOptions, sample_motion
 from bodycam_ros.output_place import check_file, check_output
@@ -33,7 +33,7 @@ class Format:
         has_equipment: whether it contains the equipment beside the body.
         is_even: whether frames must be evenly spaced: the file has a rate and no times.
         of_bag: it is written of a bag: ``write`` takes its path, the options and progress.
-        of_body: it is written of a bag or a body file: ``write`` takes its path and the options.
+        of_body: it is written of the body of a bag or a body file: ``write`` takes it and the options.
     """
 
     what: str
@@ -53,7 +53,11 @@ class Format:
             BodycamError: the source cannot be read, or lacks what the format needs.
         """
         if self.of_body:
-            written = self.write(source, options)
+            body = urdf.read_source(source)
+            try:
+                written = self.write(body, options)
+            except BodyError as error:
+                raise BodyError(f"{source}: {error}") from error
         elif source.is_file() and urdf.is_body_file(source):
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
         elif self.of_bag:
@@ -78,11 +82,11 @@ _MODEL = {opensim.MODEL_SUFFIX: (opensim.MODEL_MARK.encode(), "OpenSim model")}
 FORMATS: Mapping[str, Format] = {
     "urdf": Format(
         "the body, for RViz and every tool that reads robots", "<robot",
-        lambda source, options: urdf.robot_description(source, options.mass), frozenset({"mass"}), of_body=True,
+        urdf.write_urdf, frozenset({"mass"}), of_body=True,
     ),
     "mjcf": Format(
         "the body with its loops closed, for MuJoCo", "<mujoco",
-        lambda source, options: urdf.convert_body(source, mjcf.mjcf_text), of_body=True,
+        lambda body, options: mjcf.mjcf_text(body), of_body=True,
     ),
     "bvh": Format(
         "the motion as bones, for Blender, MotionBuilder, Maya", bvh.MARK, bvh.write_bvh, _FIGURE | {"up", "scale"},

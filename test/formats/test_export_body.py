@@ -1,5 +1,6 @@
 """bodycam export, through the command line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,14 +41,16 @@ def test_a_mass_gives_the_person_inertials_and_the_equipment_none(ride: Walk, tm
     assert set(masses) == set(ride.body.segments) - ride.body.equipment_segments
 
 
-def test_a_solved_bag_gives_the_urdf_that_it_published(tmp_path: Path) -> None:
+def test_a_solved_bag_gives_the_body_that_it_published_last(tmp_path: Path, sample: Path) -> None:
+    body = read_body(sample / "body.yaml")
+    early, late = (urdf_text(replace(body, name=name)) for name in ("early", "late"))
     with write_recording(tmp_path / "out") as writer:
-        for text in ("<robot name='early'/>", "<robot name='late'/>"):
+        for text in (early, late):
             writer.write("/robot_description", 1, text_message(recorded_messages(), text))
     output = tmp_path / "body.urdf"
     for source in (tmp_path / "out", next((tmp_path / "out").glob("*.mcap"))):
         assert main(["export", str(source), "--to", "urdf", "-o", str(output)]) == 0
-        assert output.read_text() == "<robot name='late'/>"
+        assert output.read_text() == late
         output.unlink()
 
 
