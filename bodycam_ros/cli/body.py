@@ -29,6 +29,8 @@ from bodycam_ros.cli.options import (
 from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.errors import BodyError
 from bodycam_ros.evaluate.sections import column_table
+from bodycam_ros.offline.measure_body import calibrate, measure_body
+from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.body_shape import MeasureSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -69,11 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     height_help = "with --stations: start from lengths of people of this height"
     add_option(initial, "--height", needs="stations", help=height_help)
     add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
-    add_config(
-        parser,
-        PIPELINE,
-        "static_cameras.body_shape:MeasureSettings",
-    )
+    add_config(parser, PIPELINE, "static_cameras.body_shape:MeasureSettings")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -101,13 +99,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
-    from bodycam_ros.offline.worker_process import warm_up
+    from bodycam_ros.evaluate.body_report import body_report, html_report  # it loads matplotlib
 
     warm_up()
-
-    from bodycam_ros.evaluate.body_report import body_report, html_report
-    from bodycam_ros.offline.measure_body import calibrate
-
     pipeline = pipeline_settings(arguments)
     with shown_progress() as progress:
         calibrated = calibrate(
@@ -142,8 +136,6 @@ def print_report(diagnosis: CalibrationDiagnosis, terminal: Terminal) -> None:
 
 
 def _measure(arguments: argparse.Namespace, name: str) -> None:
-    from bodycam_ros.offline.measure_body import measure_body
-
     pipeline, settings = pipeline_settings(arguments), read_settings(arguments, MeasureSettings)
     if arguments.initial_body is not None:
         initial = read_body(arguments.initial_body)

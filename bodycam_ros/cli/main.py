@@ -44,7 +44,7 @@ GROUPS = {
 
 Each command is a module of ``bodycam_ros.cli``, whose docstring and ``EPILOG`` are its help, with
 ``add_arguments(parser)`` and ``run``: arguments -> exit code. What takes a second to load (matplotlib, viser, scipy's
-optimisation) and what is loaded beside worker processes is imported in ``run``: help is there at once.
+optimisation) is imported in ``run``: help is there at once.
 A command of two words ("map extend") is ``map_extend``; a folder that is really named "extend" is ``./extend``.
 """
 

@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import (
     PIPELINE,
@@ -15,13 +14,18 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
+from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.errors import StationError
+from bodycam_ros.evaluate.sections import column_table
+from bodycam_ros.lens.lens_check import find_mismatches
+from bodycam_ros.offline.extend import ExtensionRound
+from bodycam_ros.offline.replay import replay
+from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.output_place import check_output
-
-if TYPE_CHECKING:
-    from bodycam_ros.offline.extend import ExtensionRound
-    from bodycam_ros.offline.replay_summary import ReplaySummary
-    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.recording.bag_writer import check_replaceable
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.terminal import Terminal
 
 _COLUMNS = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),
@@ -69,14 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    # What solves takes a second to load, here and in the workers at once; --help does without.
-    from bodycam_ros.offline.worker_process import warm_up
-
     warm_up()
-    from bodycam_ros.cli.output import shown_progress
-    from bodycam_ros.offline.replay import replay
-    from bodycam_ros.recording.bag_writer import check_replaceable
-
     settings = pipeline_settings(arguments)
     outside = _outside(arguments)
     check_output(arguments.output, input_paths(arguments))
@@ -101,14 +98,12 @@ def run(arguments: argparse.Namespace) -> int:
     return _print(summary, arguments.recording, arguments.output)
 
 
-def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
+def _outside(arguments: argparse.Namespace) -> StaticCameraFiles | None:
     """Files of static cameras; None without them.
 
     Raises:
         StationError: an option is given without static cameras, or the world or the map of --passes is missing.
     """
-    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-
     if arguments.map is None and arguments.passes > 1:
         raise StationError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
@@ -118,11 +113,8 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     return None
 
 
-def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
+def _print(summary: ReplaySummary, recording: Path, output: Path) -> int:
     """Print the summary; the exit code."""
-    from bodycam_ros.cli.output import print_sections, print_verdict
-    from bodycam_ros.evaluate.sections import column_table
-    from bodycam_ros.lens.lens_check import find_mismatches
     from bodycam_ros.offline.replay_remarks import clock_remarks
     from bodycam_ros.terminal import Terminal
 
@@ -162,12 +154,8 @@ def _print(summary: "ReplaySummary", recording: Path, output: Path) -> int:
     return print_verdict(terminal, summary.verdict)
 
 
-def print_rounds(rounds: "Sequence[ExtensionRound]") -> None:
+def print_rounds(rounds: Sequence[ExtensionRound]) -> None:
     """Print the share of registered images per camera and round of map extension."""
-    from bodycam_ros.cli.output import print_sections
-    from bodycam_ros.evaluate.sections import column_table
-    from bodycam_ros.terminal import Terminal
-
     columns = [(f"round {count}", str(count), ".1%") for count in range(1, len(rounds) + 1)]
     rows = {
         camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)
