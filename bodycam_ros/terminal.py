@@ -2,19 +2,15 @@
 
 import logging
 from collections.abc import Iterable
-from copy import copy
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.logging import RichHandler
 from rich.segment import Segment
 from rich.table import Table
-from rich.text import Text
 
 from bodycam_ros.shown import printable
 
-_ANY_WIDTH = 10_000
 _NARROWEST = 128
 """Columns of what is written to a file or pipe, whose width is unknown."""
 
@@ -31,21 +27,9 @@ class Terminal(Console):
             self.width = max(self.width, _NARROWEST)
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print lines as they are, and tables that are wider than the terminal narrower where they can be."""
-        fitted = [self._fitted(each) if isinstance(each, Table) else each for each in objects]
-        super().print(*fitted, **{"soft_wrap": not any(isinstance(each, Table) for each in fitted), **options})
-
-    def _fitted(self, table: Table) -> Table:
-        """The table; one that is too wide without frames, the words of a heading one below the other."""
-        if table.__rich_measure__(self, self.options.update(max_width=_ANY_WIDTH)).maximum <= self.width:
-            return table
-        narrow = copy(table)
-        narrow.box, narrow.padding, narrow.pad_edge = SIMPLE_HEAD, (0, 1, 0, 0), False
-        narrow.columns = [copy(column) for column in table.columns]
-        for column in narrow.columns:
-            column.header = Text("\n".join(str(column.header).split()), overflow="fold")
-            column.overflow = "fold"
-        return narrow
+        """Print lines as they are, and tables no wider than the terminal."""
+        has_table = any(isinstance(each, Table) for each in objects)
+        super().print(*objects, **{"soft_wrap": not has_table, **options})
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """Text, style and control codes of a renderable."""
