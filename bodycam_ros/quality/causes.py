@@ -10,7 +10,8 @@ from itertools import product
 import numpy as np
 
 from bodycam_ros.body.body_model import CameraMount
-from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.calibration.strap_slip import Slip, lasting_change
+from bodycam_ros.geometry import Array, inverse, rigid, transform_points
 from bodycam_ros.quality.camera_poses import CameraPoses
 from bodycam_ros.quality.contradiction import (
     DOUBTFUL_GAP_M,
@@ -35,7 +36,6 @@ _MAX_STRAP_M = 0.6  # no strap moves a camera farther
 _CLOCK_EXPLAINS = 0.35  # share of the gaps; on good recordings no clock of 5 ms explains more than 0.25
 _LEFT_BY_CLOCK = 0.85  # share of the gap that may be left once the clock is put right; a fast limb is no straight line
 _MIN_CLOCK_ROWS = 20  # states that a clock is estimated by: of fewer, chance explains as much
-_MIN_ROWS = 5  # states on either side of a slip
 _STEADY, _FIRM = 0.4, 0.25  # spread of a constant offset, as a share of it; on both sides of a slip
 
 
@@ -66,13 +66,13 @@ def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Caus
         return Cause(f"its pictures come from where {place} sits", "check which camera records under which name")
     if (clock := clock_cause(poses, camera)) is not None:
         return clock
-    view = JointView(poses, camera)
-    if (slip := view.slip()) is not None:
-        seconds, moved_m = slip
-        why = f"its strap slipped at {seconds:.1f} s, by {1e3 * moved_m:.0f} mm"
+    seconds, offsets, _ = _joint_offsets(poses, camera)
+    if (slip := _slip(seconds, offsets)) is not None:
+        why = f"its strap slipped at {slip.seconds:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
         return Cause(why, "use the recording up to then, or record again")
-    far_m = float(np.linalg.norm(view.offset))
-    if poses.counts[camera].share > WELL_REGISTERED and far_m < _MAX_STRAP_M and view.is_steady:
+    far = np.median(offsets, axis=0)
+    far_m, spread_m = float(np.linalg.norm(far)), _median_size(offsets - far)
+    if poses.counts[camera].share > WELL_REGISTERED and far_m < _MAX_STRAP_M and spread_m < _STEADY * far_m:
         return Cause(
             f"it sits {1e3 * far_m:.0f} mm from where the body has it, all the time: strapped anew, or the body of "
             "another day or person",
@@ -92,91 +92,51 @@ def lens_cause(lens: LensDeviation | None) -> Cause | None:
 
 
 def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
-    """A clock that is off from the others'; None if no clock explains the gaps."""
-    view = JointView(poses, camera)
-    if len(view.places) < _MIN_CLOCK_ROWS:
+    """A clock that is off from the others'; None if no clock explains the gaps.
+
+    With a clock that is ahead, an image with stamp t was taken before t: the joint lies ahead by its velocity times the
+    clock's error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
+    """
+    _, offsets, velocities = _joint_offsets(poses, camera)
+    if len(offsets) < _MIN_CLOCK_ROWS:
         return None
-    error_s, explained = view.clock_error()
-    is_better = view.gap_with_clock(error_s) < _LEFT_BY_CLOCK * view.gap_with_clock(0.0)
+    error_s, explained = proportion(*(each - each.mean(axis=0) for each in (velocities, offsets)))
+    is_better = np.linalg.norm(offsets - error_s * velocities) < _LEFT_BY_CLOCK * np.linalg.norm(offsets)
     if explained < _CLOCK_EXPLAINS or abs(error_s) <= _CLOCK_ERROR_S or not is_better:
         return None
     side = "ahead" if error_s > 0.0 else "behind"
     return Cause(f"its clock is {1e3 * abs(error_s):.0f} ms {side}", "check how its images are stamped")
 
 
-class JointView:
-    """The joint above a camera's segment, as the body has it, in the camera's frame where that is registered.
+def _joint_offsets(poses: CameraPoses, camera: str) -> tuple[Array, Array, Array]:
+    """The joint above a camera's segment, in the camera's frame at the T states at which it is registered.
 
-    Args:
-        poses: of all cameras.
-        camera: name.
-
-    Attributes:
-        expected: (3,) by the mount [m].
-        places: (T, 3) by the solved body [m], at the T states at which the camera is registered.
-        velocities: (T, 3) of that point in the world, in the camera's axes [m/s].
-        seconds: (T,) [s].
+    Returns:
+        (T,) times [s]; (T, 3) from where the mount has the joint to where the solved body has it [m]; and (T, 3) the
+        joint's velocity by the body, for a camera whose poses are wrong would move with its own errors [m/s].
     """
-
-    def __init__(self, poses: CameraPoses, camera: str) -> None:
-        self.expected: Array = inverse(poses.body.mounts[camera].segment_T_camera)[:3, 3]
-        joint_world = transform_points(poses.solved[camera], self.expected[None])
-        camera_T_world = inverse(poses.registered[camera])
-        places = transform_points(camera_T_world, joint_world)[:, 0]
-        # By the body: a camera whose poses are wrong would move with its own errors.
-        moving = np.gradient(joint_world, poses.seconds, axis=0) if len(joint_world) > 1 else np.zeros_like(joint_world)
-        velocities = (camera_T_world[:, :3, :3] @ np.swapaxes(moving, 1, 2))[:, :, 0]
-        known = np.isfinite(places).all(axis=1)
-        self.places, self.velocities, self.seconds = places[known], velocities[known], poses.seconds[known]
-
-    @property
-    def offset(self) -> Array:
-        """(3,) median of its offset [m]."""
-        offset: Array = np.median(self.places, axis=0) - self.expected
-        return offset
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether the offset is constant."""
-        return bool(_spread(self.places, np.median(self.places, axis=0)) < _STEADY * np.linalg.norm(self.offset))
-
-    def slip(self) -> tuple[float, float] | None:
-        """When it left the body's place for another firm one [s], and how far that is [m], if it did."""
-        rows = range(_MIN_ROWS, len(self.places) - _MIN_ROWS + 1)
-        if not rows:
-            return None
-
-        def unexplained(row: int) -> float:
-            after = self.places[row:]
-            before_m = np.linalg.norm(self.places[:row] - self.expected, axis=1).sum()
-            return float(before_m + np.linalg.norm(after - np.median(after, axis=0), axis=1).sum())
-
-        row = min(rows, key=unexplained)
-        before, after = self.places[:row], self.places[row:]
-        home = np.median(after, axis=0)
-        moved_m = float(np.linalg.norm(home - self.expected))
-        if moved_m < 0.5 * DOUBTFUL_GAP_M:
-            return None
-        is_firm = max(_spread(before, self.expected), _spread(after, home)) <= _FIRM * moved_m
-        return (float(self.seconds[row]), moved_m) if is_firm else None
-
-    def clock_error(self) -> tuple[float, float]:
-        """By how much the camera's clock is ahead of the others' [s], and which share of the gaps that explains.
-
-        With a clock that is ahead, an image with stamp t was taken before t: the joint lies ahead by its velocity times
-        the clock's error. A body that is a little wrong leaves a constant in the camera's frame, which is subtracted.
-        """
-        return proportion(*(each - each.mean(axis=0) for each in (self.velocities, self.places)))
-
-    def gap_with_clock(self, error_s: float) -> float:
-        """Root mean square of the offset if the camera's clock is ahead by so much [m]."""
-        gaps = self.places - error_s * self.velocities - self.expected
-        return float(np.sqrt((gaps**2).sum(axis=1).mean()))
+    expected = inverse(poses.body.mounts[camera].segment_T_camera)[:3, 3]
+    joint_world = transform_points(poses.solved[camera], expected[None])
+    camera_T_world = inverse(poses.registered[camera])
+    offsets = transform_points(camera_T_world, joint_world)[:, 0] - expected
+    moving = np.gradient(joint_world, poses.seconds, axis=0) if len(joint_world) > 1 else np.zeros_like(joint_world)
+    velocities = (camera_T_world[:, :3, :3] @ np.swapaxes(moving, 1, 2))[:, :, 0]
+    known = np.isfinite(offsets).all(axis=1)
+    return poses.seconds[known], offsets[known], velocities[known]
 
 
-def _spread(places: Array, centre: Array) -> float:
-    """Median distance from a place [m]."""
-    return float(np.median(np.linalg.norm(places - centre, axis=1)))
+def _slip(seconds: Array, offsets: Array) -> Slip | None:
+    """When the joint left its place for another firm one, by offsets (T, 3) [m], if it did."""
+    slip = lasting_change(rigid(np.eye(3), offsets), seconds)
+    if slip is None:
+        return None
+    before, after = offsets[seconds < slip.seconds], offsets[seconds >= slip.seconds]
+    spread_m = max(_median_size(before), _median_size(after - np.median(after, axis=0)))
+    return slip if spread_m <= _FIRM * slip.moved_m else None
+
+
+def _median_size(vectors: Array) -> float:
+    return float(np.median(np.linalg.norm(vectors, axis=1)))
 
 
 def _exchanged_places(found: Contradiction) -> dict[str, str]:
