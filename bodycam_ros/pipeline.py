@@ -14,7 +14,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
 from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, moving
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
@@ -41,7 +40,7 @@ class SkeletonPipeline:
 
     Args:
         body: segments, joints and mounts.
-        cameras: models of the recording's cameras, by name; those that the body does not carry are ignored.
+        cameras: names of the recording's; those that the body does not carry are ignored.
         settings: of all stages.
         live: whether registrations come while images are taken, see ``FrameAssembler``.
         on_corrected: called with every registration, its stamp corrected by its camera's clock.
@@ -65,7 +64,7 @@ class SkeletonPipeline:
     def __init__(
         self,
         body: BodyModel,
-        cameras: Mapping[str, CameraModel],
+        cameras: Collection[str],
         settings: PipelineSettings,
         live: bool = False,
         on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
@@ -79,7 +78,7 @@ class SkeletonPipeline:
             settings.smoother.check_live()
         self._equipment = equipment and fitted_equipment(equipment, body)
         self.body = body = coupled_body(body, self._equipment)
-        self._cameras = dict(cameras)
+        self._cameras = tuple(cameras)
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras = static_cameras
@@ -125,14 +124,6 @@ class SkeletonPipeline:
     def rejected(self) -> Counter[str]:
         """Camera -> instants at which it was down-weighted or rejected."""
         return self._rejected + self._smoother.rejected
-
-    def join(self, camera: str, model: CameraModel) -> None:
-        """Use one more camera, or another model of one; the body goes on from where it is."""
-        self._cameras[camera] = model
-        if camera in self.body.mounts:
-            self.clocks.join(camera)
-            self.assembler.join(camera)
-            self._smoother.join(camera)
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
         """Add one sample of a camera's inertial sensor as it comes; live, outputs while all cameras are silent.

@@ -7,7 +7,7 @@ or the whole recording differ in how far back that goes.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.between_factors import SegmentTurn, condition, measured_turns
 from bodycam_ros.estimation.camera_gate import gate_cameras
@@ -55,7 +54,7 @@ class BodyEstimator:
 
     Args:
         body: segments, joints and mounts.
-        cameras: models of the cameras, by name.
+        cameras: their names.
         settings, motion, evidence: settings of the estimator and of its steps.
         offline: states may wait until an unobserved limb is observed again.
         coupling: of the body to equipment; ``body`` then includes the equipment.
@@ -75,7 +74,7 @@ class BodyEstimator:
     def __init__(
         self,
         body: BodyModel,
-        cameras: Mapping[str, CameraModel],
+        cameras: Collection[str],
         settings: SmootherSettings | None = None,
         motion: MotionSettings | None = None,
         evidence: EvidenceSettings | None = None,
@@ -128,10 +127,6 @@ class BodyEstimator:
     def period_ns(self) -> float:
         """Of the frames [ns]; infinite before the second."""
         return self._gaps.period_ns
-
-    def join(self, camera: str) -> None:
-        """Use one more camera of the body from now on."""
-        self._cameras.add(camera)
 
     def update(self, frame: BodyFrame) -> list[BodyState]:
         """Add one frame, later than the one before.

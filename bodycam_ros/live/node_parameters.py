@@ -169,14 +169,6 @@ class SolverParameters(ImageParameters):
         reason="with 'rig': where the person faces in the N-pose, about the map's z from its x; by hips and shoulders "
         "if it is not given",
     )
-    info_wait: float = setting(
-        0.5,
-        unit="s",
-        limits=(0.0, 600.0),
-        reason="once the first camera_info is here, how long to wait for the other cameras' before starting; they join "
-        "when theirs comes",
-        live=True,
-    )
     idle_flush: float = setting(
         3.0,
         unit="s",

@@ -78,12 +78,11 @@ class SolverDiagnostics:
             arrived_s = self._arrivals.popleft()[1]
         self._tally.latency_s += self._solved_s - arrived_s
 
-    def report(self, pipeline: "SkeletonPipeline | None", has_body: bool) -> list[Status]:
+    def report(self, pipeline: "SkeletonPipeline | None") -> list[Status]:
         """Status of the body and of each camera since the last report.
 
         Args:
-            pipeline: solves; None while there is none.
-            has_body: whether there is a body to solve.
+            pipeline: solves; None while there is no body.
         """
         tally, self._tally = self._tally, _Tally()
         cameras, dropped = self._cameras, self._dropped
@@ -106,26 +105,34 @@ class SolverDiagnostics:
             "restarts": pipeline.timeline.epoch if pipeline else 0,
             **dropped.values,
         }
-        level, text = self._judge(tally, lost, sorted(rejections), has_body, is_solving=pipeline is not None)
+        level, text = self._judge(
+            tally, lost, sorted(rejections), None if pipeline is None else pipeline.assembler.silent
+        )
         return [Status("body", level, text, values), *_sensor_status(pipeline), *_camera_statuses(pipeline)]
 
     def _judge(
-        self, tally: _Tally, lost: int, rejected: Sequence[str], has_body: bool, is_solving: bool
+        self, tally: _Tally, lost: int, rejected: Sequence[str], silent: Sequence[str] | None
     ) -> tuple[StatusLevel, str]:
-        missing = few([*self._cameras.missing, *sorted(self._cameras.rejected)])
+        """Level and text.
+
+        Args:
+            tally: since the last report.
+            lost: messages that were.
+            rejected: cameras.
+            silent: cameras without registrations; None if there is no body.
+        """
         if self.quiet_s > _PATIENCE_S:
+            missing = few([*self._cameras.missing, *sorted(self._cameras.rejected)])
             suffix = f", and no usable camera_info of {missing}" if missing else ""
             return StatusLevel.ERROR, f"no registration arrives{suffix}"
-        if not is_solving and not has_body:
+        if silent is None:
             return StatusLevel.OK, "no body yet"
-        if not is_solving:
-            return StatusLevel.ERROR, f"registrations, but no usable camera_info of {missing}"
         if tally.solved == 0 and self._received_s - max(self._solved_s, self._started_s) > _PATIENCE_S:
             return StatusLevel.ERROR, "registrations arrive, but no camera is registered in the map"
         if tally.solved and tally.predicted == tally.solved:
             return StatusLevel.ERROR, "no camera is registered; the body is predicted"
-        if missing:
-            return StatusLevel.WARN, f"solving without {missing}: no usable camera_info"
+        if silent:
+            return StatusLevel.WARN, f"solving without {few(silent)}: no registrations"
         if rejected:
             return StatusLevel.WARN, f"solving without {few(rejected)}: rejected, they contradict the other cameras"
         if tally.predicted or lost:

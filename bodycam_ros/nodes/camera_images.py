@@ -93,7 +93,7 @@ class CameraImages:
         camera: str,
         dropped: DroppedMessages,
         process: Callable[[CameraImage], bool],
-        waiting_reason: Callable[[], str],
+        waiting_reason: Callable[[], str] = lambda: "",
         restart: Callable[[], None] = lambda: None,
         ready_since_s: Callable[[], float] = lambda: 0.0,
     ) -> None:

@@ -3,7 +3,6 @@
 With a rig it first calibrates the body from a range of motion (A 4.2).
 """
 
-import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -51,7 +50,7 @@ _POLL_S, _CALIBRATION_POLL_S = 0.5, 0.2
 
 
 class SolverStage(Stage[SolverParameters]):
-    """Solves the body once it has every camera's camera_info, or ``info_wait`` after the first; later ones are added.
+    """Solves the body by the registrations of the cameras that there are.
 
     With a rig it needs the camera_info of all of the rig's cameras, and has no body to solve until one is made. It
     restarts where the time of most cameras goes back. While it is inactive it keeps the body, the collected range of
@@ -72,7 +71,7 @@ class SolverStage(Stage[SolverParameters]):
         self._body: BodyModel | None = None  # with the part of the equipment that fits it
         self._equipment: Equipment | None = None
         self._coupling: EquipmentReport | None = None
-        self._pipeline: SkeletonPipeline | None = None  # until cameras are known
+        self._pipeline: SkeletonPipeline | None = None  # without a body
         self._verdict: LiveVerdict | None = None
         self._is_flushed = True
         self._calibration: LiveCalibration | None = None
@@ -80,7 +79,7 @@ class SolverStage(Stage[SolverParameters]):
             from bodycam_ros.live import live_calibration  # it loads matplotlib
 
             self._calibration = live_calibration.LiveCalibration(given, equipment)
-        carried = self._read_body() if self._calibration is None else self._calibration.cameras
+        self._carried = carried = self._read_body() if self._calibration is None else self._calibration.cameras
         self._topics = BodyTopics(self, with_equipment=equipment is not None)
         self._segment_poses = {
             station: self.publisher(SEGMENT_POSES_TYPE, f"{station}{SEGMENT_POSES}", reliable(STAGE_DEPTH))
@@ -89,11 +88,8 @@ class SolverStage(Stage[SolverParameters]):
         self._observed = {station: Counter[str]() for station in self._stations}  # segments since the last report
         self._confidence = dict.fromkeys(self._stations, 0.0)  # of these, summed
         self._timings = CameraTimings(self, carried)
-        self._started = self._is_described = False
-        self._waiting: list[LandmarkMatches] = []
-        self._most_waiting = STAGE_DEPTH * len(carried)
+        self._is_described = False
         self._lost = LostMessages()
-        self._first_info_s: float | None = None
         for camera in carried:
             registered = LANDMARKS_TYPE, f"{camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH)
             self.subscription(*registered, partial(landmark_matches, camera=camera), "registrations dropped")
@@ -105,14 +101,13 @@ class SolverStage(Stage[SolverParameters]):
             self.trigger("~/start_calibration", self._calibration.restart)
             self.every(_CALIBRATION_POLL_S, self._poll_calibration, even_inactive=True)
         self._images = {
-            station: CameraImages(self, station, DroppedMessages(self.log.warning), self._add_static, self._static_wait)
+            station: CameraImages(self, station, DroppedMessages(self.log.warning), self._add_static)
             for station in self._stations
         }
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model, self._add_image)
         self._diagnostics = SolverDiagnostics(self._cameras, self.dropped)
-        if not carried:
-            self._start()
+        self._solve()
         self.every(_POLL_S, self._poll)
 
     def activate(self) -> None:
@@ -125,7 +120,7 @@ class SolverStage(Stage[SolverParameters]):
         if self._calibration is not None:
             self._set_person(self._calibration.stop())
         self._flush()
-        self._forget_waiting()
+        self._lost = LostMessages()
         for images in self._images.values():
             images.drop()
 
@@ -137,14 +132,9 @@ class SolverStage(Stage[SolverParameters]):
     def _reset(self) -> str:
         """Forget the motion, the clocks and the cameras."""
         flushed = self._flush()
-        self._forget_waiting()
-        if self._pipeline is not None:
-            self._solve()
-        return f"{flushed} frames published; the body restarts"
-
-    def _forget_waiting(self) -> None:
-        self._waiting.clear()
         self._lost = LostMessages()
+        self._solve()
+        return f"{flushed} frames published; the body restarts"
 
     def _describe(self, body: BodyModel) -> None:
         self._is_described = True
@@ -181,42 +171,19 @@ class SolverStage(Stage[SolverParameters]):
         return self._body
 
     def _set_model(self, camera: str) -> None:
-        self._first_info_s = self._first_info_s or time.monotonic()
-        if not self._started:
-            if not self._cameras.missing:
-                self._start()
-            return
-        self._collect()
-        if camera in self._cameras.models:
-            if self._pipeline is not None:
-                self._pipeline.join(camera, self._cameras.models[camera])
-                self._restart_verdict()
-            else:
-                self._solve()
-
-    def _start(self) -> None:
-        """Start to collect or to solve, or both, with the cameras known by now."""
-        self._started = True
-        self._collect()
-        for camera in self._cameras.missing:
-            self.log.warning(f"there is no {camera}/camera_info yet; the camera is added when it arrives")
-        self._solve()
-        for measured in self._waiting:
-            self._add(measured)
-        self._waiting.clear()
-
-    def _collect(self) -> None:
-        if self._calibration is not None and not self._calibration.is_running:
+        """Start to collect a range of motion once all models are there; the verdict judges by the present ones."""
+        if self._calibration is not None and not self._calibration.is_running and not self._cameras.missing:
             self._calibration.start(self._cameras.models, self.settings)
+        self._restart_verdict()
 
     def _solve(self) -> None:
-        """Start to solve with the cameras known by now, without a past, if there is a body."""
-        person, body, models = self._person, self._body, self._cameras.models
-        if person is None or body is None or not (models or self._stations):
+        """Start to solve without a past, if there is a body."""
+        person, body = self._person, self._body
+        if person is None or body is None:
             return
         self._pipeline = SkeletonPipeline(
             person,
-            models,
+            self._carried,
             self.settings,
             live=True,
             on_corrected=self._judge_registration,
@@ -255,12 +222,7 @@ class SolverStage(Stage[SolverParameters]):
             reason = f"camera {camera}: the registration before {matches.stamp_ns} ns is lost"
             self.dropped.add("registrations lost", reason)
         self._diagnostics.add_registration(matches.stamp_ns)
-        if self._started:
-            self._add(matches)
-        elif len(self._waiting) < self._most_waiting:
-            self._waiting.append(matches)
-        else:
-            self.dropped.add("registrations dropped", "registrations, but no camera_info of the cameras")
+        self._add(matches)
 
     def _add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> None:
         if self._pipeline is not None and (outputs := self._pipeline.add_sample(camera, stamp_ns, reading)):
@@ -269,12 +231,6 @@ class SolverStage(Stage[SolverParameters]):
     def _add_image(self, stamp_ns: int) -> None:
         if self._pipeline is not None:
             self._pipeline.add_image(stamp_ns)
-
-    def _static_wait(self) -> str:
-        """Why images of static cameras have to wait."""
-        # The wait for the models of body cameras starts here, too.
-        self._first_info_s = self._first_info_s or time.monotonic()
-        return "" if self._started else "there is no camera_info of the cameras on the body"
 
     def _add_static(self, image: CameraImage) -> bool:
         self._diagnostics.add_registration(image.stamp_ns)
@@ -302,9 +258,6 @@ class SolverStage(Stage[SolverParameters]):
             self._publish(self._pipeline.add(measured), started)
 
     def _poll(self) -> None:
-        waited_s = time.monotonic() - self._first_info_s if self._first_info_s else 0.0
-        if not self._started and self._calibration is None and waited_s > self.parameters.info_wait:
-            self._start()
         if self._pipeline is None:
             return
         if self._diagnostics.quiet_s > self.parameters.idle_flush:
@@ -339,7 +292,7 @@ class SolverStage(Stage[SolverParameters]):
 
     def report(self) -> list[Status]:
         """Status of the body and its cameras since the last report."""
-        statuses = self._diagnostics.report(self._pipeline, has_body=self._body is not None)
+        statuses = self._diagnostics.report(self._pipeline)
         statuses += self._static_statuses()
         statuses += [] if self._coupling is None else [equipment_status(self._coupling)]
         statuses += [] if self._verdict is None else [verdict_status(self._verdict.verdict())]

@@ -111,10 +111,6 @@ class ClockEstimator:
         """Cameras that share their stamps with most others, and always did."""
         return self.shared.cameras if self.shared else frozenset()
 
-    def join(self, camera: str) -> None:
-        """Use one more camera."""
-        self._cameras.setdefault(camera, _Camera())
-
     @property
     def known_ns(self) -> int:
         """Images before this stamp can be corrected as well as they ever will [ns]."""
@@ -166,7 +162,7 @@ class ClockEstimator:
     def _initialise(self) -> None:
         """Find the cameras that share their stamps, and start to estimate."""
         stamps = {name: own for name, camera in self._cameras.items() if len(own := camera.stamps_ns())}
-        shared = find_shared_stamps(stamps, self._body.cameras_on(self._body.root), alone=len(self._cameras) == 1)
+        shared = find_shared_stamps(stamps, self._body.cameras_on(self._body.root), alone=len(stamps) == 1)
         self.shared, self._filter, self._filter_ns = shared, ClockFilter(self._sigma), self._first_ns
         for name in sorted(stamps, key=lambda name: (name != shared.reference, name)):
             self._enter(name, name in shared.cameras)

@@ -111,11 +111,6 @@ class FrameAssembler:
         most = max(counts.values(), default=0)
         return {camera: counts[camera] / most for camera in self._streams} if most else {}
 
-    def join(self, camera: str) -> None:
-        """Wait for one more camera from now on."""
-        self._streams.setdefault(camera, CameraStream())
-        self._sharing = None
-
     def add(self, message: Message) -> list[BodyFrame]:
         """Add a message; frames that are complete now, in order of time."""
         stream = self._streams.get(message.camera)

@@ -38,7 +38,7 @@ def find_shared_stamps(
     Args:
         stamps_ns: camera -> its stamps, ascending; at least one of one camera [ns].
         preferred: cameras that should be the reference, the first that shares the stamps.
-        alone: whether there is only one camera at all, whose stamps are used as they are.
+        alone: whether there is only one camera so far, whose stamps are used as they are.
     """
     several = {camera: stamps for camera, stamps in stamps_ns.items() if len(stamps) > 1}
     if not several:
