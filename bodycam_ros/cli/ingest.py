@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     of_streams = [remark for stream in summary.streams for remark in stream.remarks()]
     for remark in [*faults, *summary.faults, *offsets.remarks, *of_streams]:
         console.print(remark, style="red")
-    frames = sum(stream.tally.frames for stream in summary.streams)
+    frames = sum(stream.frames for stream in summary.streams)
     console.print(
         f"{len(summary.streams)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
         f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}"
@@ -129,14 +129,14 @@ def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
     yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
     written = {}
     for stream in summary.streams:
-        source, tally = stream.camera, stream.tally
-        seconds = 1e-9 * (tally.last_ns - tally.first_ns)
+        source = stream.camera
+        seconds = 1e-9 * (stream.last_ns - stream.first_ns)
         written[source.name] = {
-            "frames": tally.frames,
-            "rate_hz": (tally.frames - 1) / seconds if tally.frames > 1 else 0.0,
+            "frames": stream.frames,
+            "rate_hz": (stream.frames - 1) / seconds if stream.frames > 1 else 0.0,
             "size": f"{source.written_lens.width} x {source.written_lens.height}",
             "readout_s": source.readout_s,
-            "imu_hz": tally.imu_samples / max(1e-9, source.video.facts.duration_s) or None,
+            "imu_hz": stream.imu_samples / max(1e-9, source.video.facts.duration_s) or None,
             "encoding": _encoding(source),
         }
     flagged = {stream.camera.name for stream in summary.streams if stream.remarks()}

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
 from threading import Event
 from typing import TypeVar
@@ -40,19 +40,27 @@ T = TypeVar("T")
 
 
 @dataclass
-class StreamTally:
-    """What became of a camera's frames, while they are read.
+class FrameStream:
+    """The messages of one camera, and what became of its frames while they are read.
 
     Attributes:
-        frames: in the bag.
+        camera: what is read.
+        time: where its media time lies in the recording.
+        base_ns: stamp of the recording's time 0 [ns].
+        threads: that decode and compress.
+        frames: in the bag, so far.
         first_ns, last_ns: their stamps [ns].
         imu_samples: of its inertial sensor in the bag.
-        without_key: that came before the first keyframe and cannot be decoded.
-        unordered: whose time is not after the one before, or out of all reason.
+        without_key: frames that came before the first keyframe and cannot be decoded.
+        unordered: frames whose time is not after the one before, or out of all reason.
         fault: why the camera ended early, if it did.
         imu_fault: what is wrong with its inertial sensor, if anything is.
     """
 
+    camera: IngestCamera
+    time: CameraTime
+    base_ns: int
+    threads: int
     frames: int = 0
     first_ns: int = 0
     last_ns: int = 0
@@ -62,25 +70,6 @@ class StreamTally:
     fault: str = ""
     imu_fault: str = ""
 
-
-@dataclass
-class FrameStream:
-    """The messages of one camera.
-
-    Attributes:
-        camera: what is read.
-        time: where its media time lies in the recording.
-        base_ns: stamp of the recording's time 0 [ns].
-        threads: that decode and compress.
-        tally: what became of the frames so far.
-    """
-
-    camera: IngestCamera
-    time: CameraTime
-    base_ns: int
-    threads: int
-    tally: StreamTally = field(default_factory=StreamTally)
-
     def messages(self) -> Iterator[SerializedMessage]:
         """Lens and timing first, then the frames; the lens once a second.
 
@@ -89,27 +78,27 @@ class FrameStream:
         try:
             yield from self._stamped_frames()
         except RecordingError as error:
-            self.tally.fault = str(error)
+            self.fault = str(error)
 
     def remarks(self) -> list[str]:
         """For the user, when all frames were read: sentences that name the camera."""
-        name, video, tally = self.camera.name, self.camera.video, self.tally
+        name, video = self.camera.name, self.camera.video
         files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
         remarks = []
-        if tally.fault:
-            remarks.append(f"ends early: {tally.fault}")
-        read = tally.frames + tally.without_key + tally.unordered
+        if self.fault:
+            remarks.append(f"ends early: {self.fault}")
+        read = self.frames + self.without_key + self.unordered
         if video.facts.frames > read:
             remarks.append(
                 f"{files} should have {video.facts.frames} frames, and {read} can be read: cut off or damaged; "
                 "copy it again from the camera if you can"
             )
-        if tally.without_key:
-            remarks.append(f"{tally.without_key} frames before the first keyframe cannot be decoded")
-        if tally.unordered:
-            remarks.append(f"{tally.unordered} frames left out: their time is out of order")
-        if tally.imu_fault:
-            remarks.append(f"inertial sensor left out: {tally.imu_fault}")
+        if self.without_key:
+            remarks.append(f"{self.without_key} frames before the first keyframe cannot be decoded")
+        if self.unordered:
+            remarks.append(f"{self.unordered} frames left out: their time is out of order")
+        if self.imu_fault:
+            remarks.append(f"inertial sensor left out: {self.imu_fault}")
         return [f"camera {name}: {remark}" for remark in remarks]
 
     def _stamped_frames(self) -> Iterator[SerializedMessage]:
@@ -118,20 +107,20 @@ class FrameStream:
         latest_s = (self.camera.video.facts.duration_s or math.inf) + _ASTRAY_S
         for media_s, topic, message in self._frames():
             if not -_ASTRAY_S < media_s < min(latest_s, _LONGEST_S):
-                self.tally.unordered += 1
+                self.unordered += 1
                 continue
             stamp_ns = self.base_ns + round(1e9 * float(self.time.recording_s(np.array([media_s]))[0]))
-            if self.tally.frames and stamp_ns <= self.tally.last_ns:
-                self.tally.unordered += 1
+            if self.frames and stamp_ns <= self.last_ns:
+                self.unordered += 1
                 continue
             if info_due_ns is None:
-                self.tally.first_ns = info_due_ns = stamp_ns
+                self.first_ns = info_due_ns = stamp_ns
                 yield SerializedMessage.of(stamp_ns, f"/{name}/timing", self._timing(stamp_ns))
             if stamp_ns >= info_due_ns:
                 info_due_ns += _INFO_EVERY_NS
                 yield SerializedMessage.of(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
-            self.tally.frames += 1
-            self.tally.last_ns = stamp_ns
+            self.frames += 1
+            self.last_ns = stamp_ns
             if message.__msgtype__ == COMPRESSED_VIDEO:
                 message.timestamp = time_message(make, stamp_ns)
             else:
@@ -172,7 +161,7 @@ class FrameStream:
             if has_key:
                 yield media_s, packet
             else:
-                self.tally.without_key += 1
+                self.without_key += 1
 
 
 @contextmanager

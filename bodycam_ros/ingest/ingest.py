@@ -38,8 +38,7 @@ class IngestSummary:
     @property
     def duration_s(self) -> float:
         """From the first frame of all to the last [s]."""
-        tallies = [stream.tally for stream in self.streams]
-        return 1e-9 * (max(tally.last_ns for tally in tallies) - min(tally.first_ns for tally in tallies))
+        return 1e-9 * (max(each.last_ns for each in self.streams) - min(each.first_ns for each in self.streams))
 
 
 def ingest(
@@ -87,8 +86,8 @@ def ingest(
             for message in merged:
                 writer.write_serialized(*message)
                 advance(int("/image_raw" in message.topic))
-        faults += [_left_out(stream) for stream in streams if not stream.tally.frames]
-        written = [stream for stream in streams if stream.tally.frames]
+        faults += [_left_out(stream) for stream in streams if not stream.frames]
+        written = [stream for stream in streams if stream.frames]
         check_any([stream.camera for stream in written], faults)
     return IngestSummary(tuple(written), tuple(faults), base)
 
@@ -100,11 +99,11 @@ def _inertial_samples(streams: Sequence[FrameStream]) -> dict[str, InertialSampl
         try:
             samples = read_inertial_samples(stream.camera)
         except RecordingError as error:
-            stream.tally.imu_fault = str(error)
+            stream.imu_fault = str(error)
             continue
         if samples is not None:
             found[stream.camera.name] = samples
-            stream.tally.imu_samples = len(samples.media_s)
+            stream.imu_samples = len(samples.media_s)
     return found
 
 
@@ -144,7 +143,7 @@ def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> d
 
 
 def _left_out(stream: FrameStream) -> str:
-    why = stream.tally.fault or f"none of the frames of {stream.camera.video.path} can be read"
+    why = stream.fault or f"none of the frames of {stream.camera.video.path} can be read"
     return f"camera {stream.camera.name}: left out: {why}"
 
 

@@ -15,7 +15,7 @@ from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
-from bodycam_ros.recording.video_file import grey_pixels
+from bodycam_ros.recording.video_file import DecodedFrame
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.stations_file import read_stations
 
@@ -56,7 +56,7 @@ class IngestCamera:
         for media_s, frame in self.video.frames(threads=1):
             if ended.is_set():
                 return
-            yield media_s, grey_pixels(frame, rotation_deg)
+            yield media_s, DecodedFrame(frame, rotation_deg).grey()
 
     @property
     def is_copied(self) -> bool:

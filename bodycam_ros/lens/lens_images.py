@@ -13,7 +13,7 @@ from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import LensError
 from bodycam_ros.mapping.frame_choice import sharpness
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.video_file import grey_pixels
+from bodycam_ros.recording.video_file import DecodedFrame
 
 Grey = NDArray[np.uint8]
 
@@ -92,7 +92,7 @@ def _of_video(path: Path, name: str) -> Iterator[LensImage]:
         if number % length == 0 and best is not None:
             yield best[1]
             best = None
-        grey = grey_pixels(frame, facts.rotation_deg)
+        grey = DecodedFrame(frame, facts.rotation_deg).grey()
         score = sharpness(grey)
         if best is None or score > best[0]:
             best = score, LensImage(f"{name} at {seconds:.2f} s", grey)

@@ -17,7 +17,7 @@ from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.ingest.ingest_camera import open_video, read_lens
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.video_file import frame_times, grey_pixels, keyframe_near
+from bodycam_ros.recording.video_file import DecodedFrame, frame_times, keyframe_near
 from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.feature_tracker import view_mask
@@ -213,7 +213,7 @@ def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[f
     chapter = [chapter for chapter in video.chapters if chapter.start_s <= seconds][-1]
     found = keyframe_near(chapter.path, seconds - chapter.start_s)
     if found is not None and (keyframe_s := chapter.start_s + found[0]) not in known:
-        known[keyframe_s] = number, grey_pixels(found[1], chapter.facts.rotation_deg)
+        known[keyframe_s] = number, DecodedFrame(found[1], chapter.facts.rotation_deg).grey()
 
 
 _HOPELESS = 2

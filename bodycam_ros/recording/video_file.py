@@ -314,55 +314,32 @@ class DecodedFrame:
     """
 
     def __init__(self, frame: av.VideoFrame, rotation_deg: int = 0) -> None:
-        self._frame, self._rotation_deg = frame, rotation_deg
+        self._frame, self._turns = frame, rotation_deg // 90
 
     def grey(self) -> NDArray[np.uint8]:
-        """Grey pixels (H, W), black 0 and white 255.
+        """Grey pixels (H, W), black 0 and white 255: the luma, without a detour over colours.
 
         Raises:
             RecordingError: a pixel format that cannot be converted.
         """
-        return grey_pixels(self._frame, self._rotation_deg)
+        frame, name = self._frame, self._frame.format.name
+        if name not in _LUMA_FIRST:
+            return self._converted("gray")
+        plane = frame.planes[0]
+        grey = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: frame.height, : frame.width]
+        if not (name.startswith("yuvj") or name == "gray" or frame.color_range == _FULL_RANGE):
+            grey = np.asarray(cv2.LUT(grey, _WITHOUT_ROOM), np.uint8)
+        return np.ascontiguousarray(np.rot90(grey, self._turns))
 
     def colour(self) -> NDArray[np.uint8]:
-        """Pixels (H, W, 3): blue, green, red.
+        """Pixels (H, W, 3): blue, green, red; raises as ``grey`` does."""
+        return self._converted("bgr24")
 
-        Raises:
-            RecordingError: a pixel format that cannot be converted.
-        """
-        return np.ascontiguousarray(np.rot90(bgr_pixels(self._frame), self._rotation_deg // 90))
-
-
-def grey_pixels(frame: av.VideoFrame, rotation_deg: int = 0) -> NDArray[np.uint8]:
-    """Grey pixels (H, W) of a frame, turned as a ``DecodedFrame``: its luma, without a detour over colours.
-
-    Raises:
-        RecordingError: a pixel format that cannot be converted.
-    """
-    name = frame.format.name
-    try:
-        if name not in _LUMA_FIRST:
-            grey = np.asarray(frame.to_ndarray(format="gray"), dtype=np.uint8)
-        else:
-            plane = frame.planes[0]
-            rows = np.frombuffer(memoryview(plane), dtype=np.uint8).reshape(-1, plane.line_size)
-            grey = rows[: frame.height, : frame.width]
-            if not (name.startswith("yuvj") or name == "gray" or frame.color_range == _FULL_RANGE):
-                grey = np.asarray(cv2.LUT(grey, _WITHOUT_ROOM), dtype=np.uint8)
-    except (FFmpegError, ValueError) as error:
-        raise RecordingError(
-            f"a video frame of the pixel format {name} cannot be converted to grey: {error}"
-        ) from error
-    return np.ascontiguousarray(np.rot90(grey, rotation_deg // 90))
-
-
-def bgr_pixels(frame: av.VideoFrame) -> NDArray[np.uint8]:
-    """Pixels (H, W, 3) of a frame in OpenCV's order.
-
-    Raises:
-        RecordingError: a pixel format that cannot be converted.
-    """
-    try:
-        return np.asarray(frame.to_ndarray(format="bgr24"), dtype=np.uint8)
-    except (FFmpegError, ValueError) as error:
-        raise RecordingError(f"a video frame of the format {frame.format.name} cannot be converted: {error}") from error
+    def _converted(self, wanted: str) -> NDArray[np.uint8]:
+        try:
+            pixels = np.asarray(self._frame.to_ndarray(format=wanted), np.uint8)
+        except (FFmpegError, ValueError) as error:
+            raise RecordingError(
+                f"a video frame of the pixel format {self._frame.format.name} cannot be converted: {error}"
+            ) from error
+        return np.ascontiguousarray(np.rot90(pixels, self._turns))

@@ -10,7 +10,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_decoder import VideoDecoder
 from bodycam_ros.recording.video_encoder import h264_packets
-from bodycam_ros.recording.video_file import TimedPacket, frames, grey_pixels, packets, read_facts
+from bodycam_ros.recording.video_file import DecodedFrame, TimedPacket, frames, packets, read_facts
 
 
 def decoded(source: list[TimedPacket]) -> list[tuple[float, np.ndarray]]:
@@ -31,7 +31,7 @@ def test_packets_decode_to_the_frames_of_the_file(tmp_path: Path, codec: str) ->
     assert len(of_packets) == len(of_file) == 40
     for number, ((packet_s, grey), (frame_s, frame)) in enumerate(zip(of_packets, of_file, strict=True)):
         assert packet_s == pytest.approx(number / RATE_HZ, abs=1e-6) == frame_s
-        np.testing.assert_array_equal(grey, grey_pixels(frame))
+        np.testing.assert_array_equal(grey, DecodedFrame(frame).grey())
         assert number_in(grey) == number
         assert np.abs(grey.astype(int) - picture(number)).mean() < 5.0
 
@@ -46,7 +46,7 @@ def test_b_frames_are_noticed_and_compressed_away(tmp_path: Path, codec: str) ->
     np.testing.assert_allclose(times, np.arange(40) / RATE_HZ, atol=2e-5)
     assert anew[0][1].is_key and not anew[1][1].is_key and anew[30][1].is_key
     for (_, grey), (_, frame) in zip(decoded(anew), frames(path), strict=True):
-        assert np.abs(grey.astype(int) - grey_pixels(frame)).mean() < 1.5
+        assert np.abs(grey.astype(int) - DecodedFrame(frame).grey()).mean() < 1.5
     assert [number_in(grey) for _, grey in decoded(anew)] == list(range(40))
 
 

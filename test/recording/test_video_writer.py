@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bodycam_ros.recording.video_encoder import video_writer
-from bodycam_ros.recording.video_file import bgr_pixels, frames, read_facts
+from bodycam_ros.recording.video_file import DecodedFrame, frames, read_facts
 
 
 def test_pictures_come_at_their_times(tmp_path: Path) -> None:
@@ -18,5 +18,5 @@ def test_pictures_come_at_their_times(tmp_path: Path) -> None:
     assert (facts.codec, facts.width, facts.height, facts.frames) == ("h264", 96, 64, 5)
     read = list(frames(tmp_path / "v.mp4"))
     assert [seconds for seconds, _ in read] == pytest.approx(times_s, abs=1e-4)
-    brightness = [float(bgr_pixels(frame).mean()) for _, frame in read]
+    brightness = [float(DecodedFrame(frame).colour().mean()) for _, frame in read]
     assert brightness == pytest.approx([0.0, 40.0, 80.0, 120.0, 160.0], abs=4.0)
