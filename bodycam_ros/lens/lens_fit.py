@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.camera.lens_kernels import COEFFICIENTS, project_points
+from bodycam_ros.camera.lens_kernels import COEFFICIENTS, measure_shape, project_points
+from bodycam_ros.camera.model import MODELS
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array, exp_so3, hat, rigid
 from bodycam_ros.kernels import as_rows
@@ -209,7 +210,7 @@ _FOCAL_OF_WIDTH = np.geomspace(0.18, 3.0, 22)
 _TRIED = 12  # pictures that focal lengths are tried on
 _MIN_VIEWS = 3
 _ANGLES = 60
-_LARGEST = 100.0  # coefficient of a lens to start from
+_SOME_OMEGA = 0.9  # [rad] of a fov lens to begin with; at 0 nothing shows which way to go
 _STEEPEST_DEG = 80.0  # beyond it a perspective image is useless
 
 
@@ -242,6 +243,8 @@ def fit_unplaced(camera: CameraModel, views: Sequence[BoardView]) -> LensFit:
 
 def as_model(model: str, fit: LensFit) -> CameraModel:
     """A camera of another model that resembles a fitted one out to where that saw the board."""
+    from scipy.optimize import least_squares
+
     camera = fit.camera
     if model == camera.distortion_model:
         return camera
@@ -250,34 +253,22 @@ def as_model(model: str, fit: LensFit) -> CameraModel:
     if model in ("plumb_bob", "rational_polynomial"):
         widest = min(widest, np.radians(_STEEPEST_DEG))
     angles = np.linspace(0.0, widest, _ANGLES)[1:]
-    points = np.column_stack([np.sin(angles), np.zeros_like(angles), np.cos(angles)])
-    radii = (camera.project(points)[0][:, 0] - camera.cx) / camera.fx
-    scale, distortion = _resembling(model, angles, radii)
-    k = [scale * camera.fx, 0.0, camera.cx, 0.0, scale * camera.fy, camera.cy, 0.0, 0.0, 1.0]
-    return camera_from_info(camera.name, camera.width, camera.height, model, distortion, k)
+    radii = measure_shape(camera.parameters, angles)[0]
+    is_radial = [not coefficient.startswith("p") for coefficient in MODELS[model][1]]
 
+    def resembling(shape: Array) -> CameraModel:
+        """The camera whose focal lengths are a share of the fitted ones, with these radial coefficients."""
+        distortion = np.zeros(len(is_radial))
+        distortion[is_radial] = shape[1:]
+        scaled = replace(camera, fx=shape[0] * camera.fx, fy=shape[0] * camera.fy)
+        return replace(scaled, distortion=tuple(distortion.tolist()), distortion_model=model)
 
-def _resembling(model: str, angles: Array, radii: Array) -> tuple[float, list[float]]:
-    """Scale of the focal length and coefficients of a model whose radii (N,) at angles (N,) are these."""
-    if model == "fov":
-        trials = []
-        for omega in np.linspace(0.02, 2.8, 140).tolist():
-            shape = np.arctan2(2.0 * np.tan(0.5 * omega) * np.sin(angles), np.cos(angles)) / omega
-            scale = float(shape @ radii / (shape @ shape))
-            trials.append((float(np.abs(scale * shape - radii).max()), scale, omega))
-        _, scale, omega = min(trials)
-        return scale, [omega]
-    x = np.tan(angles)
-    gain = radii / x
-    columns = np.column_stack([x**2, x**4, x**6])
-    if model == "rational_polynomial":
-        columns = np.column_stack([columns, -gain[:, None] * columns])
-    size = np.linalg.norm(columns, axis=0)
-    # Errors of the radius, not of the gain, are what pixels show.
-    k = np.linalg.lstsq(columns / size * x[:, None], (gain - 1.0) * x, rcond=1e-6)[0] / size
-    # Where the board was seen near the axis alone, anything explains the rest.
-    k = k if np.abs(k).max() < _LARGEST else np.zeros(len(size))
-    return 1.0, [k[0], k[1], 0.0, 0.0, *k[2:]]
+    def errors(shape: Array) -> Array:
+        difference: Array = shape[0] * measure_shape(resembling(shape).parameters, angles)[0] - radii
+        return difference
+
+    start = [1.0, *[_SOME_OMEGA if model == "fov" else 0.0] * sum(is_radial)]
+    return resembling(least_squares(errors, start, x_scale="jac", max_nfev=100).x)
 
 
 def _plain(focal_px: float, width: int, height: int) -> CameraModel:
