@@ -23,7 +23,7 @@ _MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
 _COLUMNS = (
     ("fx [px]", "fit.camera.fx", ".1f"), ("fy [px]", "fit.camera.fy", ".1f"), ("cx [px]", "fit.camera.cx", ".1f"),
     ("cy [px]", "fit.camera.cy", ".1f"), ("fitted [px]", "fit.median_px", ".3f"),
-    ("left out [px]", "validation.median_px", ".3f"), ("rays [px]", "validation.worst_ray_px", ".2f"),
+    ("left out [px]", "median_px", ".3f"), ("rays [px]", "worst_ray_px", ".2f"),
 )  # fmt: skip
 
 _MARK = "# lens measured by bodycam"
@@ -94,16 +94,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _text(calibration: LensCalibration, name: str, board: str) -> str:
-    camera, validation = calibration.chosen.fit.camera, calibration.chosen.validation
-    fx, fy, cx, cy = validation.lens_sigma[:4]
+    lens = calibration.chosen
+    fx, fy, cx, cy = lens.lens_sigma[:4]
     lines = [
-        f"{_MARK} by {len(calibration.chosen.fit.views)} pictures of {Path(board).name}; those left out are off by",
-        f"# {validation.median_px:.3f} px (median), rays where the board was seen by up to "
-        f"{validation.worst_ray_px:.2f} px;",
+        f"{_MARK} by {len(lens.fit.views)} pictures of {Path(board).name}; those left out are off by",
+        f"# {lens.median_px:.3f} px (median), rays where the board was seen by up to {lens.worst_ray_px:.2f} px;",
         f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",
         *(f"# warning: {warning}" for warning in calibration.warnings),
     ]
-    return "\n".join(lines) + f"\n{camera_info_yaml(replace(camera, name=name))}"
+    return "\n".join(lines) + f"\n{camera_info_yaml(replace(lens.fit.camera, name=name))}"
 
 
 def _print_found(console: Terminal, calibration: LensCalibration) -> None:

@@ -10,6 +10,7 @@ from bodycam_ros.recording.image_folder import IMAGE_SUFFIXES
 from bodycam_ros.recording.video_file import SUFFIXES
 
 _CHAPTER = re.compile(r"G[HXL](?P<hero>\d\d)\d{4}|GP(?P<old>\d\d)\d{4}|.+?(?P<number>_\d{1,3})", re.IGNORECASE)
+_TOPIC_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _FIRST_OLD = re.compile(r"GOPR(?=\d{4}$)", re.IGNORECASE)
 
 Recordings = list[tuple[str, tuple[Path, ...]]]
@@ -60,7 +61,8 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     unless these have a lens YAML each, and so are cameras of their own.
 
     Returns:
-        The cameras by name, and what is wrong with those that are left out: several recordings of one name.
+        The cameras by name, and what is wrong with those that are left out: several recordings of one name, or a name
+        that a topic cannot have.
 
     Raises:
         RecordingError: something given does not exist, or has no video.
@@ -79,15 +81,19 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
         cameras.setdefault(camera, {})[tuple(path.resolve() for path in paths)] = paths
     found, faults = [], []
     for camera, by_place in sorted(cameras.items()):
-        distinct = list(by_place.values())
-        if len(distinct) == 1:
-            found.append(CameraFiles(camera, distinct[0]))
-            continue
-        names = " and ".join(str(paths[0]) for paths in distinct)
-        faults.append(
-            f"camera {camera}: left out: {names} are several recordings of one camera, which overlap in time; give one "
-            "of them, or name cameras apart"
-        )
+        names = " and ".join(str(paths[0]) for paths in by_place.values())
+        if not _TOPIC_NAME.fullmatch(camera):
+            faults.append(
+                f"camera {camera}: left out: {names}: a topic cannot be named after it; rename it: letters, digits and "
+                "underscores, beginning with a letter"
+            )
+        elif len(by_place) > 1:
+            faults.append(
+                f"camera {camera}: left out: {names} are several recordings of one camera, which overlap in time; give "
+                "one of them, or name cameras apart"
+            )
+        else:
+            found.append(CameraFiles(camera, *by_place.values()))
     return found, faults
 
 

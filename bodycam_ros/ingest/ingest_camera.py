@@ -1,6 +1,5 @@
 """A camera to be ingested: its video or images, its lens, and the size of its frames in the bag."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +17,6 @@ from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.video_file import DecodedFrame
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.stations_file import read_stations
-
-_TOPIC_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
@@ -97,16 +94,6 @@ def check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
     raise RecordingError(left + "".join(f"\n{fault}" for fault in faults))
 
 
-def open_video(files: CameraFiles) -> CameraVideo:
-    """A camera's video.
-
-    Raises:
-        RecordingError: it cannot be read, or a topic cannot have its name.
-    """
-    _check_name(files)
-    return CameraVideo.of_files(files.camera, files.paths)
-
-
 def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, float | None, Path]:
     """A camera's lens, its read-out time [s], None where that is not given, and the file that has them.
 
@@ -127,21 +114,12 @@ def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, flo
     return stations[files.camera].camera, None, lenses
 
 
-def _check_name(files: CameraFiles) -> None:
-    if not _TOPIC_NAME.fullmatch(files.camera):
-        raise RecordingError(
-            f"{files.paths[0]}: a topic cannot be named '{files.camera}'; rename it: letters, digits and underscores, "
-            "beginning with a letter"
-        )
-
-
 def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> list[IngestCamera]:
     video: CameraVideo | ImageFolder
     if files.are_images:
-        _check_name(files)
         video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
     else:
-        video = open_video(files)
+        video = CameraVideo.of_files(files.camera, files.paths)
     lens, readout_s, lens_path = read_lens(files, lens_folder)
     video.facts.check_size(video.path, lens, lens_path)
     if isinstance(video, CameraVideo) and (reason := video.stabilisation()):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, sosfilt
 
 from bodycam_ros.recording.sound import SoundBlock
@@ -110,19 +111,13 @@ def _band_energies(chunk: SoundBlock) -> Array:
     return energies
 
 
-def _mean_over(energies: Array, first: int, last: int) -> Array:
-    """Means (B, K) over the frames k + first to k + last; what lies outside repeats the outermost."""
-    reach = max(abs(first), abs(last)) + 1
-    padded = np.pad(energies, ((0, 0), (reach, reach)), mode="edge")
-    sums = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
-    count = energies.shape[1]
-    total = sums[:, reach + last + 1 : reach + last + 1 + count] - sums[:, reach + first : reach + first + count]
-    return np.maximum(total / (last - first + 1), 0.0)
-
-
 def _flux(energies: Array) -> Array:
     """How much louder (K,) it gets, all bands together, in no unit; a camera's gain takes no part."""
     floor = np.maximum(np.median(energies, axis=1, keepdims=True), _LEAST_ENERGY)
-    after, before = _mean_over(energies, 0, _AFTER - 1), _mean_over(energies, -_BEFORE, -1)
-    flux: Array = np.clip(np.log1p(after / floor) - np.log1p(before / floor), 0.0, None).sum(axis=0)
+    # Each frame and those after it, against those before it.
+    after = uniform_filter1d(energies, _AFTER, axis=1, mode="nearest", origin=-(_AFTER // 2))
+    earlier = np.pad(energies, ((0, 0), (1, 0)), mode="edge")[:, :-1]
+    before = uniform_filter1d(earlier, _BEFORE, axis=1, mode="nearest", origin=_BEFORE // 2 - 1)
+    gain = np.log1p(np.maximum(after, 0.0) / floor) - np.log1p(np.maximum(before, 0.0) / floor)
+    flux: Array = np.clip(gain, 0.0, None).sum(axis=0)
     return flux

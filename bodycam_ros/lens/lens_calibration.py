@@ -18,7 +18,7 @@ from bodycam_ros.lens.lens_images import LensImage, illuminated_pixels
 from bodycam_ros.lens.lens_quality import (
     TRUSTED_RADIUS,
     BoardCoverage,
-    Validation,
+    ValidatedLens,
     board_coverage,
     objections,
     ray_grid,
@@ -40,19 +40,6 @@ _LEAST_GROUP = 4
 
 
 @dataclass(frozen=True)
-class ModelTrial:
-    """A camera model that was tried."""
-
-    fit: LensFit
-    validation: Validation
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.fit.camera.distortion_model
-
-
-@dataclass(frozen=True)
 class LensCalibration:
     """A calibration.
 
@@ -67,8 +54,8 @@ class LensCalibration:
         remark: how the board differs from its file; empty if it does not.
     """
 
-    chosen: ModelTrial
-    trials: tuple[ModelTrial, ...]
+    chosen: ValidatedLens
+    trials: tuple[ValidatedLens, ...]
     area: BoardCoverage
     is_lit: NDArray[np.bool_]
     given: int
@@ -114,7 +101,7 @@ def calibrate_lens(
     with progress.step("fitting lenses", len(models)) as advance:
         for model in models:
             trial = fit_lens(as_model(model, fit), fit.views, fit.poses)
-            trials.append(ModelTrial(trial, validate(trial, ray_grid(is_lit, reach))))
+            trials.append(validate(trial, ray_grid(is_lit, reach)))
             advance()
     best = _best(trials, ray_grid(is_lit))
     _check_one_camera(best, ray_grid(is_lit))
@@ -126,8 +113,8 @@ def calibrate_lens(
         is_lit,
         len(pictures),
         found,
-        tuple(objections(best.validation)),
-        tuple(warnings(best.fit, best.validation, area, board.layout.kind == CHECKERBOARD)),
+        tuple(objections(best)),
+        tuple(warnings(best, area, board.layout.kind == CHECKERBOARD)),
         board.remark,
     )
 
@@ -148,9 +135,9 @@ def _chosen_variant(pictures: Sequence[LensImage], board: LensBoard, progress: P
     return best
 
 
-def _check_one_camera(best: ModelTrial, grid: Array) -> None:
+def _check_one_camera(together: ValidatedLens, grid: Array) -> None:
     """Refuse pictures whose names make groups that lenses of their own explain better, by more than chance."""
-    fit, together = best.fit, best.validation
+    fit = together.fit
     groups: dict[str, list[int]] = {}
     for row, view in enumerate(fit.views):
         groups.setdefault(_LAST_NUMBER.sub("*", view.name.split(" at ")[0]), []).append(row)
@@ -159,10 +146,9 @@ def _check_one_camera(best: ModelTrial, grid: Array) -> None:
         return
     gains, errors = [], []
     for rows in large.values():
-        own = fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows])
-        validation = validate(own, grid)
-        gains.append(_gains(own, validation.errors_px, together.errors_px[np.isin(fit.rows, rows)]))
-        errors.append(validation.median_px)
+        own = validate(fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]), grid)
+        gains.append(_gains(own, together.errors_px[np.isin(fit.rows, rows)]))
+        errors.append(own.median_px)
     if _is_beyond_chance(np.concatenate(gains), _TWO_CAMERAS):
         raise LensError(
             f"pictures {' and '.join(large)} were taken by different cameras: pictures left out are off by "
@@ -178,24 +164,23 @@ def _sharp_views(fit: LensFit) -> NDArray[np.intp]:
     return sharp[:: -(-len(sharp) // _MAX_VIEWS)]
 
 
-def _best(trials: Sequence[ModelTrial], grid: Array) -> ModelTrial:
+def _best(trials: Sequence[ValidatedLens], grid: Array) -> ValidatedLens:
     """The first that has a ray at all pixels (G, 2), and that no later one beats by more than chance."""
-    finite = [trial for trial in trials if np.isfinite(trial.validation.worst_ray_px)] or list(trials)
+    finite = [trial for trial in trials if np.isfinite(trial.worst_ray_px)] or list(trials)
     whole = [trial for trial in finite if trial.fit.camera.unproject(grid)[1].all()] or finite
     best = whole[0]
     for trial in whole[1:]:
-        gains = _gains(trial.fit, trial.validation.errors_px, best.validation.errors_px)
-        if _is_beyond_chance(gains, _BEYOND_CHANCE):
+        if _is_beyond_chance(_gains(trial, best.errors_px), _BEYOND_CHANCE):
             best = trial
     return best
 
 
-def _gains(fit: LensFit, one_px: Array, other_px: Array) -> Array:
-    """By how much better each picture (V,), left out, is explained by errors (N,) of one lens than of another."""
-    one, other = one_px / fit.spreads, other_px / fit.spreads
+def _gains(lens: ValidatedLens, other_px: Array) -> Array:
+    """By how much better each picture (V,), left out, is explained by a lens than by another's errors (N,)."""
+    one, other = lens.errors_px / lens.fit.spreads, other_px / lens.fit.spreads
     scale = _TAIL * min(float(np.median(one)), float(np.median(other)))
     gains = np.log1p((other / scale) ** 2) - np.log1p((one / scale) ** 2)
-    return np.asarray(np.bincount(fit.rows, gains), np.float64)
+    return np.asarray(np.bincount(lens.fit.rows, gains), np.float64)
 
 
 def _is_beyond_chance(gains: Array, sigmas: float) -> bool:

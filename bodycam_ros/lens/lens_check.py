@@ -93,9 +93,7 @@ class LensMatch:
 
     @property
     def text(self) -> str:
-        """The result in a sentence."""
-        if self.matches:
-            return f"camera {self.camera}: images fit its calibration (epipolar error {self.error_px:.1f} px)"
+        """In a sentence, what contradicts it, and what to do."""
         mode = next(mode for limit, mode in _MODES if self.scale <= limit)
         return (
             f"camera {self.camera}: images do not fit its calibration (camera_info): points are "

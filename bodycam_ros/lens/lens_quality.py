@@ -31,19 +31,26 @@ _MIN_REACH, _MIN_REACH_WHOLE = 0.8, 0.6  # of the image radius; of a board that 
 
 
 @dataclass(frozen=True)
-class Validation:
-    """Errors of pictures that were left out.
+class ValidatedLens:
+    """A lens, and the errors of pictures that were left out of its fit.
 
     Attributes:
+        fit: the lens.
         errors_px: (N,) of all points of the fit, each by the lens that was fitted without its picture, where that
             places it.
         ray_errors_px: (G,) expected error of the ray of each pixel of the grid; infinite where the lens has none.
         lens_sigma: standard deviations of fx, fy, cx, cy [px] and the distortion.
     """
 
+    fit: LensFit
     errors_px: Array
     ray_errors_px: Array
     lens_sigma: Array
+
+    @property
+    def model(self) -> str:
+        """Name of the camera model."""
+        return self.fit.camera.distortion_model
 
     @property
     def median_px(self) -> float:
@@ -79,7 +86,7 @@ class BoardCoverage:
         return float((self.is_covered & self.is_lit).sum() / max(1, self.is_lit.sum()))
 
 
-def validate(fit: LensFit, grid: Array) -> Validation:
+def validate(fit: LensFit, grid: Array) -> ValidatedLens:
     """Fit again without each fifth of the pictures, and measure the errors of those with that lens.
 
     The lenses of four fifths differ from the whole's by as much as that is off (delete-d jackknife). A rotation of the
@@ -101,7 +108,7 @@ def validate(fit: LensFit, grid: Array) -> Validation:
         squares += ray_difference_px(fit.camera, part.camera, grid) ** 2
         lens_squares += (lens_numbers(part.camera) - lens_numbers(fit.camera)) ** 2
     share = (folds - 1) / folds
-    return Validation(errors_px, np.sqrt(share * squares), np.sqrt(share * lens_squares))
+    return ValidatedLens(fit, errors_px, np.sqrt(share * squares), np.sqrt(share * lens_squares))
 
 
 def ray_difference_px(camera: CameraModel, other: CameraModel, grid: Array) -> Array:
@@ -156,38 +163,37 @@ def board_coverage(fit: LensFit, is_lit: NDArray[np.bool_]) -> BoardCoverage:
     )
 
 
-def objections(validation: Validation) -> list[str]:
+def objections(lens: ValidatedLens) -> list[str]:
     """Why the lens must not be used, each with what to do; none if it may."""
     found = []
-    if validation.median_px > _MAX_ERROR_PX:
+    if lens.median_px > _MAX_ERROR_PX:
         found.append(
-            f"pictures that were left out are off by {validation.median_px:.2f} px (median), more than "
+            f"pictures that were left out are off by {lens.median_px:.2f} px (median), more than "
             f"{_MAX_ERROR_PX:g} px: no lens of this --model makes these pictures of this board; try another --model, "
             "check that the board is flat and its file right, and hold it still"
         )
-    if not validation.worst_ray_px <= _REFUSED_RAY_PX:
+    if not lens.worst_ray_px <= _REFUSED_RAY_PX:
         found.append(
             "lenses of fewer pictures differ too much where the board was seen "
-            f"({_pixels(validation.worst_ray_px)}, more than {_REFUSED_RAY_PX:g} px): film the board larger and "
+            f"({_pixels(lens.worst_ray_px)}, more than {_REFUSED_RAY_PX:g} px): film the board larger and "
             "tilted, in more places; or take a --model with fewer coefficients"
         )
     return found
 
 
-def warnings(fit: LensFit, validation: Validation, area: BoardCoverage, must_be_whole: bool) -> list[str]:
+def warnings(lens: ValidatedLens, area: BoardCoverage, must_be_whole: bool) -> list[str]:
     """What makes the lens less certain than it could be, each with what to film.
 
     Args:
-        fit: the lens.
-        validation: of it.
+        lens: the lens.
         area: where the board was seen.
         must_be_whole: a checkerboard, which is found only where all of it is in the picture.
     """
     found = []
-    if len(fit.views) < _MIN_PICTURES:
+    if len(lens.fit.views) < _MIN_PICTURES:
         found.append(
-            f"{len(fit.views)} sharp pictures show the board; take {_MIN_PICTURES} or more, the board still while the "
-            "camera looks, in bright light"
+            f"{len(lens.fit.views)} sharp pictures show the board; take {_MIN_PICTURES} or more, the board still while "
+            "the camera looks, in bright light"
         )
     if area.coverage < _MIN_COVERAGE:
         found.append(
@@ -205,9 +211,9 @@ def warnings(fit: LensFit, validation: Validation, area: BoardCoverage, must_be_
             f"the board was turned in {area.tilts} ways only, less than {_MIN_TILTS}, so focal length and distance are "
             "hard to separate; tilt it by 30 to 45 deg to the left, the right, up and down, and turn it in its plane"
         )
-    if validation.worst_ray_px > _MAX_RAY_ERROR_PX:
+    if lens.worst_ray_px > _MAX_RAY_ERROR_PX:
         found.append(
-            f"rays where the board was seen are uncertain by up to {_pixels(validation.worst_ray_px)}, more than "
+            f"rays where the board was seen are uncertain by up to {_pixels(lens.worst_ray_px)}, more than "
             f"{_MAX_RAY_ERROR_PX:g} px; film the board larger, nearer, tilted, and in the corners"
         )
     return found

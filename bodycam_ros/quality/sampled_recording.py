@@ -14,7 +14,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
-from bodycam_ros.ingest.ingest_camera import open_video, read_lens
+from bodycam_ros.ingest.ingest_camera import read_lens
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import DecodedFrame, frame_times, keyframe_near
@@ -177,7 +177,7 @@ def sample_videos(
     videos: list[tuple[CameraFiles, CameraVideo]] = []
     for files in found:
         try:
-            videos.append((files, open_video(files)))
+            videos.append((files, CameraVideo.of_files(files.camera, files.paths)))
         except RecordingError as error:
             left_out.append(f"camera {files.camera}: left out: {error}")
     if not videos:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import av
 import numpy as np
-from av import AudioFrame
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
@@ -18,7 +18,7 @@ class SoundBlock:
 
     Attributes:
         start_s: media time of the first sample [s].
-        samples: (N,) float32, all channels together, -1 to 1.
+        samples: (N,) float32, all channels together; 1 is full scale.
         rate_hz: samples per second.
     """
 
@@ -42,27 +42,12 @@ def sound_blocks(path: Path) -> Iterator[SoundBlock]:
     with opened(path) as container:
         if not container.streams.audio:
             return
+        mono = av.AudioResampler(format="flt", layout="mono")
         for packet in demuxed(container, container.streams.audio[0]):
             try:
-                frames = packet.decode()
+                frames = [each for frame in packet.decode() if frame.pts is not None for each in mono.resample(frame)]
             except (FFmpegError, ValueError):
                 continue  # damaged
             for frame in frames:
-                if frame.pts is not None and frame.samples:
-                    start_s = float(frame.pts * (frame.time_base or 0))
-                    yield SoundBlock(start_s, _mono(frame), float(frame.sample_rate))
-
-
-def _mono(frame: AudioFrame) -> NDArray[np.float32]:
-    values = frame.to_ndarray()
-    channels = len(frame.layout.channels)
-    # Planar sound has a row per channel, packed sound one row in which they take turns.
-    by_channel = values if frame.format.is_planar else values.reshape(-1, channels).T
-    if by_channel.dtype.kind == "f":
-        scaled = by_channel.astype(np.float32)
-    else:
-        middle = 128.0 if by_channel.dtype == np.uint8 else 0.0
-        full = 2.0 ** (8 * by_channel.dtype.itemsize - 1)
-        scaled = ((by_channel.astype(np.float64) - middle) / full).astype(np.float32)
-    mono: NDArray[np.float32] = np.nan_to_num(scaled.mean(axis=0), nan=0.0, posinf=0.0, neginf=0.0)
-    return mono
+                start_s = float((frame.pts or 0) * (frame.time_base or 0))
+                yield SoundBlock(start_s, np.asarray(frame.to_ndarray()[0], np.float32), float(frame.sample_rate))

@@ -16,8 +16,8 @@ def _judged(views):
     start = initial_fit(views, 640, 480)
     fit = fit_lens(as_model("plumb_bob", start), start.views, start.poses)
     area = board_coverage(fit, _LIT)
-    validation = validate(fit, ray_grid(_LIT, min(0.9, area.reach)))
-    return area, objections(validation), warnings(fit, validation, area, must_be_whole=False)
+    lens = validate(fit, ray_grid(_LIT, min(0.9, area.reach)))
+    return area, objections(lens), warnings(lens, area, must_be_whole=False)
 
 
 def test_a_board_held_everywhere_makes_a_lens():
