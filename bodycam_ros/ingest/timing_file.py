@@ -28,7 +28,7 @@ from bodycam_ros.yaml_file import read_yaml
 
 _PPM = 1e6
 
-_FILE_SIGMA_S, _FILE_DRIFT_SIGMA = 0.001, 20e-6  # of an offset without a sigma in the file
+_UNSTATED = {"drift_ppm": 0.0, "start_sigma_s": 0.001, "drift_sigma_ppm": 20.0}  # of an offset without them in the file
 _LARGEST_S = 1e6
 
 
@@ -69,24 +69,15 @@ def read_offsets(path: Path, cameras: Sequence[str]) -> Offsets:
 
 
 def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
-    fields = entry if isinstance(entry, Mapping) else {"start_s": entry}
-    defaults = {
-        "start_s": None,
-        "drift_ppm": 0.0,
-        "start_sigma_s": _FILE_SIGMA_S,
-        "drift_sigma_ppm": 1e6 * _FILE_DRIFT_SIGMA,
-    }
-    values: dict[str, Any] = {field: fields.get(field, default) for field, default in defaults.items()}
-    for field, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < _LARGEST_S:
+    fields = _UNSTATED | (dict(entry) if isinstance(entry, Mapping) else {"start_s": entry})
+    numbers = []
+    for field in ("start_s", "drift_ppm", "start_sigma_s", "drift_sigma_ppm"):
+        value: Any = fields.get(field)
+        if type(value) not in (int, float) or not abs(value) < _LARGEST_S:
             raise RecordingError(f"{path}: {field} of camera {name} must be a number, not {shown(value)}")
-    return CameraTime(
-        name,
-        float(values["start_s"]),
-        1e-6 * values["drift_ppm"],
-        float(values["start_sigma_s"]),
-        1e-6 * values["drift_sigma_ppm"],
-    )
+        numbers.append(float(value))
+    start_s, drift_ppm, start_sigma_s, drift_sigma_ppm = numbers
+    return CameraTime(name, start_s, drift_ppm / _PPM, start_sigma_s, drift_sigma_ppm / _PPM)
 
 
 def write_timing_report(offsets: Offsets, folder: Path) -> None:

@@ -244,7 +244,7 @@ def match_and_verify(
 def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Sequence[NDArray[np.uint32]]) -> None:
     """Write matches (M, 2) of each pair that are known to fit its epipolar geometry."""
     with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
-        ids = _ids(opened)
+        ids = {image.name: image.image_id for image in opened.read_all_images()}
         for (first, second), rows in zip(pairs, matches, strict=True):
             if len(rows) == 0:
                 continue
@@ -252,10 +252,6 @@ def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Se
             geometry.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
             geometry.inlier_matches = rows
             opened.write_two_view_geometry(ids[first], ids[second], geometry)
-
-
-def _ids(database: pycolmap.Database) -> dict[str, int]:
-    return {image.name: image.image_id for image in database.read_all_images()}
 
 
 _JOINING_OUTLIER_PX = 1.0  # of the kernel; features agree to a third of a pixel

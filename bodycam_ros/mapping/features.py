@@ -60,7 +60,7 @@ def extract_features(
     Raises:
         MapError: the file is not an image that OpenCV reads, or not of the size that the camera is calibrated for.
     """
-    image = read_photograph(path)
+    image = read_image_file(path, cv2.IMREAD_COLOR, MapError)
     if image.shape[:2] != (camera.height, camera.width):
         raise MapError(
             f"{path}: has {image.shape[1]}x{image.shape[0]} pixels, but the camera is calibrated for "
@@ -96,15 +96,6 @@ def extract_all(
             return error
 
     return in_parallel(extract, paths, workers)
-
-
-def read_photograph(path: Path) -> NDArray[np.uint8]:
-    """Pixels (rows, columns, 3) of an image file, blue first.
-
-    Raises:
-        MapError: the file is not an image that OpenCV reads.
-    """
-    return read_image_file(path, cv2.IMREAD_COLOR, MapError)
 
 
 def _count_mutual(first: NDArray[np.float32], second: NDArray[np.float32]) -> int:

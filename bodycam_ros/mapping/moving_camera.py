@@ -11,7 +11,7 @@ from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour, decode_grey
 from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import LensError, MapError
-from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import DecodedFrame
 
@@ -59,31 +59,6 @@ def picture_file(image: CameraImage) -> tuple[str, bytes]:
     return ".png", cv2.imencode(".png", decode_grey(image))[1].tobytes()
 
 
-def bag_camera(path: Path, camera: str) -> MovingCamera:
-    """One camera of a bag, its images in the order in which they were recorded.
-
-    Raises:
-        RecordingError: no bag that can be read, or no such camera in it.
-        LensError: the bag has no camera_info of it, or a malformed one.
-    """
-
-    @contextmanager
-    def frames() -> Iterator[Iterator[CameraImage]]:
-        with open_recording(path) as recording:
-            yield recording.images([camera])
-
-    with open_recording(path) as recording:
-        readout = recording.readout(camera)
-        return MovingCamera(
-            f"{path.name}, camera {camera}",
-            recording.camera_model(camera),
-            recording.image_count(camera),
-            recording.duration_s,
-            (0.0, 0.0 if readout is None else readout.seconds),
-            frames,
-        )
-
-
 def video_camera(path: Path, lens_path: Path | None) -> MovingCamera:
     """A video file; frames are turned upright, as ``bodycam ingest`` turns them.
 
@@ -122,15 +97,33 @@ def video_camera(path: Path, lens_path: Path | None) -> MovingCamera:
 def open_body_cameras(
     bag: Path, cameras: Collection[str] | None, required: Collection[str] = ()
 ) -> dict[str, MovingCamera]:
-    """The frames of the body cameras of a bag, by name; of all cameras if None.
+    """The frames of the body cameras of a bag, by name, as they were recorded; of all cameras if None.
 
     Raises:
         MapError: a camera is not in the bag.
         RecordingError: the bag cannot be read.
-        LensError: a camera's intrinsics are malformed.
+        LensError: the bag has no camera_info of a camera, or a malformed one.
     """
     with open_recording(bag) as recording:
-        there = recording.cameras
-    if absent := sorted({*(cameras or ()), *required} - set(there)):
-        raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(there)}")
-    return {camera: bag_camera(bag, camera) for camera in there if cameras is None or camera in cameras}
+        if absent := sorted({*(cameras or ()), *required} - set(recording.cameras)):
+            raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(recording.cameras)}")
+        chosen = [camera for camera in recording.cameras if cameras is None or camera in cameras]
+        return {camera: _bag_camera(recording, camera) for camera in chosen}
+
+
+def _bag_camera(recording: Recording, camera: str) -> MovingCamera:
+    path, readout = recording.path, recording.readout(camera)
+
+    @contextmanager
+    def frames() -> Iterator[Iterator[CameraImage]]:
+        with open_recording(path) as opened:
+            yield opened.images([camera])
+
+    return MovingCamera(
+        f"{path.name}, camera {camera}",
+        recording.camera_model(camera),
+        recording.image_count(camera),
+        recording.duration_s,
+        (0.0, 0.0 if readout is None else readout.seconds),
+        frames,
+    )

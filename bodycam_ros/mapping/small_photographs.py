@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.camera.camera_info import scaled_camera
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.features import read_photograph
 from bodycam_ros.mapping.structure import Structure
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.registration.map_photographs import MapPhotographs
@@ -92,7 +92,7 @@ def normals_towards(
 
 
 def _encoded(path: Path, size: tuple[int, int]) -> bytes:
-    grey = cv2.cvtColor(read_photograph(path), cv2.COLOR_BGR2GRAY)
+    grey = cv2.cvtColor(read_image_file(path, cv2.IMREAD_COLOR, MapError), cv2.COLOR_BGR2GRAY)
     smaller = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
     done, jpeg = cv2.imencode(".jpg", smaller, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     if not done:

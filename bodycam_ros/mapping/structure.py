@@ -92,10 +92,9 @@ class Structure:
 
 def distinct(taken_by: Sequence[CameraModel]) -> tuple[tuple[CameraModel, ...], NDArray[np.int64]]:
     """The different cameras of K photographs in the order of their first use, and the row of each one's (K,)."""
-    row_of: dict[int, int] = {}
-    rows = [row_of.setdefault(id(camera), len(row_of)) for camera in taken_by]
-    first = {row: camera for row, camera in reversed(list(zip(rows, taken_by, strict=True)))}
-    return tuple(first[row] for row in range(len(first))), np.array(rows, np.int64)
+    different = {id(camera): camera for camera in taken_by}
+    row_of = {key: row for row, key in enumerate(different)}
+    return tuple(different.values()), np.array([row_of[id(camera)] for camera in taken_by], np.int64)
 
 
 def choose_descriptors(structure: Structure, features: Sequence[ImageFeatures]) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """A ROS 2 bag, folder or single file, as a stream of decoded messages."""
 
 import logging
+import struct
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
@@ -101,9 +102,7 @@ def _profile(start: bytes) -> str | None:
     return start[at + 13 : at + 13 + length].decode(errors="replace")
 
 
-_SECONDS, _NANOSECONDS = slice(4, 8), slice(8, 12)
-"""Of a stamp, behind the four bytes of CDR's byte order."""
-
+_STAMP_END = 12  # behind the four bytes of CDR's byte order
 _OF_BODY = ("/robot_description", "/joint_states", "/odometry")
 _OUR_MESSAGES = "bodycam_msgs/"
 """A solved body has all of these topics, and some with messages of ours; a robot may have the former."""
@@ -190,9 +189,8 @@ class BagFile:
         Nothing is decoded: a header's stamp, as that of a foxglove message, is the first eight bytes of a message.
         """
         for connection, recorded_ns, cdr in self._stream(topics):
-            if len(cdr) >= _NANOSECONDS.stop:
-                order: Literal["little", "big"] = "little" if cdr[1] & 1 else "big"
-                seconds, nanoseconds = (int.from_bytes(cdr[part], order) for part in (_SECONDS, _NANOSECONDS))
+            if len(cdr) >= _STAMP_END:
+                seconds, nanoseconds = struct.unpack_from("<II" if cdr[1] & 1 else ">II", cdr, 4)
                 yield self._name(connection.topic), recorded_ns, seconds * 1_000_000_000 + nanoseconds
 
     def _stream(

@@ -14,7 +14,7 @@ from bodycam_ros.camera import camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.frame_choice import keep_sharp_frames
-from bodycam_ros.mapping.moving_camera import MovingCamera, bag_camera, open_body_cameras
+from bodycam_ros.mapping.moving_camera import MovingCamera, open_body_cameras
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.recording.bag_writer import write_recording
@@ -47,7 +47,7 @@ def bag(tmp_path: Path) -> Path:
 
 def test_sharp_frames_are_written(bag: Path, tmp_path: Path) -> None:
     progress = Unshown()
-    photographs = keep_sharp_frames({"hand": bag_camera(bag, "hand")}, tmp_path, "bag", 150, 1, progress)
+    photographs = keep_sharp_frames(open_body_cameras(bag, ["hand"]), tmp_path, "bag", 150, 1, progress)
     assert [path.name for path in photographs.paths] == [f"frame_{number:06d}.png" for number in SHARP]
     assert all(path.is_file() for path in photographs.paths)
     assert all(np.array_equal(camera.parameters, LENS.parameters) for camera in photographs.camera_of_name.values())

@@ -11,7 +11,7 @@ from tiny_bag import WIDTH as BAG_WIDTH
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import LensError
-from bodycam_ros.mapping.moving_camera import bag_camera, picture_file, video_camera
+from bodycam_ros.mapping.moving_camera import open_body_cameras, picture_file, video_camera
 
 
 def test_a_video_on_its_side_is_turned_as_its_lens_is_for(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_rows_are_read_out_as_the_camera_was_held(tmp_path: Path, clockwise: int
 
 
 def test_frames_of_a_bag_can_be_read_again(tiny_bag: Path) -> None:
-    camera = bag_camera(tiny_bag, "right")
+    camera = open_body_cameras(tiny_bag, ["right"])["right"]
     assert (camera.camera.width, camera.camera.height, camera.count) == (BAG_WIDTH, BAG_HEIGHT, 4)
     for _ in range(2):
         with camera.frames() as frames:
