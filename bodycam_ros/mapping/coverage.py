@@ -27,12 +27,11 @@ BODY_CAMERA = camera_from_info("body", _WIDTH, _HEIGHT, "equidistant", [0.0] * 4
 """A typical one: 640x480, 150 degrees across."""
 
 _ENOUGH = 500  # landmarks in view: with that many 98 % of the images register, with 160 to 480 two in three
-_SPACING_M = 1.0  # between places on the floor
-_REACH_M = 1.0  # a person walks this far from where photographs were taken
+_SPACING_M = 1.0  # between places on the floor; a person walks this far from where photographs were taken
 _HEIGHTS_M = (0.5, 1.5)  # of the lowest body cameras, such as on shins, and the highest
 _STEP_DEG = 15.0  # between directions
 _MAX_ELEVATION_DEG = 60.0  # up and down, to which body cameras point most of the time
-_MAX_PLACES = 80  # on the floor; a large place gets a wider spacing
+_MAX_PLACES = 80  # on the floor; of more, every n-th
 _MAX_COUNTED = 700  # landmarks around a place; of more, every n-th counts for n
 
 _MISSING = 0.5  # share of the places that must see enough in a direction
@@ -121,16 +120,10 @@ def _places(reference_map: ReferenceMap) -> Array:
     centres = reference_map.world_T_camera[:, :3, 3]
     if not (reference_map.metric and reference_map.gravity_aligned):
         return np.asarray(centres[:: -(-len(centres) // _MAX_PLACES)])
-    spacing, floor = _SPACING_M, np.zeros((_MAX_PLACES + 1, 2))
-    while len(floor) > _MAX_PLACES:
-        first, last = (np.round(edge / spacing) for edge in (centres.min(axis=0), centres.max(axis=0)))
-        reach = np.ceil(_REACH_M / spacing)
-        x, y = (spacing * np.arange(first[axis] - reach, last[axis] + reach + 1.0) for axis in (0, 1))
-        floor = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        distances = np.linalg.norm(floor[:, None] - centres[None, :, :2], axis=2).min(axis=1)
-        # A spacing wider than the reach may miss a photograph that stands alone.
-        floor = floor[distances <= max(_REACH_M, np.sqrt(0.5) * spacing)]
-        spacing *= 1.25
+    beside = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 2)
+    cells = np.round(centres[:, None, :2] / _SPACING_M) + beside
+    floor = _SPACING_M * np.unique(cells.reshape(-1, 2), axis=0)
+    floor = floor[:: -(-len(floor) // _MAX_PLACES)]
     return np.concatenate([np.column_stack([floor, np.full(len(floor), height)]) for height in _HEIGHTS_M])
 
 
