@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 Array = NDArray[np.float64]
@@ -77,7 +76,7 @@ class BodyOutput:
         state: poses of all segments.
         joint_names: A names, in constant order.
         positions: (A,) joint angles [rad], as of ``JointAngleTracker``.
-        velocities: (A,) [rad/s].
+        velocities: (A,) since the state before [rad/s]; 0 at the first, as the root's.
         root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
     """
 
@@ -86,31 +85,6 @@ class BodyOutput:
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
     root_velocity: NDArray[np.float64]
-
-
-def moving(
-    state: BodyState,
-    joint_names: tuple[str, ...],
-    positions: NDArray[np.float64],
-    change: NDArray[np.float64],
-    root: int,
-    before: BodyOutput | None,
-) -> BodyOutput:
-    """A state with what its joints and its root have done since the state before; at rest where there is none.
-
-    Args:
-        state: the body.
-        joint_names: A names.
-        positions: (A,) joint angles [rad].
-        change: (A,) of them since the state before [rad].
-        root: row of the root segment.
-        before: what was published before.
-    """
-    if before is None:
-        return BodyOutput(state, joint_names, positions, np.zeros(len(positions)), np.zeros(6))
-    passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
-    step = log_se3(inverse(before.state.world_T_segment[root]) @ state.world_T_segment[root])
-    return BodyOutput(state, joint_names, positions, change / passed_s, step / passed_s)
 
 
 @dataclass(frozen=True)

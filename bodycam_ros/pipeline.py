@@ -10,15 +10,18 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
-from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState, moving
+from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import evidence_floor
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticMeasurement
+from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -122,7 +125,7 @@ class SkeletonPipeline:
 
     @property
     def rejected(self) -> Counter[str]:
-        """Camera -> instants at which it was down-weighted or rejected."""
+        """Camera -> instants at which it was rejected."""
         return self._rejected + self._smoother.rejected
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
@@ -193,12 +196,16 @@ class SkeletonPipeline:
         return outputs
 
     def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:
-        outputs = []
+        outputs, tracker, root = [], self._angle_tracker, self._root
         for state in states:
-            positions = self._angle_tracker.angles(state.world_T_segment)
-            before = self._previous
-            change = self._angle_tracker.change(positions if before is None else before.positions, positions)
-            self._previous = moving(state, self._angle_tracker.names, positions, change, self._root, before)
+            positions = tracker.angles(state.world_T_segment)
+            velocities, root_velocity = np.zeros(len(positions)), np.zeros(6)
+            if (before := self._previous) is not None:
+                passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
+                velocities = tracker.change(before.positions, positions) / passed_s
+                before_T_root = inverse(before.state.world_T_segment[root])
+                root_velocity = log_se3(before_T_root @ state.world_T_segment[root]) / passed_s
+            self._previous = BodyOutput(state, tracker.names, positions, velocities, root_velocity)
             outputs.append(self._previous)
         return outputs
 

@@ -144,7 +144,7 @@ def _print(summary: ReplaySummary, recording: Path, output: Path) -> int:
     for line in clock_remarks(summary.timings, summary.speeds):
         terminal.print(line)
     for camera, count in summary.rejected.most_common():
-        terminal.print(f"camera {camera}: down-weighted or rejected at {count} frames, where the others contradict it")
+        terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")
     share = summary.solved / summary.instants if summary.instants else 0.0
     terminal.print(
         f"{summary.solved} of {summary.instants} frames solved ({share:.1%}), {summary.predicted} of them without "

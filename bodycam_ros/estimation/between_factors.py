@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.estimate import Between, Coordinates, Estimate, Transition
+from bodycam_ros.estimation.estimate import SETTLED, Between, Coordinates, Estimate, Transition
 from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _GRAVITY, _IDENTITY = np.array([0.0, 0.0, -GRAVITY]), np.eye(3)
 _TURN_RAD = 0.01  # sigma of a rotation between frames; parallax of near things biases it by tenths of a degree
+_ITERATIONS = 2  # at most
 _FREE_RAD = 0.5  # how far a joint may turn from frame to frame beyond its prediction, where its turn is measured
-_ITERATIONS, _NEAR = 2, 0.01  # at most; [rad], [m] of a step after which it is linear enough
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ def condition(link: Transition, measured: Sequence[Between]) -> Transition:
         steps = np.stack([of_before @ scaled, of_after @ scaled])
         both = start.moved(steps)
         # Nothing measured depends on the other coordinates.
-        if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max(initial=0.0) < _NEAR:
+        if np.abs(steps[1, :K][H[:, :K].any(axis=0)]).max(initial=0.0) < SETTLED:
             break
     return replace(
         link,

@@ -30,7 +30,7 @@ from bodycam_ros.kinematics.tangent import TreeTangent
 
 _STILL = 1e-6  # [m/s] of a length
 _STANDS_M = 2e-5  # by which points 1 m from the root of equipment that stands may move from frame to frame
-_SEARCH_NS, _LONGEST_NS = 200_000_000, 2_000_000_000  # between two searches in vain, at first and at most
+_SEARCH_NS = 1_000_000_000  # between two searches in vain, while the same attachments are measured
 
 
 class Coupling:
@@ -81,7 +81,7 @@ class Coupling:
         """After a pause: the equipment is searched again, its lengths are known as well as before."""
         self.placed = self._was_placed = False
         self._first_shifts, self._first_sigmas = self._shifts, self._sigmas
-        self._search_due_ns, self._search_wait_ns = -(1 << 62), _SEARCH_NS
+        self._search_due_ns = -(1 << 62)
         self._searched_with: tuple[bool, ...] = ()
 
     def start(self, stamp_ns: int) -> None:
@@ -120,7 +120,7 @@ class Coupling:
         attachments.observe(1e-9 * (stamp_ns - self._start_ns), observed)
         measured = tuple(attachments.measured.tolist())
         if measured != self._searched_with:
-            self._search_due_ns, self._search_wait_ns, self._searched_with = stamp_ns, _SEARCH_NS, measured
+            self._search_due_ns, self._searched_with = stamp_ns, measured
         self._was_placed, gaps = self.placed, attachments.gaps(start.poses)
         if self.placed:
             attachments.update(gaps)
@@ -128,27 +128,24 @@ class Coupling:
             return start
         has_camera = bool(observed[self._root])
         if stamp_ns >= self._search_due_ns or (has_camera and not self.placed):
-            self._search_due_ns = stamp_ns + self._search_wait_ns
-            found = self._find(start, has_camera, gaps)
-            if found is not None:
-                return found
-            self._search_wait_ns = min(2 * self._search_wait_ns, _LONGEST_NS)
+            self._search_due_ns = stamp_ns + _SEARCH_NS
+            return self._find(start, has_camera, gaps)
         return start
 
-    def _find(self, start: Coordinates, has_camera: bool, gaps: Array) -> Coordinates | None:
-        """Search equipment that is not placed, or nearer to its attachments than it is."""
+    def _find(self, start: Coordinates, has_camera: bool, gaps: Array) -> Coordinates:
+        """Coordinates with equipment where a search finds it, if it was not placed or is nearer to its attachments."""
         attachments = self.attachments
         measured = [name for name, flag in zip(attachments.names, attachments.measured, strict=True) if flag]
         found = self._search.find(Configuration(start.root, start.joints), measured, has_camera)
         if found is None:
-            return None
-        start = start.placed(found.joint_motion)
-        after = attachments.gaps(start.poses)
+            return start
+        placed = start.placed(found.joint_motion)
+        after = attachments.gaps(placed.poses)
         if self.placed and not after[attachments.measured].sum() < gaps[attachments.measured].sum():
-            return None
+            return start
         self.placed, self._was_placed = True, False
         attachments.place(after)
-        return start
+        return placed
 
     def restarted(
         self, at: Coordinates, start: Coordinates, before: ActiveAttachments | None

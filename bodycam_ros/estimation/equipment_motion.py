@@ -16,10 +16,8 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
-_CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
 _COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
-_ENDS_S = 0.25  # before and after a gap, that give the motion at its ends: most of a stroke of a pedal
 
 
 class EquipmentMotion:
@@ -49,7 +47,7 @@ class EquipmentMotion:
                     self.coasting_rows.append(row)
                     self._fade_s[columns] = _KEPT_S
             elif joint.child in body.equipment_segments:
-                self._density[columns] = _CONSTANT
+                self._density[columns] = 0.0  # unknown lengths
         ends = [
             (body.segment_index[e.body_segment], body.segment_index[e.equipment_segment]) for e in equipment.attachments
         ]
@@ -106,11 +104,9 @@ def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_
 def _end_motion(
     angles: Array, stamps_s: Array, driven: NDArray[np.bool_], place: int, side: int
 ) -> tuple[float, float] | None:
-    """Speed [rad/s] and acceleration [rad/s^2] at one end of a gap, by the angles beyond; None without any."""
+    """Speed [rad/s] and acceleration [rad/s^2] at one end of a gap, by the angles within ``FADE_S`` of it, if any."""
     end = place
-    while (
-        0 <= end + side < len(driven) and driven[end + side] and abs(stamps_s[end + side] - stamps_s[place]) < _ENDS_S
-    ):
+    while 0 <= end + side < len(driven) and driven[end + side] and abs(stamps_s[end + side] - stamps_s[place]) < FADE_S:
         end += side
     if end == place:
         return None

@@ -64,7 +64,7 @@ class BodyEstimator:
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
-        rejected: camera -> states in which its registration was down-weighted or rejected.
+        rejected: camera -> states in which its registration was rejected.
         interpolated: states without any image that were filled in.
 
     Raises:
@@ -236,15 +236,9 @@ class BodyEstimator:
     ) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        weights, at = gate_cameras(predicted, poses, self._unobserved_columns())
-        accepted = dict(registered)
-        for name, weight in zip(registered, weights.tolist(), strict=True):
-            if weight < 1.0:
-                self.rejected[name] += 1
-                pose = accepted.pop(name)
-                if weight > 0.0:
-                    accepted[name] = replace(pose, covariance=pose.covariance / weight)
-        return accepted, at
+        accepted, at = gate_cameras(predicted, poses, self._unobserved_columns())
+        self.rejected.update(name for name, passes in zip(registered, accepted, strict=True) if not passes)
+        return {name: pose for (name, pose), passes in zip(registered.items(), accepted, strict=True) if passes}, at
 
     def _unobserved_columns(self) -> Mask:
         """(K,) coordinates that nothing measured in the state before: no reason to reject a camera that does now."""

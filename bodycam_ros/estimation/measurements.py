@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
-from bodycam_ros.estimation.estimate import LINEAR, STEPS, Coordinates, Transition
+from bodycam_ros.estimation.estimate import LINEAR, SETTLED, STEPS, Coordinates, Transition
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M
 from bodycam_ros.kinematics.tangent import LoopGaps, TreeTangent
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
-_SETTLED = 1e-3  # [rad], [m] of a step after which the fit ends
 KERNEL = 8.0  # sigmas from which on a measurement counts less (Cauchy): a wrong one must not bend the limb
 SLIDES_M = 10.1 * TIGHT_M  # a joint does not slide along axes whose sigmas are smaller
 
@@ -155,7 +154,7 @@ class StateFit:
             step = np.asarray(np.linalg.solve(information, b - prior @ x), np.float64)
             at = at.moved(step)
             moved = float(np.abs(step).max())
-            if robust and moved < _SETTLED:
+            if robust and moved < SETTLED:
                 break
             robust = robust or moved < LINEAR
         covariance = np.linalg.inv(information)

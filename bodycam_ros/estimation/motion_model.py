@@ -16,7 +16,7 @@ from bodycam_ros.settings import setting
 
 FADE_S = 0.2  # in which an unobserved velocity fades: a blind limb comes to rest instead of flying off
 LASTS_S = 0.033  # how long an acceleration lasts: with it a standard deviation becomes a spectral density
-_FIRST_SPEEDS = (6.0, 2.0)  # [rad/s], [m/s] sigmas of people, before the motion is known
+_FIRST_SPEED = 4.0  # [rad/s], [m/s] sigma of people, before the motion is known
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class MotionModel:
     def __init__(self, tangent: TreeTangent, settings: MotionSettings) -> None:
         self.tangent = tangent
         self.fade_s = np.full(tangent.count, FADE_S)
-        self._first = np.append(np.full(tangent.count, UNKNOWN), np.where(tangent.turns, *_FIRST_SPEEDS))
+        self._first = np.append(np.full(tangent.count, UNKNOWN), np.full(tangent.count, _FIRST_SPEED))
         equipment = tangent.tree.equipment_segments
         self._of_people = np.array([name not in equipment for name in tangent.tree.segments], bool)
         sigmas = np.repeat([settings.angular_acceleration_sigma, settings.acceleration_sigma], 3)

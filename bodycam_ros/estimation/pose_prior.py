@@ -8,7 +8,6 @@ which the joint was observed, the near ones first (``RecordedPoses``).
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,8 @@ Mask = NDArray[np.bool_]
 
 _NOISE_RAD = 0.05  # smaller motion of the observed joints carries no information on the others
 _LEAST_RAD = 0.07  # least sigma of a predicted joint
-_ASSUMED_S = 0.15  # a joint must be observed for so long to outweigh what was assumed of it
-_LASTS_S = 0.2  # a limb stays on one side of its prediction for so long: the states of this time are one measurement
+_LASTS_S = 0.2  # a limb stays on one side of its prediction for so long: the states of this time are one measurement,
+# and what is assumed of a joint counts like them
 _TURNING_LASTS_S = 3.0  # the same of a limb whose rotation between frames is measured
 _UNKNOWN_RAD = 0.35  # assumed spread of a joint about the N-pose, where no range is known
 FORGET_S = 60.0  # people change what they do: older poses count less
@@ -32,7 +31,7 @@ _TURN_S = 0.1  # before and after, between which velocities are taken, and by wh
 _LEAST_S = 0.5  # of a joint that was observed for less, a whole recording has no more than the forward pass
 _FADES_S = 2.0  # by which states farther in time count less: people do now as they did a moment ago
 _LEAST_SHARE = 0.25  # of a joint's usual variance that remains where others predict it: few poses repeat exactly
-_MOSTLY = 0.5  # share of those states in which a feature must have been observed
+_MOSTLY = 0.5  # share of those states, and of a gap's, in which a feature must have been observed
 
 
 class PosePrior:
@@ -53,7 +52,7 @@ class PosePrior:
         # what is assumed, which is not forgotten.
         rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_spans(joint) for joint in body.tree_joints]).reshape(-1)
-        self._assumed = _ASSUMED_S * np.stack([np.ones(len(rest)), rest, rest**2 + spans**2])
+        self._assumed = _LASTS_S * np.stack([np.ones(len(rest)), rest, rest**2 + spans**2])
         self._sums = np.zeros_like(self._assumed)
 
     def add(self, rotations: Array, observed: Mask, dt_s: float) -> None:
@@ -104,16 +103,6 @@ def _spans(joint: Joint) -> Array:
     return spans
 
 
-@dataclass(frozen=True, eq=False)
-class _Regression:
-    """A joint's vector (3) as a linear function of features: which (F,) of them, weights, offset and variances."""
-
-    features: Mask
-    weights: Array
-    offset: Array
-    variances: Array
-
-
 class RecordedPoses:
     """Predicts unobserved joints from T states of a recording.
 
@@ -144,36 +133,30 @@ class RecordedPoses:
         for row in np.flatnonzero(~self._observed[first:].all(axis=0)).tolist():
             unobserved = first + np.flatnonzero(~self._observed[first:, row])
             for gap in np.split(unobserved, np.flatnonzero(np.diff(unobserved) > 1) + 1):
-                regressions: dict[bytes, _Regression | None] = {}
-                for place in gap.tolist():
-                    known = self._known[place]
-                    key = known.tobytes()
-                    if key not in regressions:
-                        regressions[key] = self._fit(known, row, float(self._seconds[gap[[0, -1]]].mean()))
-                    if (fit := regressions[key]) is not None:
-                        vector = fit.offset + self._features[place, fit.features] @ fit.weights
-                        own, (rotations, sigmas) = predicted[place - first].rows == row, better[place - first]
-                        rotations[own] = self._prior.rotations(np.array([row]), vector[None])
-                        sigmas[own] *= np.sqrt(np.clip(fit.variances / usual[row], _LEAST_SHARE, 1.0))
+                vectors, variances = self._regress(row, gap)
+                shares = np.sqrt(np.clip(variances / usual[row], _LEAST_SHARE, 1.0))
+                for place, vector in zip((gap - first).tolist(), vectors, strict=False):
+                    own, (rotations, sigmas) = predicted[place].rows == row, better[place]
+                    rotations[own] = self._prior.rotations(np.array([row]), vector[None])
+                    sigmas[own] *= shares
         return [JointRotations(each.rows, *both) for each, both in zip(predicted, better, strict=True)]
 
-    def _fit(self, known: Mask, row: int, middle_s: float) -> _Regression | None:
-        """A joint by known features (F,), fitted about the middle of a gap; None if it was seldom observed.
+    def _regress(self, row: int, gap: NDArray[np.intp]) -> tuple[Array, Array]:
+        """A joint's vectors (G, 3) in the states of a gap by the features that are mostly known, and variances (3).
 
-        States without some of the features count with the values of the forward pass.
+        States without some of the features count with the values of the forward pass. No vectors of a joint that was
+        seldom observed.
         """
-        wanted, observed = slice(3 * row, 3 * row + 3), self._observed[:, row]
-        if len(observed) < 2 or observed.sum() * np.median(np.diff(self._seconds)) < _LEAST_S:
-            return None
-        features = known & (self._known[observed].mean(axis=0) >= _MOSTLY)
-        if not features.any():
-            return None
-        X, Y = self._features[observed][:, features], self._features[observed, wanted]
-        share = np.exp(-np.abs(self._seconds[observed] - middle_s) / _FADES_S)
+        observed = self._observed[:, row]
+        if observed.mean() * self._seconds[-1] < _LEAST_S:
+            return np.zeros((0, 3)), np.ones(3)
+        features = (self._known[gap].mean(axis=0) >= _MOSTLY) & (self._known[observed].mean(axis=0) >= _MOSTLY)
+        X, Y = self._features[observed][:, features], self._features[observed, 3 * row : 3 * row + 3]
+        share = np.exp(-np.abs(self._seconds[observed] - self._seconds[gap[[0, -1]]].mean()) / _FADES_S)
         share /= share.sum()
         x_mean, y_mean = share @ X, share @ Y
         A = X - x_mean
         noise = _NOISE_RAD**2 * np.eye(A.shape[1])
         weights = np.linalg.solve(A.T @ (share[:, None] * A) + noise, A.T @ (share[:, None] * (Y - y_mean)))
         variances = np.maximum(share @ (Y - y_mean - A @ weights) ** 2, _LEAST_RAD**2)
-        return _Regression(features, np.asarray(weights, np.float64), np.asarray(y_mean - x_mean @ weights), variances)
+        return y_mean + (self._features[gap][:, features] - x_mean) @ weights, variances

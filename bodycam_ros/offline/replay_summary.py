@@ -24,7 +24,7 @@ class ReplaySummary:
         solved: instants with a body state.
         predicted: of these, instants that no camera contributed to.
         interpolated: instants at which all cameras were silent, filled in from both sides.
-        rejected: camera -> instants at which it contradicted the others and was down-weighted or rejected.
+        rejected: camera -> instants at which it contradicted the others and was rejected.
         late: registrations that came too late for their instant, because a camera had been silent for long.
         images: camera -> images read.
         registered: camera -> images registered in the map.

@@ -26,7 +26,6 @@ ALL_NS = 2**63 - 1
 """Later than any stamp [ns]."""
 
 _WINDOW_NS = 4_000_000_000  # of one estimate: 2 s left 2.7 ms where 4 s left 1.8; a jump ends a window in any case
-_CATCH_UP = 3  # times the pace at which images come; a window passed on at once would keep those who register waiting
 _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, or of any, before stamps are compared
 
 
@@ -79,7 +78,7 @@ class ClockEstimator:
         self._body, self._floor, self._live = body, floor, live
         self._cameras = {camera: _Camera() for camera in cameras}
         self._sigma, self._filter = settings.sigma, ClockFilter(settings.sigma)
-        self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = self._filter_ns = -1
+        self._first_ns = self.latest_ns = self._window_ns = self._filter_ns = -1
         self._is_over = False
         self.shared: SharedStamps | None = None
 
@@ -116,7 +115,11 @@ class ClockEstimator:
         """Images before this stamp can be corrected as well as they ever will [ns]."""
         if not self._cameras or self._is_over or (self._live and not (self.shared is None and self._first_ns >= 0)):
             return ALL_NS
-        return -1 if self.shared is None else self._passed_ns
+        if self.shared is None:
+            return -1
+        # Shared stamps need no correction, unless the present window shows otherwise.
+        all_share = self.sharing >= {name for name, each in self._cameras.items() if each.images}
+        return self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
 
     def has(self, camera: str) -> bool:
         """Whether the clock of a camera is estimated."""
@@ -129,8 +132,8 @@ class ClockEstimator:
             return
         camera.images.append(matches)
         if self._first_ns < 0:
-            self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = stamp_ns
-        advance_ns, self.latest_ns = max(0, stamp_ns - self.latest_ns), max(self.latest_ns, stamp_ns)
+            self._first_ns = self._window_ns = stamp_ns
+        self.latest_ns = max(self.latest_ns, stamp_ns)
         if self.shared is None:
             is_enough = 2 * sum(each.is_long for each in self._cameras.values()) > len(self._cameras)
             if not is_enough and self.latest_ns - self._first_ns < _FIRST_AT_MOST_NS:
@@ -138,10 +141,6 @@ class ClockEstimator:
             self._initialise()
         while self.latest_ns > self._window_ns + _WINDOW_NS + MARGIN_NS:
             self._estimate_until(self._window_ns + _WINDOW_NS)
-        # Shared stamps need no correction, unless the present window shows otherwise.
-        all_share = self.sharing >= {name for name, each in self._cameras.items() if each.images}
-        known_ns = self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
-        self._passed_ns = min(self._passed_ns + _CATCH_UP * advance_ns, known_ns)
 
     def flush(self) -> None:
         """The recording or the epoch is over or, live, no image has come for a while: nothing will be known better."""
@@ -156,7 +155,7 @@ class ClockEstimator:
     def restart(self) -> None:
         """Begin a new epoch, after ``flush``: clocks are kept."""
         self._cameras = {name: _Camera(clocks=camera.clocks[-1:]) for name, camera in self._cameras.items()}
-        self._first_ns = self.latest_ns = self._window_ns = self._passed_ns = -1
+        self._first_ns = self.latest_ns = self._window_ns = -1
         self._is_over = False
 
     def _initialise(self) -> None:

@@ -81,7 +81,7 @@ class Graph:
 
     def _begin(self, at: Coordinates) -> None:
         """Vague coordinates, and the velocities of people."""
-        velocities = [6.0] * 3 + [2.0] * 3 + [6.0] * (self.K - 6)
+        velocities = [4.0] * self.K
         noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([1.0] * self.K + velocities))
         start = self.places(at)
         self._add([*self.keys(0), V(0)], noise, lambda q, v: np.concatenate([self._step(start, q), v[0]]))
