@@ -20,7 +20,7 @@ from bodycam_ros.inertial.preintegration import MotionSums
 
 logger = logging.getLogger(__name__)
 
-_WRONG_RAD = 3e-3  # root mean square of the residuals of rotation; larger, the sensor is left out
+_WRONG_RAD = 5e-3  # root mean square of the residuals of rotation; larger, the sensor is wrong
 _WRONG_M_S2 = 2.0  # bias of an accelerometer; larger, it reads in g, or without gravity, or along other axes
 _WINDOW_S, _SHORT_S = 2.0, 1.0  # of rotations, and of positions, whose errors grow faster
 _ROTATION_RAD, _POSITION_M = 6e-4, 3e-3  # sigmas of a registration, of which a part is shared by neighbours
@@ -33,19 +33,6 @@ _LEAST_IMAGES = 60
 _OFFSETS_S = np.arange(-0.06, 0.0601, 0.002)  # first search of the time offset
 _LEAST_TURN = 0.03  # [rad/s] root mean square of the angular velocity about each of two axes, to find the rotation
 _SHARED = 2.0  # errors of neighbouring registrations are alike: sigmas of the result grow by so much
-
-
-@dataclass(frozen=True, eq=False)
-class CalibratedImu:
-    """Outcome of a calibration.
-
-    Attributes:
-        calibration: of the sensor.
-        rotation_rms: of the camera's rotations from the integrated gyroscope [rad].
-    """
-
-    calibration: ImuCalibration
-    rotation_rms: float
 
 
 class RegisteredSensors:
@@ -72,20 +59,11 @@ class RegisteredSensors:
         for camera, samples in self._imus.items():
             stamps_ns, poses = np.array(self._stamps_ns[camera], np.int64), np.array(self._poses[camera])
             try:
-                found = calibrate_imu(camera, stamps_ns, poses.reshape(-1, 4, 4), samples)
+                calibration = calibrate_imu(camera, stamps_ns, poses.reshape(-1, 4, 4), samples)
             except RangeOfMotionError as error:
-                logger.warning("%s; the sensor is left out", error)
+                logger.warning("inertial sensor left out: %s", error)
                 continue
-            if found.rotation_rms > _WRONG_RAD:
-                logger.warning(
-                    "camera %s: its inertial sensor differs from the images by %.2f deg, expected at most %.2f; it is "
-                    "left out. Are its units rad/s and m/s^2, its axes right-handed, and its stamps even?",
-                    camera,
-                    np.degrees(found.rotation_rms),
-                    np.degrees(_WRONG_RAD),
-                )
-                continue
-            bias = float(np.linalg.norm(found.calibration.accelerometer_bias))
+            bias = float(np.linalg.norm(calibration.accelerometer_bias))
             if bias > _WRONG_M_S2:
                 logger.warning(
                     "camera %s: the accelerometer of its inertial sensor differs from the images by %.1f m/s^2, "
@@ -96,13 +74,13 @@ class RegisteredSensors:
                     _WRONG_M_S2,
                 )
                 continue
-            calibrations[camera] = found.calibration
+            calibrations[camera] = calibration
         return calibrations
 
 
 def calibrate_imu(
     camera: str, stamps_ns: NDArray[np.int64], world_T_camera: Array, samples: ImuSamples
-) -> CalibratedImu:
+) -> ImuCalibration:
     """Calibrate the sensor of one camera.
 
     Args:
@@ -112,7 +90,7 @@ def calibrate_imu(
         samples: of the sensor, at least where images are.
 
     Raises:
-        RangeOfMotionError: too few images with samples, or too little rotation.
+        RangeOfMotionError: too few images with samples, too little rotation, or the two contradict each other.
     """
     first_ns, last_ns = (int(samples.stamps_ns[0]), int(samples.stamps_ns[-1])) if len(samples) else (0, 0)
     inside = (stamps_ns > first_ns + 1e8) & (stamps_ns < last_ns - 1e8)
@@ -124,6 +102,12 @@ def calibrate_imu(
     images = _Images(stamps_ns[inside], world_T_camera[inside], samples)
     initial = _initial(camera, images)
     rotated = _fit(lambda x: images.rotation_errors(_turned(initial, x)) / _ROTATION_RAD, _GYROSCOPE_PRIOR)
+    if (off_rad := _ROTATION_RAD * rotated.rms) > _WRONG_RAD:
+        raise RangeOfMotionError(
+            f"camera {camera}: its inertial sensor differs from the images by {np.degrees(off_rad):.2f} deg, expected "
+            f"at most {np.degrees(_WRONG_RAD):.2f}. Are its units rad/s and m/s^2, its axes right-handed, and its "
+            "stamps even?"
+        )
     turned = replace(
         _turned(initial, rotated.values),
         rotation_sigma=float(rotated.sigmas[:3].max()),
@@ -132,12 +116,11 @@ def calibrate_imu(
         gyro_scale_sigma=float(rotated.sigmas[7:].max()),
     )
     placed = _fit(lambda x: images.position_errors(_placed(turned, x)) / _POSITION_M, _ACCELEROMETER_PRIOR)
-    calibration = replace(
+    return replace(
         _placed(turned, placed.values),
         position_sigma=float(placed.sigmas[:3].max()),
         accelerometer_bias_sigma=float(placed.sigmas[3:6].max()),
     )
-    return CalibratedImu(calibration, _ROTATION_RAD * rotated.rms)
 
 
 def _turned(calibration: ImuCalibration, x: Array) -> ImuCalibration:

@@ -25,7 +25,6 @@ RegisteredPoses = tuple[NDArray[np.int64], Array]
 
 _WINDOW_NS = 4_000_000_000  # longer ones carry more scale and more noise: sigma 0.32 % at 2 s, 0.17 at 4, 0.18 at 6
 _MIN_IMAGES = 12  # of a window
-_MAX_ROTATION_RMS = 5e-3  # [rad] between images and gyroscope; with more a sensor is left out
 _POSITION_SIGMA_M = 3e-3  # of a registration
 _LEVER_SIGMA_M, _BIAS_SIGMA, _SCALE_SIGMA = 0.03, 0.1, 0.006  # of a sensor's place, bias [m/s^2] and scale
 _ITERATIONS = 8
@@ -78,16 +77,10 @@ def align_to_gravity(poses: Mapping[str, RegisteredPoses], imus: Mapping[str, Im
         try:
             found = calibrate_imu(camera, *poses[camera], imus[camera])
         except RangeOfMotionError as error:
-            logger.warning("%s; the sensor is left out", error)
-            continue
-        if found.rotation_rms > _MAX_ROTATION_RMS:
-            logger.warning(
-                "camera %s: its gyroscope differs from the images by %.2f deg; the sensor is left out",
-                *(camera, np.degrees(found.rotation_rms)),
-            )
+            logger.warning("inertial sensor left out: %s", error)
             continue
         # Its accelerometer was compared with a map whose scale and vertical were wrong.
-        calibration = replace(found.calibration, accelerometer_bias=np.zeros(3), accelerometer_scale=np.ones(3))
+        calibration = replace(found, accelerometer_bias=np.zeros(3), accelerometer_scale=np.ones(3))
         windows += _windows(cameras, *poses[camera], calibration.correct(imus[camera]))
         cameras += 1
     if not windows:

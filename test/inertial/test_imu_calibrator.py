@@ -63,7 +63,7 @@ def recorded() -> tuple[np.ndarray, Array, ImuSamples]:
 
 
 def test_the_sensor_is_found_as_it_is(recorded: tuple[np.ndarray, Array, ImuSamples]) -> None:
-    found = calibrate_imu("cam", *recorded).calibration
+    found = calibrate_imu("cam", *recorded)
     apart = found.camera_R_imu.T @ TRUE.camera_R_imu
     assert np.degrees(np.arccos(min(1.0, (np.trace(apart) - 1.0) / 2.0))) < 0.1
     assert abs(found.time_offset - TRUE.time_offset) < 3e-4
