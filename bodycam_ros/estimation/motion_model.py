@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.estimation.estimate import UNKNOWN, Coordinates, Estimate, MotionPrior, Transition
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation
+from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation, rigid
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.settings import setting
 
@@ -112,20 +112,5 @@ def predict(world_T_segment_before: Array, world_T_segment: Array, before_s: flo
         ahead_s: time to predict [s].
     """
     velocity = log_se3(inverse(world_T_segment_before) @ world_T_segment) / before_s
-    return orthonormal(world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / FADE_S) * velocity))
-
-
-def motion_sigmas(dt_s: float | Array, previous_dt_s: float | Array, settings: MotionSettings) -> Array:
-    """Sigmas (6), rotation [rad] then translation [m], of a segment's deviation from the prediction; (N, 6) of (N, 1).
-
-    The mean velocity over ``dt_s`` differs from the one over ``previous_dt_s`` by the acceleration times half of both.
-    """
-    sigmas = [settings.angular_acceleration_sigma, settings.acceleration_sigma]
-    return np.asarray(np.repeat(sigmas, 3) * dt_s * 0.5 * (dt_s + previous_dt_s))
-
-
-def orthonormal(poses: Array) -> Array:
-    """Poses (S, 4, 4) with rotations put back onto SO(3)."""
-    mended = poses.copy()
-    mended[:, :3, :3] = nearest_rotation(poses[:, :3, :3])
-    return mended
+    poses = world_T_segment @ exp_se3(ahead_s * np.exp(-ahead_s / FADE_S) * velocity)
+    return rigid(nearest_rotation(poses[:, :3, :3]), poses[:, :3, 3])

@@ -8,7 +8,7 @@ import numpy as np
 from bodycam_ros.body_state import BodyFrame, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.estimation.motion_model import MotionSettings, motion_sigmas
+from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
@@ -24,7 +24,8 @@ _FOLLOWED = np.repeat([0.03, 0.01], 3)
 
 def predicted_body(world_T_segment: Array, dt_s: float, motion: MotionSettings) -> PredictedBody:
     """Prediction of a body at poses (S, 4, 4) ``dt_s`` after it was measured, with its sigmas."""
-    sigmas = np.hypot(motion_sigmas(dt_s, dt_s, motion), _FOLLOWED)
+    accelerations = np.repeat([motion.angular_acceleration_sigma, motion.acceleration_sigma], 3)
+    sigmas = np.hypot(accelerations * dt_s**2, _FOLLOWED)
     return PredictedBody(world_T_segment, sigmas, float(np.sqrt(2.0) * sigmas[0]))
 
 
