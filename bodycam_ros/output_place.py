@@ -114,19 +114,14 @@ def _check_writable(output: Path) -> None:
 
 def _relation(output: Path, place: Path) -> str | None:
     """How an output stands to an input, both resolved; None if they have nothing to do with each other."""
-    written, read = _identity(output), _identity(place)
-    if output == place or (written is not None and written == read):
+    if _is_same(output, place):
         return "is"
-    if place in output.parents or (read is not None and read in map(_identity, output.parents)):
+    if any(_is_same(parent, place) for parent in output.parents):
         return "lies within"
-    if output in place.parents or (written is not None and written in map(_identity, place.parents)):
-        return "contains"
-    return None
+    return "contains" if any(_is_same(output, parent) for parent in place.parents) else None
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
+def _is_same(first: Path, second: Path) -> bool:
+    """Whether two paths are one file or folder, which may have several names."""
+    both_there = os.path.exists(first) and os.path.exists(second)
+    return first == second or (both_there and os.path.samefile(first, second))
