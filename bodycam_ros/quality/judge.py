@@ -4,14 +4,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.quality.camera_poses import CameraPoseLog, CameraPoses
 from bodycam_ros.quality.causes import Cause, clock_cause, find_causes, lens_cause
 from bodycam_ros.quality.contradiction import DOUBTFUL_GAP_M, Contradiction, find_contradiction, lasting, pose_gap
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.verdict import Finding, Level, Verdict
 
@@ -150,8 +148,8 @@ def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str
             yield Finding(camera, level, what, why, remedy, check="joints")
 
 
-class LiveVerdict:
-    """A verdict renewed at intervals while the body is solved, on the last seconds.
+class LiveVerdict(CameraPoseLog):
+    """The last seconds while a body is solved, with a verdict on them that is renewed at intervals.
 
     Args:
         body: that is solved.
@@ -160,26 +158,18 @@ class LiveVerdict:
     """
 
     def __init__(self, body: BodyModel, cameras: Mapping[str, CameraModel], pose_fit: PoseFitSettings) -> None:
-        self._log = CameraPoseLog(body, cameras, pose_fit.inlier_px, _LIVE_SPAN_S)
+        super().__init__(body, cameras, pose_fit.inlier_px, _LIVE_SPAN_S)
+
+    def _reset(self) -> None:
+        super()._reset()
         self._latest = Verdict.from_findings(())
         self._judged_ns: int | None = None
-        self._solved_ns = 0
-
-    def add_registration(self, matches: LandmarkMatches) -> None:
-        """Add the registration of one image."""
-        self._log.add_registration(matches)
-
-    def add_state(self, stamp_ns: int, world_T_segment: NDArray[np.float64]) -> None:
-        """Add a solved state: poses (S, 4, 4) of all segments of the body."""
-        self._log.add_state(stamp_ns, world_T_segment)
-        self._solved_ns = stamp_ns
-        if self._judged_ns is None or stamp_ns < self._judged_ns:
-            # The first verdict needs some states.
-            self._judged_ns, self._latest = stamp_ns, Verdict.from_findings(())
 
     def verdict(self) -> Verdict:
         """The latest; made anew after ``_LIVE_INTERVAL_S``, in time of the recording."""
-        if self._judged_ns is not None and self._solved_ns - self._judged_ns >= 1e9 * _LIVE_INTERVAL_S:
-            self._latest = judge(self._log.poses())
-            self._judged_ns = self._solved_ns
+        if self._rows:
+            solved_ns = self._rows[-1][0]
+            self._judged_ns = solved_ns if self._judged_ns is None else self._judged_ns  # the first needs some states
+            if solved_ns - self._judged_ns >= 1e9 * _LIVE_INTERVAL_S:
+                self._judged_ns, self._latest = solved_ns, judge(self.poses())
         return self._latest
