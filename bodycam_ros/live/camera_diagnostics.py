@@ -3,9 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
-from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.registration.landmark_matches import CameraSight, LandmarkMatches, camera_sight
@@ -17,18 +15,6 @@ LOW_SHARE = 0.9
 """A camera registered in a smaller share of its frames gets a warning."""
 
 _LEVELS = {Level.GOOD: StatusLevel.OK, Level.DOUBTFUL: StatusLevel.WARN, Level.WRONG: StatusLevel.ERROR}
-
-
-class KnownCameras(Protocol):
-    """Camera models received so far; see ``CameraModels``."""
-
-    models: dict[str, CameraModel]
-    rejected: set[str]
-    changes: int
-
-    @property
-    def missing(self) -> list[str]:
-        """Cameras without camera_info so far."""
 
 
 @dataclass

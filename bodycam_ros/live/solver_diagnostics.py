@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyState
-from bodycam_ros.live.camera_diagnostics import LOW_SHARE, KnownCameras, clock_values
+from bodycam_ros.live.camera_diagnostics import LOW_SHARE, clock_values
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
 
@@ -39,12 +39,11 @@ class SolverDiagnostics:
     """Counts registrations and solved frames between two reports.
 
     Args:
-        cameras: models of the cameras.
         dropped: messages that could not be used.
     """
 
-    def __init__(self, cameras: KnownCameras, dropped: DroppedMessages) -> None:
-        self._cameras, self._dropped = cameras, dropped
+    def __init__(self, dropped: DroppedMessages) -> None:
+        self._dropped = dropped
         self._tally = _Tally()
         self._late_reported = 0
         self._rejected_reported: Counter[str] = Counter()
@@ -85,7 +84,7 @@ class SolverDiagnostics:
             pipeline: solves; None while there is no body.
         """
         tally, self._tally = self._tally, _Tally()
-        cameras, dropped = self._cameras, self._dropped
+        dropped = self._dropped
         late = pipeline.assembler.late if pipeline else 0
         lost, self._late_reported = dropped.count_new() + max(0, late - self._late_reported), late
         rejected = pipeline.rejected if pipeline else Counter()
@@ -96,9 +95,6 @@ class SolverDiagnostics:
             "frames predicted": tally.predicted,
             "latency [ms]": round(1e3 * tally.latency_s / tally.solved) if tally.solved else "none",
             "cameras used per frame": round(tally.cameras_used / max(1, tally.solved), 1),
-            "cameras known": len(cameras.models),
-            "cameras missing": ", ".join([*cameras.missing, *sorted(cameras.rejected)]) or "none",
-            "camera_info changed": cameras.changes,
             "late registrations": late,
             "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
             "frames interpolated": pipeline.interpolated if pipeline else 0,
@@ -122,9 +118,7 @@ class SolverDiagnostics:
             silent: cameras without registrations; None if there is no body.
         """
         if self.quiet_s > _PATIENCE_S:
-            missing = few([*self._cameras.missing, *sorted(self._cameras.rejected)])
-            suffix = f", and no usable camera_info of {missing}" if missing else ""
-            return StatusLevel.ERROR, f"no registration arrives{suffix}"
+            return StatusLevel.ERROR, "no registration arrives"
         if silent is None:
             return StatusLevel.OK, "no body yet"
         if tally.solved == 0 and self._received_s - max(self._solved_s, self._started_s) > _PATIENCE_S:
