@@ -11,7 +11,6 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.live.every_second_image import EverySecondImage
-from bodycam_ros.live.stamp_order import StampOrder
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import TRANSPORTS, Transport, image_stamp_ns
@@ -19,6 +18,7 @@ from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import DriverTopic, TopicForm
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.recording.video_decoder import VideoDecoder
+from bodycam_ros.timing.timeline import Timeline
 
 _POLL_S = 0.25
 _PATIENCE_S = 2.0
@@ -26,6 +26,9 @@ _PATIENCE_S = 2.0
 
 _RECOVERY_S = 5.0
 """All images are used again after so long without one that waited for too long."""
+
+_LONGEST_GAP_S = 2.0
+"""Beyond five times this a stamp does not follow the one before; a stray stamp may, and the next tells."""
 
 _BUSY = "images arrive faster than they are processed"
 _THINNED = "every second image left out, the machine does not keep up"
@@ -38,7 +41,7 @@ class WaitingImage:
     Attributes:
         image: still encoded except for video, of which every frame is needed to decode the next.
         arrival_s: on the steady clock [s].
-        restarts: whether time went back before it.
+        restarts: whether time jumped before it.
     """
 
     image: CameraImage
@@ -76,7 +79,7 @@ class CameraImages:
         dropped: counts images that could not be used.
         process: called with each image; whether it has a result.
         waiting_reason: why the next image has to wait; empty if there is none.
-        restart: called where the time of the images goes back.
+        restart: called where the time of the images jumps, as when a bag is played again.
         ready_since_s: time on the steady clock from which images wait for nothing but processing.
 
     Attributes:
@@ -116,7 +119,7 @@ class CameraImages:
     def drop(self) -> None:
         """Drop the images that wait; the next one has no predecessor."""
         self._decoder = VideoDecoder()
-        self._order: StampOrder[WaitingImage] = StampOrder(partial(self._count_drop, "images out of time"))
+        self._timeline, self._doubtful_ns = Timeline(_LONGEST_GAP_S), 0
         self._images: deque[WaitingImage] = deque()
 
     def restart(self) -> None:
@@ -131,7 +134,7 @@ class CameraImages:
         following = self._images[0]
         if following.restarts:
             following.restarts = False  # once: the image may have to wait here
-            self._stage.log.warning(f"camera {self._camera}: the time of its images goes back; restart")
+            self._stage.log.warning(f"camera {self._camera}: the time of its images jumps; restart")
             self.restart()
         if self._waiting_reason():
             return
@@ -166,15 +169,25 @@ class CameraImages:
         except RecordingError as error:
             encoded = CameraImage(self._camera, stamp, error)  # which is raised when it is decoded
         for image in self._decoder.feed(encoded):
-            in_order, goes_back = self._order.add(image.stamp_ns, WaitingImage(image, now_s))
-            for each in in_order:
-                each.restarts = goes_back and each is in_order[0]
-                self._images.append(each)
+            self._put_in_order(image, now_s)
         while len(self._images) > self._stage.parameters.image_queue:
             lost = self._images.popleft()
             self._images[0].restarts |= lost.restarts
             self._count_drop("images dropped", f"{self._waiting_reason() or _BUSY}; an image is dropped")
         self._stage.call_later(self.process_next)
+
+    def _put_in_order(self, image: CameraImage, now_s: float) -> None:
+        """Let an image wait, unless its stamp does not follow: then the next one decides whether it is a stray."""
+        epoch = self._timeline.epoch
+        admitted = self._timeline.admit(image)
+        if self._doubtful_ns and all(each.stamp_ns != self._doubtful_ns for each in admitted):
+            reason = f"stamp {self._doubtful_ns} ns does not follow, and the stream does not continue there"
+            self._count_drop("images out of time", reason)
+        self._doubtful_ns = 0 if admitted else image.stamp_ns
+        for each in admitted:
+            assert isinstance(each, CameraImage)
+            self._images.append(WaitingImage(each, now_s, restarts=self._timeline.epoch > epoch))
+            epoch = self._timeline.epoch
 
     def _count_drop(self, kind: str, reason: str) -> None:
         self._dropped.add(kind, f"camera {self._camera}: {reason}")

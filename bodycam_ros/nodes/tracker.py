@@ -29,7 +29,7 @@ class TrackerStage(Stage[TrackerParameters]):
     """Tracks the features of one camera.
 
     Images wait until there is a camera_info and a reader of the tracks, for a lost track message is lost for good, and
-    while ``most_ahead`` frames are unanswered. Tracking restarts when the time of the images goes back, when the
+    while ``most_ahead`` frames are unanswered. Tracking restarts when the time of the images jumps, when the
     camera_info changes, and after the node was inactive.
     """
 

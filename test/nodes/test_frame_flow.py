@@ -1,12 +1,9 @@
-"""Order of frames, unanswered frames, lost and dropped messages. Without ROS."""
-
-from collections.abc import Iterable
+"""Unanswered frames, lost and dropped messages. Without ROS."""
 
 import pytest
 
 from bodycam_ros.live import unanswered_frames
 from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
-from bodycam_ros.live.stamp_order import StampOrder
 from bodycam_ros.live.unanswered_frames import UnansweredFrames
 
 
@@ -94,41 +91,3 @@ def test_the_first_of_a_kind_is_told_and_all_are_counted() -> None:
     assert [line.split(" (")[0] for line in told] == ["a grey one", "a short one"]
     assert (dropped.count_new(), dropped.count_new()) == (3, 0)
     assert dropped.latest == "a short one"
-
-
-def ordered(stamps: Iterable[int], strays: list[str]) -> list[tuple[int, bool]]:
-    """(stamp [ms], whether time begins anew there) of what is in order."""
-    order: StampOrder[int] = StampOrder(strays.append)
-    found = []
-    for stamp in stamps:
-        in_order, goes_back = order.add(stamp * 1_000_000, stamp)
-        found += [(each, goes_back and each == in_order[0]) for each in in_order]
-    return found
-
-
-@pytest.mark.parametrize("stray", [3_600_000, 3_600_000_000, 1, 66])
-def test_one_stray_stamp_silences_nobody(stray: int) -> None:
-    strays: list[str] = []
-    before, after = list(range(33, 1000, 33)), list(range(1023, 2000, 33))
-    assert ordered([*before, stray, *after], strays) == [(stamp, False) for stamp in before + after]
-    assert len(strays) == 1 and "stamp" in strays[0]
-
-
-def test_time_that_goes_back_begins_anew_and_loses_nothing() -> None:
-    strays: list[str] = []
-    stamps = list(range(33, 1000, 33))
-    again = [(33, True), *((stamp, False) for stamp in stamps[1:])]
-    assert ordered([*stamps, *stamps, *stamps], strays) == [(stamp, False) for stamp in stamps] + again + again
-    assert not strays
-
-
-def test_a_stream_that_paused_goes_on() -> None:
-    strays: list[str] = []
-    stamps = [33, 66, 5000, 5033, 5066]
-    assert ordered(stamps, strays) == [(stamp, False) for stamp in stamps] and not strays
-
-
-def test_two_players_of_one_camera_are_not_mixed() -> None:
-    strays: list[str] = []
-    stamps = [stamp for k in range(1, 30) for stamp in (50_000 + 33 * k, 10_000 + 33 * k)]
-    assert ordered(stamps, strays) == [(50_000 + 33 * k, False) for k in range(1, 30)]

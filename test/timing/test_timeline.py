@@ -89,3 +89,29 @@ def test_images_out_of_order_begin_no_epoch() -> None:
     timeline = Timeline(1.0)
     assert admitted(timeline, [("a", 0), ("a", 80), ("a", 40), ("a", 120)]) == [("a", 0), ("a", 80), ("a", 120)]
     assert timeline.epoch == 0
+
+
+def alone(stamps: Iterable[int]) -> list[int]:
+    """What is admitted of the stamps [ms] of a camera alone."""
+    return [stamp for _, stamp in admitted(Timeline(2.0), together("a", stamps))]
+
+
+@pytest.mark.parametrize("stray", [HOUR, 1000 * HOUR, 1, 66])
+def test_one_stray_stamp_silences_nobody(stray: int) -> None:
+    before, after = list(range(33, 1000, 33)), list(range(1023, 2000, 33))
+    assert alone([*before, stray, *after]) == before + after
+
+
+def test_time_that_goes_back_begins_anew_and_loses_nothing() -> None:
+    stamps = list(range(33, 1000, 33))
+    assert alone(3 * stamps) == 3 * stamps
+
+
+def test_a_stream_that_paused_goes_on() -> None:
+    stamps = [33, 66, 5000, 5033, 5066]
+    assert alone(stamps) == stamps
+
+
+def test_two_players_of_one_camera_are_not_mixed() -> None:
+    stamps = [stamp for k in range(1, 30) for stamp in (50_000 + 33 * k, 10_000 + 33 * k)]
+    assert alone(stamps) == [50_000 + 33 * k for k in range(1, 30)]
