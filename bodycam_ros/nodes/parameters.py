@@ -105,19 +105,13 @@ class NodeParameters(Generic[P]):
         try:
             for each in parameters:
                 if each.name in self._values:
-                    self._check_changeable(each.name)
+                    if self.is_configured and not self._described[each.name].is_live:
+                        hint = f"is read when the node is configured; restart it with -p {each.name}:=VALUE"
+                        raise SettingsError(f"{_SOURCE}: {each.name} {hint}")
                     self._checked(each.name, each.value)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
-
-    def _check_changeable(self, full_name: str) -> None:
-        at_start = full_name in _FIXED_AT_START
-        if not self._described[full_name].is_live and (self.is_configured or at_start):
-            raise SettingsError(
-                f"{_SOURCE}: {full_name} is read when the node is {'started' if at_start else 'configured'}; "
-                f"restart it with -p {full_name}:=VALUE"
-            )
 
     def _take(self, parameters: list[Parameter]) -> None:
         own = [each for each in parameters if each.name in self._values]
@@ -145,6 +139,7 @@ def _given(node: Node) -> dict[str, Any]:
 
 def _descriptor(description: SettingDescription) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(description=description.text() + (", live" if description.is_live else ""))
+    descriptor.read_only = description.name in _FIXED_AT_START
     # A setting that may be a word in place of a number has the type of what it is now.
     descriptor.dynamic_typing = bool(description.words)
     if description.low is not None and description.high is not None and not description.words:
