@@ -8,6 +8,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 _NEAR = 5  # times the longest wait for a camera: cameras further apart are not of one time
 _NEAR_AT_FIRST_NS = 15_000_000_000  # of a camera's first image: a static camera searches for the body for seconds
 _VOTES, _KEPT = 2, 8  # images of a camera elsewhere that count, and that are kept
+_LEAST_STEP_NS = 1_000_000  # from image to image; those that are sent again may be nearer
 _LIVELY = 8  # a camera without an image while each other sent so many has no vote on the time
 
 Message = LandmarkMatches | CameraImage
@@ -47,7 +48,7 @@ class Timeline:
             self._admitted_ns[camera] = stamp_ns
             return [message]
         kept = self._elsewhere.setdefault(camera, deque(maxlen=_KEPT))
-        if kept and stamp_ns <= kept[-1].stamp_ns:
+        if kept and stamp_ns < kept[-1].stamp_ns + _LEAST_STEP_NS:
             kept.clear()
         kept.append(message)
         there = {c: each for c, each in self._elsewhere.items() if abs(each[-1].stamp_ns - stamp_ns) <= self._near_ns}

@@ -1,6 +1,7 @@
 """The time of most cameras."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -100,6 +101,14 @@ def alone(stamps: Iterable[int]) -> list[int]:
 def test_one_stray_stamp_silences_nobody(stray: int) -> None:
     before, after = list(range(33, 1000, 33)), list(range(1023, 2000, 33))
     assert alone([*before, stray, *after]) == before + after
+
+
+def test_images_of_the_past_that_are_sent_at_once_are_no_time_that_begins_anew() -> None:
+    timeline = Timeline(2.0)
+    assert admitted(timeline, together("a", [33, 66, 1000])) == together("a", [33, 66, 1000])
+    past = image("a", 40)
+    assert not any(timeline.admit(replace(past, stamp_ns=past.stamp_ns + number)) for number in range(4))
+    assert timeline.epoch == 0
 
 
 def test_time_that_goes_back_begins_anew_and_loses_nothing() -> None:
