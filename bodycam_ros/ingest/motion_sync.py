@@ -21,8 +21,9 @@ _STRENGTH_S = 0.25  # over which the strength is evened out
 _STILL = 0.1  # [rad/s] below it a motion is not amplified: it is the noise of the images
 _WILD = 3.0  # [rad/s]
 _MAX_OFFSET_S = 600.0  # cameras started by hand run within minutes of each other; more is more chance of a wrong match
-_MIN_EVIDENCE = 8.0  # of a pair; limbs of two people reach 7, those of one 14 and more
+_MIN_EVIDENCE = 8.0  # of a pair; limbs of two people reach 7 nine times in ten, those of one 14 and more
 _MIN_CONFIDENCE = 0.25  # of both, another person's camera passes one time in thirty
+_MIN_EVIDENCE_ON_RIG, _MIN_CONFIDENCE_ON_RIG = 5.0, 0.2  # a rig has cameras of one body: arms hardly follow a torso
 _DRIFT_SIGMA = 7e-5  # of two cameras: each crystal is within 50 millionths
 _LINKED_SIGMA_S = 0.03  # of an offset: a limb leads or trails its neighbour by hundredths of a second
 
@@ -47,8 +48,11 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
     reference = next(iter(on_root or lively))
     signals = {camera: _even_motion(speed) for camera, speed in lively.items()}
     curves = offset_curves(signals, _pairs(lively, rig), _RATE_HZ, _MAX_OFFSET_S)
-    agreed = agreed_offsets(reference, curves, _RATE_HZ, _MIN_EVIDENCE)
-    sure = {camera: offset for camera, offset in agreed.items() if offset.confidence >= _MIN_CONFIDENCE}
+    evidence, confidence = _MIN_EVIDENCE, _MIN_CONFIDENCE
+    if rig is not None:
+        evidence, confidence = _MIN_EVIDENCE_ON_RIG, _MIN_CONFIDENCE_ON_RIG
+    agreed = agreed_offsets(reference, curves, _RATE_HZ, evidence)
+    sure = {camera: offset for camera, offset in agreed.items() if offset.confidence >= confidence}
     for camera in lively:
         if rig is not None and camera not in rig.cameras:
             remarks.append(
