@@ -6,8 +6,6 @@ cameras measured it: that shows which attachments are contradicted before they b
 placed, or contradicted by most attachments, is searched.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -107,16 +105,16 @@ class Coupling:
         stands = self.placed and self._stands
         return [RestingPoint(self._root, place, _STANDS_M) for place in np.eye(3)] if stands else []
 
-    def update(self, stamp_ns: int, start: Coordinates, evidence: Sequence[SegmentPose]) -> Coordinates:
+    def update(self, stamp_ns: int, start: Coordinates, observed: NDArray[np.bool_]) -> Coordinates:
         """Find out which attachments are active; the coordinates, with equipment that was searched where it was found.
 
         Args:
             stamp_ns: of the state [ns].
             start: initial coordinates of the state, at which the body is as measured.
-            evidence: measured poses of segments.
+            observed: (S,) segments that were measured.
         """
         assert self._start_ns is not None  # set by ``start``
-        observed, attachments = self.body.named(pose.segment for pose in evidence), self.attachments
+        attachments = self.attachments
         attachments.observe(1e-9 * (stamp_ns - self._start_ns), observed)
         measured = tuple(attachments.measured.tolist())
         if measured != self._searched_with:

@@ -207,8 +207,7 @@ class BodyEstimator:
         predicted = self._prior.predict(joints_observed, joints_turning, link.dt_s or LASTS_S)
         measured = Measurements(cameras, predicted.replaced(by_static))
         if self._coupling:
-            evidence = [*accepted.values(), *static.together]
-            measured, link, start = self._couple(frame.stamp_ns, evidence, measured, link, start)
+            measured, link, start = self._couple(frame.stamp_ns, on_body | static.rows, measured, link, start)
         # The state that fits them best (A eq. 8, B eq. 15).
         before, link = link.before.at.poses, self._fit.fit(link, measured, start)
         self._prior.add(self.body.joint_rotations(link.after.at.poses), joints_observed, link.dt_s)
@@ -275,7 +274,7 @@ class BodyEstimator:
     def _couple(
         self,
         stamp_ns: int,
-        evidence: Sequence[SegmentPose],
+        observed: Mask,
         measured: Measurements,
         link: Transition,
         start: Coordinates,
@@ -283,7 +282,7 @@ class BodyEstimator:
         """Measurements and initial estimate with the equipment."""
         coupling = self._coupling
         assert coupling is not None  # by the caller
-        start = coupling.update(stamp_ns, start, evidence)
+        start = coupling.update(stamp_ns, start, observed)
         at, columns = coupling.restarted(link.after.at, start, self._chain[-1].active if self._chain else None)
         cameras = measured.cameras + coupling.upright_measurement(start)
         measured = replace(measured, cameras=cameras, closed=coupling.closed)

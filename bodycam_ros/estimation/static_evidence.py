@@ -26,7 +26,6 @@ class StaticMeasurement:
 
     Attributes:
         evidence: camera -> poses of the segments that it observes.
-        together: poses by all of them of each segment that any observes, where the body as a whole has it.
         world_T_segment: (S, 4, 4) the body as a whole, joints closed.
         confidence: camera -> (S,) of each segment, 0 to 1.
         jumped: rows of segments that were searched, and may be somewhere else than before.
@@ -37,13 +36,17 @@ class StaticMeasurement:
     """
 
     evidence: Mapping[str, list[SegmentPose]]
-    together: list[SegmentPose]
     world_T_segment: Array
     confidence: Mapping[str, Array]
     jumped: frozenset[int] = frozenset()
     unsupported: frozenset[int] = frozenset()
     misplaced: frozenset[str] = frozenset()
     surface_variances: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def observed(self) -> set[str]:
+        """Segments that any camera observes."""
+        return {each.segment for poses in self.evidence.values() for each in poses}
 
 
 class StaticCameras(Protocol):
@@ -80,7 +83,7 @@ class StaticEvidence:
         self._known: Collection[SegmentPose] = ()
         self._known_for_s = 0.0
         self._on_body = self.rows = np.zeros(len(body.segments), bool)
-        self._measured = StaticMeasurement({}, [], np.zeros((len(body.segments), 4, 4)), {})
+        self._measured = StaticMeasurement({}, np.zeros((len(body.segments), 4, 4)), {})
 
     def place(self, frame: BodyFrame, measured: Iterable[SegmentPose]) -> list[SegmentPose]:
         """Segments that were placed by hand in the first frame, but those that body cameras measured."""
@@ -99,9 +102,9 @@ class StaticEvidence:
             measured = self._with_other_segments(measured, predicted)
         if measured and dt_s > 0.0:
             measured = self._at_stamp(measured, frame, log_se3(inverse(before) @ predicted) / dt_s)
-        self._measured = measured or StaticMeasurement({}, [], predicted, {})
+        self._measured = measured or StaticMeasurement({}, predicted, {})
         self._on_body = on_body
-        self.rows = self._body.named(each.segment for each in self._measured.together)
+        self.rows = self._body.named(self._measured.observed)
 
     def _with_other_segments(self, measured: StaticMeasurement, predicted: Array) -> StaticMeasurement:
         """The measurement of all segments; those that static cameras do not know are as predicted."""
@@ -161,12 +164,6 @@ class StaticEvidence:
     def camera_count(self) -> int:
         """How many of them measured something."""
         return sum(bool(poses) for poses in self._measured.evidence.values())
-
-    @property
-    def together(self) -> list[SegmentPose]:
-        """Poses of the segments that no body camera measures, by all static cameras together."""
-        on_body = {name for name, flag in zip(self._body.segments, self._on_body, strict=True) if flag}
-        return [each for each in self._measured.together if each.segment not in on_body]
 
     def poses(self, predicted: Array) -> Array:
         """Poses (S, 4, 4): predicted ones of segments that body cameras measure, static cameras' of the others."""

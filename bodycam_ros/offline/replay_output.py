@@ -96,7 +96,7 @@ class ReplayOutput:
         names = self._body.segments
         self._static.add(
             min(stamps_ns.values()),
-            [each.segment for each in measured.together],
+            measured.observed,
             [names[row] for row in measured.unsupported],
             measured.misplaced,
         )

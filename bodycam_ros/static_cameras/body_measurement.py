@@ -177,7 +177,7 @@ class BodyMeasurement:
             else:
                 found = tracker.measure(frame.images, predicted_body(*_predict(latest, stamp_ns), self._motion))
                 poses = found.world_T_segment
-                seen.append(len(found.together) / len(body.segments))
+                seen.append(len(found.observed) / len(body.segments))
             latest.append((stamp_ns, poses))
             if not count or stamp_ns - measured_ns >= 1e9 * _INTERVAL_S - 1.0:
                 # Frames with correlated errors count as one.

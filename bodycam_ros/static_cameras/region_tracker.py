@@ -289,13 +289,8 @@ class RegionTracker:
             view = self.views[name]
             contour = view.propagate_contour(fit.contours[name], fit.poses)
             view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
-        together = sum(
-            (regions.information * seen[name][:, None, None] for name, regions in fit.measured.items()),
-            np.zeros((len(by_any), 6, 6)),
-        )
         return StaticMeasurement(
             {name: self._evidence(fit.before, regions, seen[name]) for name, regions in fit.measured.items()},
-            self._segment_poses(by_any, fit.poses[by_any], _covariances(together[by_any])),
             fit.poses,
             {name: regions.confidence for name, regions in fit.measured.items()},
             frozenset(np.flatnonzero(jumped).tolist()),
@@ -345,12 +340,8 @@ class RegionTracker:
 
     def _evidence(self, before: Array, regions: RegionEvidence, seen: Mask) -> list[SegmentPose]:
         """One camera's condensed poses, linearised at poses (S, 4, 4); what no line measures has a wide sigma."""
-        covariances = _covariances(regions.information[seen])
-        steps = (covariances @ (regions.vector[seen] / LINES_ALIKE)[..., None])[..., 0]
-        return self._segment_poses(seen, before[seen] @ exp_se3(steps), covariances)
-
-    def _segment_poses(self, seen: Mask, poses: Array, covariances: Array) -> list[SegmentPose]:
-        """Measurements of the segments that are seen (S,), by their poses (N, 4, 4) and covariances (N, 6, 6)."""
+        covariances = np.linalg.inv(regions.information[seen] / LINES_ALIKE + _VAGUE**-2.0 * np.eye(6))
+        poses = before[seen] @ exp_se3((covariances @ (regions.vector[seen] / LINES_ALIKE)[..., None])[..., 0])
         names = [self.body.segments[row] for row in np.flatnonzero(seen)]
         return [SegmentPose(*each) for each in zip(names, poses, covariances, strict=True)]
 
@@ -358,9 +349,3 @@ class RegionTracker:
 def _near(poses: Array) -> PredictedBody:
     """Prediction of a body that was found at about poses (S, 4, 4)."""
     return PredictedBody(poses, _LOOSE, float(_LOOSE[0]))
-
-
-def _covariances(information: Array) -> Array:
-    """Covariances (N, 6, 6) of information (N, 6, 6) that counts every line by itself."""
-    covariances: Array = np.linalg.inv(information / LINES_ALIKE + _VAGUE**-2.0 * np.eye(6))
-    return covariances

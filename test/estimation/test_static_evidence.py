@@ -52,7 +52,7 @@ class ExactCameras:
             spun[:, :3, :3] @= exp_so3(np.array([0.0, 0.0, self.spun_rad]))
             covariance[2, 2] = 1.0
         said = self._poses(self.sees, spun, covariance)
-        return StaticMeasurement({"door": said}, said, poses, {"door": np.ones(len(poses))})
+        return StaticMeasurement({"door": said}, poses, {"door": np.ones(len(poses))})
 
     def _poses(self, segments: Collection[str], poses: Array, covariance: Array) -> list[SegmentPose]:
         return [SegmentPose(segment, poses[self.body.segment_index[segment]], covariance) for segment in segments]

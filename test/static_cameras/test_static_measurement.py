@@ -73,7 +73,7 @@ def test_the_first_images_place_the_body_and_the_next_are_asked(
     assert max(np.linalg.norm((each.world_T_segment - truth[row])[:3, 3]) for row, each in enumerate(placed)) < 0.02
     assert not told
     seen = watch.measure(frame_of(images), truth, 0.0, [])
-    assert seen is not None and {each.segment for each in seen.together} >= {"torso", "head", "thigh_left"}
+    assert seen is not None and seen.observed >= {"torso", "head", "thigh_left"}
     assert [stamps_ns for stamps_ns, _ in told] == [{"ext_00": 1000, "ext_01": 1001}] and told[0][1] is seen
     assert np.linalg.norm((seen.world_T_segment - truth)[:, :3, 3], axis=1).mean() < 0.008
 
