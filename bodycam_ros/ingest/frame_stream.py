@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from operator import attrgetter
 from threading import Event
 from typing import TypeVar
 
@@ -17,9 +18,11 @@ from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.clock_fit import CameraTime
+from bodycam_ros.ingest.inertial_stream import read_inertial_samples
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.messages.factory import Message, header_message, time_message
 from bodycam_ros.messages.images import COMPRESSED_VIDEO, camera_info_message
+from bodycam_ros.messages.imu import IMU_TOPIC, imu_message
 from bodycam_ros.messages.timing import timing_message
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.recording.bag_writer import SerializedMessage
@@ -35,6 +38,8 @@ _ASTRAY_S = 60.0  # a frame so far from the time of its file has a damaged time
 _LONGEST_S = 1e6
 _FORMATS = {"h264": "h264", "hevc": "h265"}
 _BATCH = 8  # messages made ahead by a thread
+
+BY_STAMP: Callable[[SerializedMessage], int] = attrgetter("stamp_ns")
 
 T = TypeVar("T")
 
@@ -71,14 +76,11 @@ class FrameStream:
     imu_fault: str = ""
 
     def messages(self) -> Iterator[SerializedMessage]:
-        """Lens and timing first, then the frames; the lens once a second.
+        """Lens and timing first, then the frames, and samples of the inertial sensor; the lens once a second.
 
         What cannot be read or compressed ends the camera early, and is noted: the others go on.
         """
-        try:
-            yield from self._stamped_frames()
-        except RecordingError as error:
-            self.fault = str(error)
+        return heapq.merge(self._frames_until_fault(), self._imu_messages(), key=BY_STAMP)
 
     def remarks(self) -> list[str]:
         """For the user, when all frames were read: sentences that name the camera."""
@@ -101,16 +103,33 @@ class FrameStream:
             remarks.append(f"inertial sensor left out: {self.imu_fault}")
         return [f"camera {name}: {remark}" for remark in remarks]
 
+    def _frames_until_fault(self) -> Iterator[SerializedMessage]:
+        try:
+            yield from self._stamped_frames()
+        except RecordingError as error:
+            self.fault = str(error)
+
+    def _imu_messages(self) -> Iterator[SerializedMessage]:
+        try:
+            samples = read_inertial_samples(self.camera)
+        except RecordingError as error:
+            self.imu_fault = str(error)
+            return
+        if samples is None:
+            return
+        make, camera = recorded_messages(), self.camera.topic_name
+        self.imu_samples = len(samples.media_s)
+        stamps_ns = self.base_ns + np.round(1e9 * self.time.recording_s(samples.media_s)).astype(np.int64)
+        for stamp_ns, w, a in zip(stamps_ns.tolist(), samples.gyroscope, samples.accelerometer, strict=True):
+            yield SerializedMessage.of(stamp_ns, f"/{camera}{IMU_TOPIC}", imu_message(make, camera, stamp_ns, w, a))
+
     def _stamped_frames(self) -> Iterator[SerializedMessage]:
         make, name, lens = recorded_messages(), self.camera.topic_name, self.camera.written_lens
         info_due_ns: int | None = None
-        latest_s = (self.camera.video.facts.duration_s or math.inf) + _ASTRAY_S
-        for media_s, topic, message in self._frames():
-            if not -_ASTRAY_S < media_s < min(latest_s, _LONGEST_S):
-                self.unordered += 1
-                continue
+        latest_s = min((self.camera.video.facts.duration_s or math.inf) + _ASTRAY_S, _LONGEST_S)
+        for media_s, kind, content in self._frames():
             stamp_ns = self.base_ns + round(1e9 * float(self.time.recording_s(np.array([media_s]))[0]))
-            if self.frames and stamp_ns <= self.last_ns:
+            if not -_ASTRAY_S < media_s < latest_s or (self.frames and stamp_ns <= self.last_ns):
                 self.unordered += 1
                 continue
             if info_due_ns is None:
@@ -121,11 +140,15 @@ class FrameStream:
                 yield SerializedMessage.of(stamp_ns, f"/{name}/camera_info", camera_info_message(make, lens, stamp_ns))
             self.frames += 1
             self.last_ns = stamp_ns
-            if message.__msgtype__ == COMPRESSED_VIDEO:
-                message.timestamp = time_message(make, stamp_ns)
+            frame_id, data = optical_frame(name), np.frombuffer(content, dtype=np.uint8)
+            if kind in _FORMATS.values():
+                time = time_message(make, stamp_ns)
+                message = make(COMPRESSED_VIDEO, timestamp=time, frame_id=frame_id, data=data, format=kind)
+                yield SerializedMessage.of(stamp_ns, f"/{name}/image_raw/compressed_video", message)
             else:
-                message.header = header_message(make, stamp_ns, optical_frame(name))
-            yield SerializedMessage.of(stamp_ns, f"/{name}/image_raw/{topic}", message)
+                header = header_message(make, stamp_ns, frame_id)
+                message = make("sensor_msgs/msg/CompressedImage", header=header, format=kind, data=data)
+                yield SerializedMessage.of(stamp_ns, f"/{name}/image_raw/compressed", message)
 
     def _timing(self, stamp_ns: int) -> Message:
         time = self.time
@@ -134,18 +157,14 @@ class FrameStream:
         clock = ClockState(stamp_ns, stamp_ns, 0.0, 0.0, time.start_sigma_s, time.drift_sigma)
         return timing_message(recorded_messages(), self.camera.topic_name, time.source, readout, clock)
 
-    def _frames(self) -> Iterator[tuple[float, str, Message]]:
-        """Media time [s], end of the topic, and message without a stamp."""
-        make, video = recorded_messages(), self.camera.video
+    def _frames(self) -> Iterator[tuple[float, str, bytes]]:
+        """Media time [s], format and content."""
+        video = self.camera.video
         if isinstance(video, ImageFolder) and self.camera.is_copied:
-            for media_s, kind, content in video.files():
-                data = np.frombuffer(content, dtype=np.uint8)
-                yield media_s, "compressed", make("sensor_msgs/msg/CompressedImage", format=kind, data=data)
+            yield from video.files()
         else:
-            frame_id = optical_frame(self.camera.topic_name)
             for media_s, packet in self._packets():
-                data, kind = np.frombuffer(packet.data, dtype=np.uint8), _FORMATS[packet.codec]
-                yield media_s, "compressed_video", make(COMPRESSED_VIDEO, frame_id=frame_id, data=data, format=kind)
+                yield media_s, _FORMATS[packet.codec], packet.data
 
     def _packets(self) -> Iterator[TimedPacket]:
         video, facts = self.camera.video, self.camera.video.facts

@@ -1,18 +1,13 @@
 """Samples of a camera's inertial sensor for the bag: of a GoPro's telemetry, or of a CSV beside a file."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.ingest_camera import IngestCamera
-from bodycam_ros.messages.imu import IMU_TOPIC, imu_message
-from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.telemetry import InertialSamples
-from bodycam_ros.recording.typestore import recorded_messages
 
 _COLUMNS = "time gx gy gz ax ay az"
 _LARGEST_RAD_S, _LARGEST_M_S2 = 70.0, 2000.0  # 4,000 deg/s and 200 g; more is another unit
@@ -34,21 +29,6 @@ def read_inertial_samples(camera: IngestCamera) -> InertialSamples | None:
         if (csv := path.with_name(f"{name}.csv")).is_file():
             return _read_csv(csv)
     return camera.video.inertial_samples() if isinstance(camera.video, CameraVideo) else None
-
-
-def imu_messages(camera: str, samples: InertialSamples, time: CameraTime, base_ns: int) -> Iterator[SerializedMessage]:
-    """The samples on ``/<camera>/imu``, in order of time.
-
-    Args:
-        camera: its name.
-        samples: in its media time.
-        time: where its media time lies in the recording.
-        base_ns: stamp of the recording's time 0 [ns].
-    """
-    make = recorded_messages()
-    stamps_ns = base_ns + np.round(1e9 * time.recording_s(samples.media_s)).astype(np.int64)
-    for stamp_ns, w, a in zip(stamps_ns.tolist(), samples.gyroscope, samples.accelerometer, strict=True):
-        yield SerializedMessage.of(stamp_ns, f"/{camera}{IMU_TOPIC}", imu_message(make, camera, stamp_ns, w, a))
 
 
 def _read_csv(path: Path) -> InertialSamples:

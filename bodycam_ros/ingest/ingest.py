@@ -1,6 +1,6 @@
 """Videos of cameras into one bag, in the time of one of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,13 +9,11 @@ from threading import Event
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import plausible_time
 from bodycam_ros.ingest.clock_fit import CameraTime
-from bodycam_ros.ingest.frame_stream import FrameStream, for_each_camera, merged_ahead
-from bodycam_ros.ingest.inertial_stream import imu_messages, read_inertial_samples
+from bodycam_ros.ingest.frame_stream import BY_STAMP, FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.progress import Progress
-from bodycam_ros.recording.bag_writer import INGEST, SerializedMessage, write_recording
-from bodycam_ros.recording.telemetry import InertialSamples
+from bodycam_ros.recording.bag_writer import INGEST, write_recording
 
 _EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
 _MOST_LENS_FRAMES = 900  # a camera that lies still for all of them is not compared with its lens
@@ -73,16 +71,9 @@ def ingest(
     threads = max(1, jobs // len(timed))
     streams = [FrameStream(camera, times[camera.name], base_ns, threads) for camera in timed]
     frames = sum(camera.video.facts.about_frames for camera in timed)
-    imus = _inertial_samples(streams)
     with write_recording(output, force, INGEST) as writer:
         messages = [stream.messages() for stream in streams]
-        messages += [
-            imu_messages(camera.topic_name, imus[camera.name], times[camera.name], base_ns)
-            for camera in timed
-            if camera.name in imus
-        ]
-        by_stamp: Callable[[SerializedMessage], int] = lambda message: message.stamp_ns  # noqa: E731
-        with merged_ahead(messages, by_stamp, jobs) as merged, progress.step("writing", frames) as advance:
+        with merged_ahead(messages, BY_STAMP, jobs) as merged, progress.step("writing", frames) as advance:
             for message in merged:
                 writer.write_serialized(*message)
                 advance(int("/image_raw" in message.topic))
@@ -90,21 +81,6 @@ def ingest(
         written = [stream for stream in streams if stream.frames]
         check_any([stream.camera for stream in written], faults)
     return IngestSummary(tuple(written), tuple(faults), base)
-
-
-def _inertial_samples(streams: Sequence[FrameStream]) -> dict[str, InertialSamples]:
-    """Camera -> samples of its inertial sensor, which are counted; what cannot be used is noted with its camera."""
-    found = {}
-    for stream in streams:
-        try:
-            samples = read_inertial_samples(stream.camera)
-        except RecordingError as error:
-            stream.imu_fault = str(error)
-            continue
-        if samples is not None:
-            found[stream.camera.name] = samples
-            stream.imu_samples = len(samples.media_s)
-    return found
 
 
 def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
