@@ -94,8 +94,7 @@ def _near_ends(curve: OffsetCurve, first: Signal, second: Signal) -> OffsetCurve
 
 def _levelled(envelope: NDArray[np.float16]) -> Array:
     """Large rises count less than in proportion, so that one clap is not all."""
-    values: Array = np.sqrt(np.maximum(envelope.astype(np.float64), 0.0))
-    return values
+    return np.sqrt(np.maximum(envelope.astype(np.float64), 0.0))
 
 
 def _window_times(first: CameraSound, second: CameraSound, offset_s: float) -> list[tuple[float, float]]:
@@ -112,20 +111,19 @@ def _window_times(first: CameraSound, second: CameraSound, offset_s: float) -> l
     reach = int((_NEAR_S + _LARGEST_DRIFT * ENVELOPE_S * max(len(one), len(other))) / ENVELOPE_S)
     if window <= reach:
         return []
-    times = []
+    times, padded = [], np.pad(other, reach)
     count = min(_MOST_WINDOWS, -(-(end - begin) // window))
     for start in np.linspace(begin, end - window, count).astype(int):
         part = one[start : start + window]
-        low, high = max(0, start + lag - reach), min(len(other), start + lag + window + reach)
-        candidates = np.arange(start + lag - reach - low, start + lag + reach - low + 1)
-        near = correlate(other[low:high], part, method="fft")[len(part) - 1 + candidates]
+        around = padded[start + lag : start + lag + window + 2 * reach]
+        near = correlate(around, part, mode="valid", method="fft")
         best = int(np.argmax(near))
-        chance = float(np.linalg.norm(part)) * float(other[low:high].std())
+        chance = float(np.linalg.norm(part)) * float(around.std())
         if not 0 < best < len(near) - 1 or near[best] < _WINDOW_STRENGTH * chance:
             continue
         bend = near[best - 1] - 2.0 * near[best] + near[best + 1]
         fraction = 0.5 * (near[best - 1] - near[best + 1]) / bend if bend < 0.0 else 0.0
         centre = start + float(np.average(np.arange(window), weights=np.maximum(part, 0.0) + 1e-12))
-        there = centre - start + low + candidates[best] + fraction
+        there = centre + lag + best - reach + fraction
         times.append((first.start_s + ENVELOPE_S * centre, second.start_s + ENVELOPE_S * float(there)))
     return times
