@@ -18,7 +18,7 @@ from bodycam_ros.body.mechanism import Configuration, Mechanism
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
 from bodycam_ros.estimation.between_factors import RestingPoint
-from bodycam_ros.estimation.equipment_motion import EquipmentMotion
+from bodycam_ros.estimation.equipment_motion import CONSTANT, EquipmentMotion
 from bodycam_ros.estimation.estimate import Coordinates, Estimate
 from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
 from bodycam_ros.estimation.motion_model import MotionSettings
@@ -26,7 +26,6 @@ from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, LOOSE_RAD
 from bodycam_ros.kinematics.tangent import TreeTangent
 
-_STILL = 1e-6  # [m/s] of a length
 _STANDS_M = 2e-5  # by which points 1 m from the root of equipment that stands may move from frame to frame
 _SEARCH_NS = 1_000_000_000  # between two searches in vain, while the same attachments are measured
 
@@ -97,7 +96,7 @@ class Coupling:
         for (row, axis), shift in zip(self._length_places, self._first_shifts, strict=True):
             joints[row, axis, 3] = shift
         columns, rates = self._length_columns, self._tangent.count + self._length_columns
-        covariance[columns, columns], covariance[rates, rates] = self._first_sigmas**2, _STILL**2
+        covariance[columns, columns], covariance[rates, rates] = self._first_sigmas**2, CONSTANT
         return Estimate(estimate.at.placed(joints), covariance)
 
     def standing_points(self) -> list[RestingPoint]:

@@ -16,6 +16,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
+CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths, which have an inverse; [m^2/s^2] of their rates at first
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
 _COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 
@@ -47,7 +48,7 @@ class EquipmentMotion:
                     self.coasting_rows.append(row)
                     self._fade_s[columns] = _KEPT_S
             elif joint.child in body.equipment_segments:
-                self._density[columns] = 0.0  # unknown lengths
+                self._density[columns] = CONSTANT
         ends = [
             (body.segment_index[e.body_segment], body.segment_index[e.equipment_segment]) for e in equipment.attachments
         ]

@@ -8,10 +8,15 @@ import pytest
 from athlete_frames import Sight, Solved, solved
 from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 
+from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import CONFIRM_FRAMES, CouplingSettings
+from bodycam_ros.estimation.coupling import Coupling
+from bodycam_ros.estimation.measurements import SLIDES_M
+from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.geometry import Array
+from bodycam_ros.kinematics.tangent import TreeTangent
 
 CADENCE_RPM = 100.0
 THREE_TURNS_S = 3.0 * 60.0 / CADENCE_RPM
@@ -102,6 +107,19 @@ def test_radius_offset_and_centre_are_known_after_three_turns(delay: int | str) 
     assert begun.lengths == known.lengths == tuple(done.lengths)
     np.testing.assert_allclose(known.values, [value for value, _ in done.lengths.values()])
     assert (known.sigmas < 0.002).all()
+
+
+def test_lengths_that_stay_have_a_covariance_after_minutes() -> None:
+    """Their rates fade, and a covariance that has no inverse ends a recording."""
+    equipment, settings = unmeasured(), MotionSettings()
+    coupling = Coupling(coupled_body(BODY, equipment), equipment, CouplingSettings(), settings)
+    tangent = TreeTangent(coupling.body, SLIDES_M)
+    motion = MotionModel(tangent, settings)
+    state = coupling.initial(motion.initial(np.tile(np.eye(4), (1 + len(tangent.twists), 1, 1))))
+    prior = coupling.motion.prior(coupling.attachments.active)
+    for _ in range(100):
+        state = motion.predict(state, 1.0, prior).after
+    assert np.diag(state.covariance).min() > 1e-14
 
 
 def leg_errors(done: Solved) -> Array:
