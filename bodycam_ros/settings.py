@@ -42,14 +42,14 @@ class SettingDescription:
         limits = "" if self.low is None else f" ({self.low:g} to {self.high:g}{words})"
         return f"{self.reason}{unit}{limits}"
 
-    def check(self, value: Any, source: str) -> Any:
-        """The value in the setting's type; ``source`` is for messages.
+    def check(self, value: Any, source: str, *, is_text: bool = False) -> Any:
+        """The value in the setting's type; ``source`` is for messages. Text of a command line may be a number.
 
         Raises:
             SettingsError: wrong type, or out of the range.
         """
         try:
-            return msgspec.convert(value, self._constrained())
+            return msgspec.convert(value, self._constrained(), strict=not is_text)
         except (msgspec.ValidationError, OverflowError) as error:
             problem = str(error).replace("`", "")
             raise SettingsError(f"{source}: {self.name} = {shown(value)}: {problem}; {self.text()}") from error
@@ -95,13 +95,16 @@ def describe(settings_type: type) -> Iterator[SettingDescription]:
         )
 
 
-def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], source: str) -> S:
+def settings_from_mapping(
+    settings_type: type[S], values: Mapping[str, Any], source: str, *, is_text: bool = False
+) -> S:
     """Build settings from plain values, checked against type and range.
 
     Args:
         settings_type: a frozen dataclass whose fields were made by ``setting``.
         values: field name -> value; fields that are absent keep their default.
         source: where the values come from, for messages ("config.yaml: tracker").
+        is_text: numbers may be text, as on a command line.
 
     Raises:
         SettingsError: unknown name, wrong type, or value outside the range.
@@ -110,7 +113,7 @@ def settings_from_mapping(settings_type: type[S], values: Mapping[str, Any], sou
     for name in values:
         if name not in known:
             raise SettingsError(f"{source}: there is no setting {shown(name)}; known are {', '.join(sorted(known))}")
-    return settings_type(**{name: known[name].check(value, source) for name, value in values.items()})
+    return settings_type(**{name: known[name].check(value, source, is_text=is_text) for name, value in values.items()})
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,7 @@ def test_flags_win_over_the_file_which_wins_over_defaults(config: Path) -> None:
 
 
 def test_bad_value_says_where_it_stands(config: Path) -> None:
-    with pytest.raises(SettingsError, match=r"--oven: heat = 20: Expected float >= 50.0"):
+    with pytest.raises(SettingsError, match=r"--oven: heat = '20': Expected float >= 50.0"):
         settings_of("--oven.heat", "20", config=config)
     config.write_text(config.read_text().replace("100.0", "20.0"))
     with pytest.raises(SettingsError, match=r"oven\.yaml: oven: heat = 20.0: Expected float >= 50.0"):

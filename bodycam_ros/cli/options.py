@@ -164,11 +164,10 @@ def read_settings(arguments: argparse.Namespace, groups_type: type[G]) -> G:
     groups = {} if config is None else _read_groups(config, groups_type)
     settings: dict[str, Any] = {}
     for group, settings_type in groups_type.groups().items():
-        values = groups.get(group, {})
+        values, flags = groups.get(group, {}), arguments.settings.get(group, {})
         # On its own, or a message would name the flag for a fault of the file.
         settings_from_mapping(settings_type, values, f"{config}: {group}")
-        flags = {name: _plain_value(text) for name, text in arguments.settings.get(group, {}).items()}
-        settings[group] = settings_from_mapping(settings_type, values | flags, f"--{group}")
+        settings[group] = settings_from_mapping(settings_type, values | flags, f"--{group}", is_text=True)
     return groups_type(**settings)
 
 
@@ -189,15 +188,3 @@ def _read_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, d
                 meant = f"; is '{alike[0]}' meant?" if alike else f"; known are {', '.join(sorted(known))}"
                 raise SettingsError(f"{config}: there is no group {shown(group)}{meant}")
     return groups
-
-
-def _plain_value(text: str) -> Any:
-    """A word of the command line as YAML would have it: a boolean, a number, or a word."""
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text
