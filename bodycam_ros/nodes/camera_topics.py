@@ -51,7 +51,6 @@ class DriverTopic:
         depth: messages that may wait in the subscription.
         overridable: whether users can override its quality of service.
         even_inactive: whether messages are received while the node is inactive.
-        is_once: whether one message is enough.
     """
 
     def __init__(
@@ -61,12 +60,11 @@ class DriverTopic:
         depth: int,
         overridable: bool = False,
         even_inactive: bool = False,
-        is_once: bool = False,
     ) -> None:
-        self._stage, self._forms, self._depth, self._is_once = stage, forms, depth, is_once
+        self._stage, self._forms, self._depth = stage, forms, depth
         self._overridable, self._even_inactive = overridable, even_inactive
         self._started_s = time.monotonic()
-        self._latest_s, self._is_received = self._started_s - _QUIET_S, False
+        self._latest_s = self._started_s - _QUIET_S
         self._subscribe(forms[0], reliable, overridable)
         stage.every(_POLL_S, self._poll, even_inactive)
 
@@ -95,12 +93,12 @@ class DriverTopic:
         )
 
     def _receive(self, form: TopicForm, message: Message) -> None:
-        self._latest_s, self._is_received = time.monotonic(), True
+        self._latest_s = time.monotonic()
         form.receive(message)
 
     def _poll(self) -> None:
         """Adapt to what is published while no message arrives."""
-        if self.quiet_s < _QUIET_S or (self._is_once and self._is_received):
+        if self.quiet_s < _QUIET_S:
             return
         form, quality = self._form, offered_quality(self._stage, self._form.topic)
         if quality is None and time.monotonic() - self._started_s >= _PATIENCE_S:
@@ -161,7 +159,7 @@ class CameraModels:
         for camera in self._cameras:
             form = TopicForm(INFO_TYPE, f"{camera}{INFO}", partial(self._update, camera))
             # While a node is inactive, too: a driver may publish it only once.
-            DriverTopic(stage, [form], _INFO_DEPTH, even_inactive=True, is_once=True)
+            DriverTopic(stage, [form], _INFO_DEPTH, even_inactive=True)
 
     @property
     def missing(self) -> list[str]:
