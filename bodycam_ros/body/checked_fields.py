@@ -73,21 +73,6 @@ def rounded(values: Array) -> Any:
     return tuple(round(float(value), _DECIMALS) + 0.0 for value in values)
 
 
-def name_of(value: Any, where: str) -> str:
-    """Return a name.
-
-    Raises:
-        BodyError: it is not text, too long, or holds characters that cannot be printed.
-    """
-    try:
-        name: str = msgspec.convert(value, Name)
-    except msgspec.ValidationError as error:
-        quoted = "" if isinstance(value, str) else "; put a number that is meant as a name in quotes"
-        text = f"{where} must be a name of at most 100 printable characters, not {shown(value)}{quoted}"
-        raise BodyError(text) from error
-    return name
-
-
 def numbers_of(value: Any, count: int, where: str) -> Array:
     """Return finite numbers (count).
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from bodycam_ros.body.average_person import body_of_height
 from bodycam_ros.body.body_file import read_body, write_body
-from bodycam_ros.body.checked_fields import name_of
+from bodycam_ros.body.checked_fields import Name, read_entry
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.options import (
@@ -90,7 +90,8 @@ def run(arguments: argparse.Namespace) -> int:
     page = output.with_suffix(".html")
     reports = [(page, b"<title>Body ", "report")] if arguments.stations is None else []
     check_files(arguments, (output, b"segments:", "body file"), *reports)
-    name = name_of(arguments.name or output.stem, "--name" if arguments.name else f"{output}: the name of the body")
+    where = "--name" if arguments.name else f"{output}: the name of the body"
+    name = read_entry(Name, arguments.name or output.stem, where)
     if arguments.stations is None:
         _calibrate(arguments, name, page)
     else:

@@ -32,7 +32,6 @@ class Format:
         beside: end of the names of files beside it -> the mark of such a file, and what it is.
         has_equipment: whether it contains the equipment beside the body.
         is_even: whether frames must be evenly spaced: the file has a rate and no times.
-        of_bag: it is written of a bag: ``write`` takes its path, the options and progress.
         of_body: it is written of the body of a bag or a body file: ``write`` takes it and the options.
     """
 
@@ -43,7 +42,6 @@ class Format:
     beside: Mapping[str, tuple[bytes, str]] = field(default_factory=dict)
     has_equipment: bool = False
     is_even: bool = False
-    of_bag: bool = False
     of_body: bool = False
 
     def content(self, source: Path, options: MotionOptions, progress: Progress) -> Content:
@@ -60,8 +58,6 @@ class Format:
                 raise BodyError(f"{source}: {error}") from error
         elif source.is_file() and urdf.is_body_file(source):
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
-        elif self.of_bag:
-            written = self.write(source, options, progress)
         else:
             motion = sample_motion(read_solved_body(source, progress), options.rate, self.is_even)
             if not self.has_equipment and motion.body.equipment_segments:
@@ -119,7 +115,7 @@ FORMATS: Mapping[str, Format] = {
     "npz": Format("everything as NumPy arrays", npz.MARK, npz.write_npz, _RATE, has_equipment=True),
     "ply": Format(
         "landmarks and trajectories of segments as a point cloud, for MeshLab, CloudCompare", ply.MARK, ply.write_ply,
-        _RATE, has_equipment=True, of_bag=True,
+        _RATE, has_equipment=True,
     ),
     "usd": Format(
         "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd, _FIGURE,

@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.formats.sampled_motion import MotionOptions, sample_motion
+from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array
-from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.results.topics import LANDMARKS, LANDMARKS_TYPE, read_landmarks
 
 MARK = "comment bodycam: "
@@ -23,14 +21,13 @@ _POINT = np.dtype([(axis, "<f4") for axis in "xyz"] + [(colour, "u1") for colour
 _TYPES = {"<f4": "float", "|u1": "uchar"}
 
 
-def write_ply(source: Path, options: MotionOptions, progress: Progress) -> dict[str, bytes]:
-    """A solved bag as a point cloud.
+def write_ply(motion: SampledMotion, options: MotionOptions) -> bytes:
+    """The motion and the landmarks of its bag as a point cloud.
 
     Raises:
-        RecordingError: the bag cannot be read, or was not solved.
+        RecordingError: the bag is damaged.
     """
-    motion = sample_motion(read_solved_body(source, progress), options.rate, even=False)
-    landmarks = _landmarks(source, progress)
+    landmarks = _landmarks(motion.path)
     clouds = [_coloured(landmarks, _GREY)]
     comments = [f"{MARK}{len(landmarks)} landmarks, then the trajectories of segments"]
     for row, segment in enumerate(motion.body.segments):
@@ -42,19 +39,16 @@ def write_ply(source: Path, options: MotionOptions, progress: Progress) -> dict[
     properties = [f"property {_TYPES[_POINT[name].str]} {name}" for name in _POINT.names or ()]
     comments += [f"element vertex {len(points)}", *properties, "end_header"]
     header = "\n".join(["ply", "format binary_little_endian 1.0", *comments])
-    return {"": header.encode() + b"\n" + points.tobytes()}
+    return header.encode() + b"\n" + points.tobytes()
 
 
-def _landmarks(source: Path, progress: Progress) -> Array:
+def _landmarks(source: Path) -> Array:
     """(N, 3) of all cameras, each once [m]; none of a bag without registrations, as of static cameras alone."""
     with BagFile(source) as bag:
-        cameras = bag.camera_topics(LANDMARKS, LANDMARKS_TYPE)
-        images = sum(map(bag.message_count, cameras))
+        cameras = bag.camera_topics(LANDMARKS, LANDMARKS_TYPE).values()
     positions: dict[int, tuple[float, ...]] = {}
-    with progress.step(f"landmarks of {source.name}", images) as advance:
-        for matches in read_landmarks(source, cameras.values()):
-            advance()
-            positions.update(zip(matches.landmark_ids.tolist(), map(tuple, matches.points_world.tolist()), strict=True))
+    for matches in read_landmarks(source, cameras):
+        positions.update(zip(matches.landmark_ids.tolist(), map(tuple, matches.points_world.tolist()), strict=True))
     return np.array(list(positions.values()), dtype=np.float64).reshape(-1, 3)
 
 

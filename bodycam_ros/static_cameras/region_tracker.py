@@ -154,7 +154,7 @@ class RegionTracker:
             self._forget_colours()
             poses = self._fit_start(images, start, known)
             self.update_colours(images, poses, 1.0, known)
-            explained, _ = self._explain_pixels(images, poses)
+            explained, _ = self._explain_pixels(images, self._contours(images, poses))
             fitted, tried = self.body.joint_poses(poses), first.copy()
             for each, (arm, segments) in enumerate(zip(arms, children, strict=True)):
                 if (pixels := explained[segments].sum()) > most[each]:
@@ -207,7 +207,7 @@ class RegionTracker:
         found, unknown = poses, missing
 
         def energy(tried: Array) -> float:
-            return float(self._explain_pixels(images, tried)[0].sum())
+            return float(self._explain_pixels(images, self._contours(images, tried))[0].sum())
 
         def refine(tried: Array) -> Array:
             return self._fit(images, tried, _near(tried), known, unknown).poses
@@ -225,10 +225,14 @@ class RegionTracker:
         still = self._support.with_descendants(missing & ~(support >= CONFIRMED), missing)
         return self._step.close_joints(np.where(still[:, None, None], poses, fit.poses)), still
 
-    def _explain_pixels(self, images: Images, poses: Array) -> Array:
-        """(2, S) pixels of all images that segments at poses (S, 4, 4) explain, and all of theirs."""
-        views = [(self.views[name], image) for name, image in images.items()]
-        explained: Array = np.sum([view.explain_pixels(im, view.find_contour(poses)) for view, im in views], axis=0)
+    def _contours(self, images: Images, poses: Array) -> dict[str, Contour]:
+        """Contours of a body at poses (S, 4, 4) in images."""
+        return {name: self.views[name].find_contour(poses) for name in images}
+
+    def _explain_pixels(self, images: Images, contours: Mapping[str, Contour]) -> Array:
+        """(2, S) pixels of all images that segments explain, and all of theirs."""
+        parts = [self.views[name].explain_pixels(image, contours[name]) for name, image in images.items()]
+        explained: Array = np.sum(parts, axis=0)
         return explained
 
     def support(self, images: Images, poses: Array) -> Array:
@@ -237,14 +241,13 @@ class RegionTracker:
         Colours must be known. From ``CONFIRMED`` on a segment is where the images show it.
         """
         poses = self._step.close_joints(poses)
-        contours = {name: self.views[name].find_contour(poses) for name in images}
+        contours = self._contours(images, poses)
         measured = {name: self.views[name].measure(image, contours[name], 1) for name, image in images.items()}
         return self._measure_support(images, _Fit(poses, poses, measured, contours))
 
     def _measure_support(self, images: Images, fit: _Fit) -> Array:
         """Support (S,) of the segments in all images; NaN of hidden ones."""
-        parts = [self.views[name].explain_pixels(image, fit.contours[name]) for name, image in images.items()]
-        return measure_support(fit.measured.values(), *np.sum(parts, axis=0))
+        return measure_support(fit.measured.values(), *self._explain_pixels(images, fit.contours))
 
     def measure(
         self, images: Images, predicted: PredictedBody, known: Collection[SegmentPose] = ()

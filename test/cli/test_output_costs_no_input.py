@@ -53,7 +53,7 @@ EXPORT = "export body.yaml --to urdf --force -o"
         (BODY, "legs.html", "a body is a YAML file; give a name such as legs.yaml"),
         (BODY, "legs.urdf", "a body is a YAML file"),
         (BODY, ".", "a body is a YAML file"),
-        (BODY, "legs.yaml --name \x1b[2J", r"--name must be a name of at most 100 printable characters, not '\x1b[2J'"),
+        (BODY, "legs.yaml --name \x1b[2J", r"--name: Expected printable characters, in '\x1b[2J'"),
         (BODY, "none/legs.yaml", "its folder is not there"),
         (MAP, "photographs", "is what this command reads (photographs)"),
         (MAP, "photographs/map", "lies within what this command reads"),
