@@ -4,7 +4,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -25,22 +25,22 @@ _LENS_INTERVAL, _FIRST_LENS_INTERVAL = 10, 3  # of the images that check the len
 _MIN_LENS_IMAGES = 3  # a single view may show landmarks that are off together
 
 
-@dataclass(frozen=True)
+@dataclass
 class CameraCount:
     """A camera's images so far.
 
     Attributes:
-        images, registered: how many were tracked, and how many of them have a pose.
         first_ns, last_ns: stamps of the first and the last image [ns].
+        images, registered: how many were tracked, and how many of them have a pose.
         last_registered_ns: stamp of the last with a pose [ns]; 0 without any.
         blind_ns: longest time between two with a pose [ns].
         blind_until_ns: end of that time [ns].
     """
 
+    first_ns: int
+    last_ns: int = 0
     images: int = 0
     registered: int = 0
-    first_ns: int = 0
-    last_ns: int = 0
     last_registered_ns: int = 0
     blind_ns: int = 0
     blind_until_ns: int = 0
@@ -49,6 +49,15 @@ class CameraCount:
     def share(self) -> float:
         """Of the images that were registered."""
         return self.registered / self.images if self.images else 0.0
+
+    def add(self, stamp_ns: int, *, is_registered: bool) -> None:
+        """Count an image."""
+        self.images, self.last_ns = self.images + 1, stamp_ns
+        if is_registered:
+            blind_ns = stamp_ns - (self.last_registered_ns or self.first_ns)
+            if blind_ns > self.blind_ns:
+                self.blind_ns, self.blind_until_ns = blind_ns, stamp_ns
+            self.registered, self.last_registered_ns = self.registered + 1, stamp_ns
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,33 +124,21 @@ class CameraPoseLog:
 
     def add_registration(self, matches: LandmarkMatches) -> None:
         """Add the registration of one image."""
-        self.add_pose(matches.camera, matches.stamp_ns, matches.world_T_camera)
-        model = self._models.get(matches.camera)
-        if model is None or matches.world_T_camera is None or matches.camera not in self._counts:
+        camera, stamp_ns, world_T_camera = matches.camera, matches.stamp_ns, matches.world_T_camera
+        last_ns = self._counts[camera].last_ns if camera in self._counts else 0
+        if camera not in self._body.mounts or last_ns - _JUMP_NS <= stamp_ns <= last_ns:
             return
-        number = self._counts[matches.camera].registered - 1
-        if number % (_FIRST_LENS_INTERVAL if number < 2 * _LENS_INTERVAL else _LENS_INTERVAL) == 0:
-            self._lenses.setdefault(matches.camera, LensEvidence(model, self._inlier_px)).add(matches)
-
-    def add_pose(self, camera: str, stamp_ns: int, world_T_camera: Array | None) -> None:
-        """Add one image of a camera: its registered pose (4, 4), or None without."""
-        if camera not in self._body.mounts:
-            return
-        count = self._counts.get(camera, CameraCount(first_ns=stamp_ns))
-        if stamp_ns < count.last_ns - _JUMP_NS:
+        if stamp_ns < last_ns:
             self._reset()
-            count = CameraCount(first_ns=stamp_ns)
-        elif stamp_ns <= count.last_ns:
-            return
         self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
-        count = replace(count, images=count.images + 1, last_ns=stamp_ns)
-        if world_T_camera is not None:
-            blind_ns = stamp_ns - (count.last_registered_ns or count.first_ns)
-            if blind_ns > count.blind_ns:
-                count = replace(count, blind_ns=blind_ns, blind_until_ns=stamp_ns)
-            count = replace(count, registered=count.registered + 1, last_registered_ns=stamp_ns)
-            self._recent.setdefault(camera, deque(maxlen=_RECENT)).append((stamp_ns, world_T_camera))
-        self._counts[camera] = count
+        count = self._counts.setdefault(camera, CameraCount(stamp_ns))
+        count.add(stamp_ns, is_registered=world_T_camera is not None)
+        if world_T_camera is None:
+            return
+        self._recent.setdefault(camera, deque(maxlen=_RECENT)).append((stamp_ns, world_T_camera))
+        interval = _FIRST_LENS_INTERVAL if count.registered <= 2 * _LENS_INTERVAL else _LENS_INTERVAL
+        if camera in self._models and (count.registered - 1) % interval == 0:
+            self._lenses.setdefault(camera, LensEvidence(self._models[camera], self._inlier_px)).add(matches)
 
     def add_state(self, stamp_ns: int, world_T_segment: NDArray[np.float64]) -> None:
         """Add a solved state: poses (S, 4, 4) of all segments of the body."""
@@ -171,7 +168,7 @@ class CameraPoseLog:
             start_ns=start_ns,
             registered={camera: poses.reshape(-1, 4, 4) for camera, poses in rows.items()},
             solved={c: world_T_segment[:, segment] @ mount.segment_T_camera for c, segment, mount in mounts},
-            counts=dict(self._counts),
+            counts=self._counts,
             lens_errors={c: lens.error() for c, lens in self._lenses.items() if lens.images >= _MIN_LENS_IMAGES},
         )
 
