@@ -45,19 +45,17 @@ class Soles:
         self._rows = np.array([row for row, _ in points], np.int64)
         self._places = np.array([place for _, place in points]).reshape(-1, 3)
 
-    def resting(self, before: Array, poses: Array, dt_s: float, observed: Mask, turning: Mask) -> list[RestingPoint]:
+    def resting(self, before: Array, poses: Array, dt_s: float, turning: Mask) -> list[RestingPoint]:
         """The constraints of points that rest.
 
         Args:
             before: (S, 4, 4) poses of the state before.
             poses: (S, 4, 4) without the constraints.
             dt_s: between the two [s].
-            observed: (S,) observed segments.
             turning: (S,) segments whose rotation is measured at least.
         """
         rows, creep_m = self._rows, _REST * dt_s
         moved = (poses - before)[rows]
         moved_m = np.linalg.norm((moved[:, :3, :3] @ self._places[..., None])[..., 0] + moved[:, :3, 3], axis=1)
         resting = np.flatnonzero(turning[rows] & (moved_m < creep_m)).tolist()
-        sigmas = np.where(observed[rows], creep_m, 2.0 * creep_m)
-        return [RestingPoint(int(rows[i]), self._places[i], float(sigmas[i])) for i in resting]
+        return [RestingPoint(int(rows[i]), self._places[i], creep_m) for i in resting]

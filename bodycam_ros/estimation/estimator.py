@@ -212,7 +212,7 @@ class BodyEstimator:
         before, link = link.before.at.poses, self._fit.fit(link, measured, start)
         self._prior.add(self.body.joint_rotations(link.after.at.poses), joints_observed, link.dt_s)
         # Points of the soles that rest.
-        link = condition(link, self._soles.resting(before, link.after.at.poses, link.dt_s, observed, turning))
+        link = condition(link, self._soles.resting(before, link.after.at.poses, link.dt_s, turning))
         estimate = link.after
         if self._coupling:
             self._coupling.remember(estimate)
