@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
 from bodycam_ros.estimation.estimate import MotionPrior
-from bodycam_ros.estimation.measurements import JointRotations
 from bodycam_ros.estimation.motion_model import FADE_S, LASTS_S, MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -18,7 +17,7 @@ from bodycam_ros.kinematics.tangent import TreeTangent
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
 CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths, which have an inverse; [m^2/s^2] of their rates at first
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
-_COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
+COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 
 
 class EquipmentMotion:
@@ -67,11 +66,6 @@ class EquipmentMotion:
                 held = self._limbs[active.engaged & self._held[:, row]]
                 density[self._tangent.columns_of(np.any(held, axis=0))] = _LED**2 * LASTS_S
         return MotionPrior(density, self._fade_s)
-
-
-def coasting(row: int, rotation: Array) -> JointRotations:
-    """A hinge, by its row in ``tree_joints``, that is at a rotation (3, 3) of its trajectory."""
-    return JointRotations(np.array([row]), rotation[None], np.full((1, 3), _COAST_RAD))
 
 
 def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Array:

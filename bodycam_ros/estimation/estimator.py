@@ -308,7 +308,7 @@ class BodyEstimator:
         for state in self._chain:
             observed_after -= state.is_observed
             is_recent = latest.stamp_ns - state.stamp_ns < 1e9 * _BLIND_WAIT_S
-            if observed_after < self.settings.frames_behind or (self._offline and state.is_waiting and is_recent):
+            if observed_after < int(self.settings.output_delay) or (self._offline and state.is_waiting and is_recent):
                 break
             until += 1
         return self._publish_until(until)

@@ -12,7 +12,7 @@ from bodycam_ros.errors import SettingsError
 from bodycam_ros.estimation.between_factors import condition
 from bodycam_ros.estimation.chain import ChainState, smooth
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
+from bodycam_ros.estimation.equipment_motion import COAST_RAD, coasting_trajectory
 from bodycam_ros.estimation.estimate import Coordinates, Transition
 from bodycam_ros.estimation.measurements import JointRotations, StateFit
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel
@@ -84,7 +84,7 @@ class WholeRecording:
                 joints = smoothed[place].joints.copy()
                 joints[row, :3, :3] = rotations[place]
                 smoothed[place] = smoothed[place].placed(joints)
-                pin = coasting(row, rotations[place])
+                pin = JointRotations(np.array([row]), rotations[place][None], np.full((1, 3), COAST_RAD))
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 
@@ -114,8 +114,6 @@ class WholeRecording:
 
 OFFLINE: Final = "offline"
 """The delay of a recording that is solved as a whole."""
-
-_FORWARD_DELAY = 4  # frames after which the forward pass releases a state to the whole recording
 
 
 @dataclass(frozen=True)
@@ -153,8 +151,3 @@ class SmootherSettings:
                 f"smoother.output_delay is '{OFFLINE}', which solves a recording as a whole once it is over; live, "
                 "give the number of frames (0 to 60) that a state waits for later ones"
             )
-
-    @property
-    def frames_behind(self) -> int:
-        """How many frames follow a state before it is published."""
-        return _FORWARD_DELAY if isinstance(self.output_delay, str) else self.output_delay
