@@ -30,9 +30,9 @@ from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import sensor_topics
+from bodycam_ros.recording.bag_writer import is_latched
 from bodycam_ros.recording.typestore import recording_typestore
 
-_LATCHED = (INFO, TIMING)
 _IMAGES = tuple(transport.ending for transport in TRANSPORTS.values())
 _CLOCK = "rosgraph_msgs/msg/Clock"
 
@@ -130,7 +130,7 @@ class Player(Node):
         return {topic: kind for topic, kind in topics.items() if _camera_of(topic) in asked}
 
     def _publisher(self, topic: str, kind: str) -> Any:
-        quality = latched() if topic.endswith(_LATCHED) else reliable(STAGE_DEPTH)
+        quality = latched() if is_latched(topic) else reliable(STAGE_DEPTH)
         options = QoSOverridingOptions.with_default_policies()
         # In the node's namespace, as a camera's driver would.
         name = topic.lstrip("/")
@@ -237,7 +237,7 @@ def _wait(left_s: Callable[[], float], stopped: Callable[[], bool]) -> None:
 
 def _camera_of(topic: str) -> str:
     """Name of the camera that a topic belongs to; empty if it belongs to none."""
-    for ending in (*_LATCHED, IMU_TOPIC, *_IMAGES):
+    for ending in (INFO, TIMING, IMU_TOPIC, *_IMAGES):
         if topic.endswith(ending):
             return topic.removesuffix(ending).removeprefix("/")
     return ""

@@ -38,9 +38,6 @@ _MAX_COVERED = 0.8  # of the view: a keyframe adds landmarks between those of th
 _MAX_KEYFRAMES = 300  # of all cameras: each costs 30 kB in the map and a tenth of a second in a round
 _JPEG_QUALITY = 75  # of images that the map keeps
 
-OnProgress = Callable[[str, float], None]
-"""Called with the name of a step and the share of it that is done, 0 to 1."""
-
 
 @dataclass(frozen=True)
 class ExtensionRound:
@@ -64,7 +61,7 @@ def extend_map(
     jobs: int,
     cameras: Sequence[str] | None = None,
     readouts: Mapping[str, Readout] | None = None,
-    on_progress: OnProgress = lambda step, share: None,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> tuple[ReferenceMap, tuple[ExtensionRound, ...]]:
     """Extend a map by what the cameras of a recording observe; the extended map, and the rounds that it took.
 
@@ -77,7 +74,7 @@ def extend_map(
         jobs: processes.
         cameras: that are used; all by default.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
-        on_progress: called with the progress.
+        on_progress: called with the name of a step, and the share of it that is done.
 
     Raises:
         BodycamError: what is wrong with recording or map.

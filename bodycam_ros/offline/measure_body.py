@@ -112,10 +112,6 @@ def _frames(recording: Recording, stations: Collection[str]) -> Iterator[BodyFra
     yield from assembler.flush()
 
 
-Progress = Callable[[str, float], None]
-"""Called with the name of a step and the share of it that is done, 0 to 1."""
-
-
 def calibrate(
     recording_path: Path,
     map_path: Path,
@@ -124,7 +120,7 @@ def calibrate(
     pipeline: PipelineSettings,
     jobs: int,
     facing_rad: float | None = None,
-    on_progress: Progress = lambda step, share: None,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
     imu_paths: Sequence[Path] = (),
 ) -> CalibratedBody:
     """Estimate the body of a recorded range of motion.
