@@ -1,8 +1,9 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -20,13 +21,11 @@ from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
+from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
+from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.static_measurement import decode_images
-from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.timing.frame_assembler import AssemblerSettings, FrameAssembler
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
@@ -68,11 +67,10 @@ def measure_body(
     reference_map = None if map_path is None else load_map(map_path)
     with open_recording(recording_path) as recording:
         stations = read_recorded_stations(given, reference_map, recording, body)
-        refused: set[str] = set()
         measurement = BodyMeasurement(
             body,
             stations,
-            lambda: station_instants(recording_path, stations, refused),
+            lambda: _frames(recording_path, stations),
             lambda begun: read_start(start, given.stations, stations, begun),
             settings,
             pipeline.region,
@@ -87,29 +85,14 @@ def measure_body(
                 raise RangeOfMotionError(f"{recording_path}: {error}") from error
 
 
-def station_instants(
-    path: Path, stations: Mapping[str, Station], refused: set[str]
-) -> Iterator[tuple[float, FrameImages]]:
-    """Images that are of one time, in order of time, and the share of the recording before them.
-
-    Args:
-        path: of the recording.
-        stations: by name.
-        refused: cameras of which an image could not be used, which was warned of; others are added.
-    """
+def _frames(path: Path, stations: Collection[str]) -> Iterator[tuple[float, BodyFrame]]:
+    """Images of static cameras that are of one time, in order of time, and the share of the recording before them."""
+    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
     with open_recording(path) as recording:
         start_ns, length_ns = recording.start_ns, max(1e9 * recording.duration_s, 1.0)
-        for frame in _frames(recording, stations):
-            if pictures := decode_images(frame.images, stations, refused):
-                yield (frame.stamp_ns - start_ns) / length_ns, FrameImages(frame.stamp_ns, pictures)
-
-
-def _frames(recording: Recording, stations: Collection[str]) -> Iterator[BodyFrame]:
-    """Images of static cameras that are of one time."""
-    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
-    for image in recording.images(stations):
-        yield from assembler.add(image)
-    yield from assembler.flush()
+        for image in chain(recording.images(stations), [None]):
+            for frame in assembler.flush() if image is None else assembler.add(image):
+                yield (frame.stamp_ns - start_ns) / length_ns, frame
 
 
 def calibrate(

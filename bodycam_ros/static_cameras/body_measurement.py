@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.estimation.motion_model import predict as predict_poses
@@ -19,8 +20,8 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
 from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.static_measurement import predicted_body
-from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.static_measurement import decode_images, predicted_body
+from bodycam_ros.static_cameras.station import Station
 
 _ROUNDS = 6  # of tracking the recording with a better body, at most
 _CONVERGED = 0.3  # sigmas of itself by which no length changes any more
@@ -31,19 +32,6 @@ _MEASURED = 0.6  # sigma of a length over that beforehand, above which the recor
 _MIN_SEEN = 0.5  # smallest mean share of observed segments; below it the body is lost
 _LONGEST_STEP = 0.2  # share of itself by which a length or girth may change in one round
 _MAX_PREDICTION_S = 0.5  # for which a body is predicted; after a longer gap it stays at its last pose
-
-
-@dataclass(frozen=True, eq=False)
-class FrameImages:
-    """Images of static cameras at one stamp.
-
-    Attributes:
-        stamp_ns: of the images [ns].
-        images: station -> (H, W, 3) blue, green, red.
-    """
-
-    stamp_ns: int
-    images: Mapping[str, Image]
 
 
 @dataclass(frozen=True)
@@ -93,7 +81,7 @@ class BodyMeasurement:
     Args:
         body: initial estimate, without equipment.
         stations: by name.
-        instants: reads the recording, from its start at each call.
+        frames: reads the recording, from its start at each call: its images, and the share of it before them.
         placed: the body in the first frame, some centimetres off.
         settings: what is expected of the body.
         region, motion: of following it.
@@ -104,7 +92,7 @@ class BodyMeasurement:
         self,
         body: BodyModel,
         stations: Mapping[str, Station],
-        instants: Callable[[], Iterable[tuple[float, FrameImages]]],
+        frames: Callable[[], Iterable[tuple[float, BodyFrame]]],
         placed: Callable[[BodyModel], PlacedBody],
         settings: ShapeSettings,
         region: RegionSettings,
@@ -113,7 +101,8 @@ class BodyMeasurement:
     ) -> None:
         self._shape = BodyShape(body, settings)
         self._size = self._shape.size + BULGES * len(body.segments)
-        self._stations, self._instants, self._placed = stations, instants, placed
+        self._stations, self._frames, self._placed = stations, frames, placed
+        self._unreadable: set[str] = set()
         self._region, self._motion = region, motion
         self._on_progress = on_progress
 
@@ -168,21 +157,23 @@ class BodyMeasurement:
         latest: deque[tuple[int, Array]] = deque(maxlen=2)  # stamps [ns] and poses (S, 4, 4)
         seen: list[float] = []
         measured_ns = count = 0
-        for share, frame in self._instants():
+        for share, frame in self._frames():
             self._on_progress(step, share)
-            stamp_ns = frame.stamp_ns
+            stamp_ns, images = frame.stamp_ns, decode_images(frame.images, self._stations, self._unreadable)
+            if not images:
+                continue
             if not latest:
                 placed = self._placed(body)
-                poses = tracker.initialise(frame.images, placed.world_T_segment, placed.unplaced)
+                poses = tracker.initialise(images, placed.world_T_segment, placed.unplaced)
             else:
-                found = tracker.measure(frame.images, predicted_body(*_predict(latest, stamp_ns), self._motion))
+                found = tracker.measure(images, predicted_body(*_predict(latest, stamp_ns), self._motion))
                 poses = found.world_T_segment
                 seen.append(len(found.observed) / len(body.segments))
             latest.append((stamp_ns, poses))
             if not count or stamp_ns - measured_ns >= 1e9 * _INTERVAL_S - 1.0:
                 # Frames with correlated errors count as one.
                 weight = min(1.0, 1e-9 * (stamp_ns - measured_ns) / _ALIKE_S) if count else 1.0
-                by_frame = evidence.measure(tracker.views, frame.images, poses)
+                by_frame = evidence.measure(tracker.views, images, poses)
                 information += weight * by_frame[0]
                 vector += weight * by_frame[1]
                 count, measured_ns = count + 1, stamp_ns

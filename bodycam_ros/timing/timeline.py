@@ -6,7 +6,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _NEAR = 5  # times the longest wait for a camera: cameras further apart are not of one time
-_NEAR_AT_FIRST_NS = 15_000_000_000  # of a camera's first image: a static camera searches for the body for seconds
+_NEAR_AT_FIRST_NS = 15_000_000_000  # of a camera's first message: at first registrations search the whole map
 _VOTES, _KEPT = 2, 8  # images of a camera elsewhere that count, and that are kept
 _LEAST_STEP_NS = 1_000_000  # from image to image; those that are sent again may be nearer
 _LIVELY = 8  # a camera without an image while each other sent so many has no vote on the time

@@ -12,11 +12,13 @@ from threadpoolctl import threadpool_limits
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.body_state import BodyFrame
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_model import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras import body_measurement, region_tracker, shape_evidence
-from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, FrameImages, MeasuredBody
+from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
@@ -43,9 +45,9 @@ class Painted:
     begun: BodyModel
     first: Array
     dressed: DressedBody
-    instants: list[FrameImages]
+    instants: list[BodyFrame]
 
-    def read(self) -> Iterator[tuple[float, FrameImages]]:
+    def read(self) -> Iterator[tuple[float, BodyFrame]]:
         yield from ((number / len(self.instants), instant) for number, instant in enumerate(self.instants))
 
     def placed(self, body: BodyModel) -> PlacedBody:
@@ -83,7 +85,12 @@ def painted(sample: Path) -> Painted:
     dressed = DressedBody(person, capsule_surfaces(person), stations_around(STATIONS))
     motion = small_motion(person, 2 * INSTANTS, 0.35)[::2]
     instants = [
-        FrameImages(number * STEP_NS, dressed.images(poses, 1.0, number)) for number, poses in enumerate(motion)
+        BodyFrame(
+            number * STEP_NS,
+            {},
+            {name: CameraImage(name, 0, image) for name, image in dressed.images(poses, 1.0, number).items()},
+        )
+        for number, poses in enumerate(motion)
     ]
     return Painted(person, begun, motion[0], dressed, instants)
 
