@@ -24,7 +24,8 @@ LEAST_STAY_S = 1.0
 
 _MIN_ROWS = 3  # states at which a gap must be known
 _MIN_SCALE = 0.03  # a map that is larger or smaller by less is no cause
-_SCALE_EXPLAINS = 0.9  # share of the cameras' distances
+_SCALE_EXPLAINS = 0.9  # share of the gaps; a camera 40 cm off, of four, looks like a scale to 0.78
+_MIN_OFF_BY_SCALE = 3  # cameras that contradict the body
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Contradiction:
         poses: of all cameras; if most are off alike, as where the solver went astray, solved poses are moved by that.
         core: cameras that agree with the body.
         gaps: camera that contradicts it -> its worst lasting gap [m].
-        map_scale: how many times as large the map is as the body, where that explains why most cameras are off.
+        map_scale: how many times as large the map is as the body, where that explains the gaps.
     """
 
     poses: CameraPoses
@@ -53,12 +54,10 @@ def find_contradiction(poses: CameraPoses, cameras: Sequence[str]) -> Contradict
     """
     lasting_gaps = {camera: lasting(pose_gap(poses, camera), poses.seconds) for camera in cameras}
     off = [camera for camera, gap in lasting_gaps.items() if gap > DOUBTFUL_GAP_M]
-    scale: float | None = None
-    if len(off) > len(cameras) / 2:
-        scale = _map_scale(poses, cameras)
-        if scale is None:
-            poses = _moved_alike(poses, cameras)
-            lasting_gaps = {camera: lasting(pose_gap(poses, camera), poses.seconds) for camera in cameras}
+    scale = _map_scale(poses, cameras) if len(off) >= _MIN_OFF_BY_SCALE else None
+    if scale is None and len(off) > len(cameras) / 2:
+        poses = _moved_alike(poses, cameras)
+        lasting_gaps = {camera: lasting(pose_gap(poses, camera), poses.seconds) for camera in cameras}
     gaps = {camera: gap for camera, gap in lasting_gaps.items() if gap > DOUBTFUL_GAP_M}
     return Contradiction(poses, tuple(camera for camera in cameras if camera not in gaps), gaps, scale)
 
@@ -103,10 +102,10 @@ def _moved_alike(poses: CameraPoses, cameras: Sequence[str]) -> CameraPoses:
 
 
 def _map_scale(poses: CameraPoses, cameras: Sequence[str]) -> float | None:
-    """Scale of the map over the body, by the cameras' places about their mean; None if none explains these."""
+    """Scale of the map over the body, by the cameras' places about their mean; None if none explains the gaps."""
     registered, solved = ((each - each.mean(axis=0)).compressed() for each in _positions(poses, cameras))
-    scale, explained = proportion(solved, registered)
-    return scale if scale > 0.0 and explained > _SCALE_EXPLAINS and abs(scale - 1.0) > _MIN_SCALE else None
+    larger, explained = proportion(solved, registered - solved)
+    return 1.0 + larger if explained > _SCALE_EXPLAINS and abs(larger) > _MIN_SCALE else None
 
 
 def _positions(poses: CameraPoses, cameras: Sequence[str]) -> Iterator["np.ma.MaskedArray[Any, Any]"]:
