@@ -1,5 +1,6 @@
 """Figures of a solved recording's cameras, with their inertial sensors, and of its body, without any truth."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.geometry import Array, inverse, log_so3
@@ -132,7 +134,7 @@ def _pose_gaps(solved: SolvedRecording, record: CameraRecord, world_T_camera: Ar
 
 def _clock_figures(timing: ClockHistory) -> dict[str, Any]:
     """The clock at the end; ``is_off``: not that of the recording; ``held_from_s``: when it became another."""
-    clock, first_ns = timing.latest, timing.clocks[0].since_ns
+    clock, first_ns, readout = timing.latest, timing.clocks[0].since_ns, timing.readout or Readout(math.nan, math.nan)
     return {
         "is_off": timing.is_off,
         "ahead_ms": 1e3 * clock.offset,
@@ -140,8 +142,8 @@ def _clock_figures(timing: ClockHistory) -> dict[str, Any]:
         "drift_ppm": 1e6 * clock.drift,
         "drift_sigma_ppm": 1e6 * clock.drift_sigma,
         "held_from_s": [1e-9 * (later.since_ns - first_ns) for later in timing.clocks[1:]],
-        "readout_ms": 1e3 * timing.readout_time,
-        "readout_sigma_ms": 1e3 * timing.readout_sigma,
+        "readout_ms": 1e3 * readout.seconds,
+        "readout_sigma_ms": 1e3 * readout.sigma,
     }
 
 

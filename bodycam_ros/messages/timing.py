@@ -43,9 +43,8 @@ def timing_message(
 
 def timing_messages(make: MessageFactory, history: ClockHistory) -> Iterator[tuple[int, Message]]:
     """(first stamp for which it is valid [ns], message) of every clock state of a camera."""
-    readout = readout_of(history.readout_time, history.readout_sigma)
     for clock in history.clocks:
-        yield clock.since_ns, timing_message(make, history.camera, "body", readout, clock)
+        yield clock.since_ns, timing_message(make, history.camera, "body", history.readout, clock)
 
 
 def readout_time(message: Message) -> Readout | None:

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 
 from bodycam_ros.body.coupled_body import learned_body
 from bodycam_ros.body.equipment import Equipment
@@ -129,7 +130,7 @@ class ReplayOutput:
         summary.images += summary.skipped
         summary.readouts = self._readouts.readouts()
         summary.timings = {
-            camera: history.with_readout(summary.readouts.get(camera))
+            camera: replace(history, readout=summary.readouts.get(camera))
             for camera, history in skeleton.clocks.histories.items()
         }
         for camera, timing in summary.timings.items():

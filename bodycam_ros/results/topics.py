@@ -7,13 +7,14 @@ from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import body_from_urdf
+from bodycam_ros.camera.readout import Readout, readout_of
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, clock_state
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.timing.clock_state import ClockHistory
+from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 ROBOT, ROBOT_TYPE = "/robot_description", "std_msgs/msg/String"
 JOINT_STATES, ODOMETRY = "/joint_states", "/odometry"
@@ -74,14 +75,14 @@ def read_clock(path: Path, camera: str) -> ClockHistory | None:
 
 def clock_history(camera: str, timings: Iterable[Message]) -> ClockHistory | None:
     """The clock by bodycam_msgs/CameraTiming of a camera, with the last read-out time; None where none has a clock."""
-    clocks, readout = {}, (math.nan, math.nan)
+    clocks: dict[int, ClockState] = {}
+    readout: Readout | None = None
     for message in timings:
         if not math.isnan(message.offset_sigma):
             clock = clock_state(message)
             clocks[clock.since_ns] = clock
-        if not math.isnan(message.readout_sigma):
-            readout = message.readout_time, message.readout_sigma
-    return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks)), *readout) if clocks else None
+        readout = readout_of(message.readout_time, message.readout_sigma) or readout
+    return ClockHistory(camera, tuple(clocks[since] for since in sorted(clocks)), readout) if clocks else None
 
 
 @contextmanager

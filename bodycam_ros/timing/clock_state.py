@@ -1,6 +1,5 @@
 """Offset and drift of one camera's clock, now and over a recording."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -91,14 +90,12 @@ class ClockHistory:
     Attributes:
         camera: name.
         clocks: in order of ``since_ns``; one more wherever the clock may have been set.
-        readout_time: from the first row's exposure to the last's [s]; NaN if unknown.
-        readout_sigma: its standard deviation [s]; 0 if it was given.
+        readout: final estimate of its read-out time; None if it is unknown.
     """
 
     camera: str
     clocks: tuple[ClockState, ...]
-    readout_time: float = math.nan
-    readout_sigma: float = math.nan
+    readout: Readout | None = None
 
     @property
     def latest(self) -> ClockState:
@@ -123,12 +120,6 @@ class ClockHistory:
             if abs(by_s) > max(_LEAST_JUMP_S, _SIGNIFICANT * after.offset_sigma):
                 jumps.append((after.since_ns, by_s))
         return jumps
-
-    def with_readout(self, readout: Readout | None) -> "ClockHistory":
-        """With the final estimate of the camera's read-out time, if there is one."""
-        if readout is None:
-            return self
-        return replace(self, readout_time=readout.seconds, readout_sigma=readout.sigma)
 
     def corrected_ns(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Stamps (N,) of the camera as times of the recording [ns]."""

@@ -20,6 +20,7 @@ from known_walk import (
 )
 
 from bodycam_ros.body.body_model import CameraMount
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.geometry import exp_so3, rigid
@@ -58,7 +59,7 @@ def test_a_camera_that_sits_elsewhere_than_the_body_says_shows_a_gap(walk: Walk,
 
 
 def timing_of(camera: str, *clocks: ClockState) -> list[Stamped]:
-    timing = ClockHistory(camera, clocks, readout_time=0.012, readout_sigma=2e-4)
+    timing = ClockHistory(camera, clocks, Readout(0.012, 2e-4))
     return [(f"/{camera}/timing", ns, message) for ns, message in timing_messages(recorded_messages(), timing)]
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.timing import clock_state, timing_messages
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
@@ -14,8 +15,7 @@ TIMING = ClockHistory(
         ClockState(START_NS, START_NS + 5_000_000_000, 0.02, 1e-4, 0.001, 1e-5),
         ClockState(SET_NS, SET_NS, -0.03, 1e-4, 0.001, 1e-5),
     ),
-    readout_time=0.012,
-    readout_sigma=0.0002,
+    Readout(0.012, 0.0002),
 )
 
 
