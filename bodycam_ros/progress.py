@@ -23,14 +23,18 @@ class Progress(Protocol):
         """Begin a step of ``total`` units; leaving the context ends it."""
 
 
-def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int) -> Iterator[R]:
-    """Results in the order of the items, as they get ready.
+def in_parallel(
+    function: Callable[[T], R], items: Iterable[T], workers: int, on_result: Callable[[], object] = lambda: None
+) -> Iterator[R]:
+    """Results in the order of the items, as they get ready; ``on_result`` is called for each.
 
     Threads are enough: OpenCV computes outside the interpreter's lock. Who stops listening, as by Ctrl-C, does not wait
     for items that have not begun.
     """
     pool = ThreadPoolExecutor(max_workers=workers)
     try:
-        yield from pool.map(function, items)
+        for result in pool.map(function, items):
+            on_result()
+            yield result
     finally:
         pool.shutdown(wait=False, cancel_futures=True)

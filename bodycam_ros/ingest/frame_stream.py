@@ -219,12 +219,10 @@ def for_each_camera(
         step: name of the whole.
         progress: of the cameras.
     """
-    ended, names, results = Event(), list(cameras), dict[str, T]()
+    ended, names = Event(), list(cameras)
     try:
         with progress.step(step, len(names)) as advance:
-            for result in in_parallel(lambda name: work(name, ended), names, os.cpu_count() or 1):
-                results[names[len(results)]] = result
-                advance()
+            results = in_parallel(lambda name: work(name, ended), names, os.cpu_count() or 1, advance)
+            return dict(zip(names, results, strict=True))
     finally:
         ended.set()
-    return results

@@ -193,9 +193,5 @@ def _find(
 ) -> list[BoardView]:
     find: Callable[[LensImage], BoardView | None] = lambda p: find_board(p.grey, p.name, board, camera)  # noqa: E731
     with progress.step(step, len(pictures)) as advance:
-        found = []
-        for view in in_parallel(find, pictures, os.cpu_count() or 1):
-            advance()
-            if view is not None:
-                found.append(view)
-    return found
+        found = list(in_parallel(find, pictures, os.cpu_count() or 1, advance))
+    return [view for view in found if view is not None]

@@ -132,11 +132,7 @@ def match_known_poses(
         found = match_posed((posed[i], posed[j]), every, _BAND_PX, MAX_RATIO, _MAX_DISTANCE)
         return np.column_stack([rows[i][found[:, 0]], rows[j][found[:, 1]]]).astype(np.uint32)
 
-    matches = []
-    for found in in_parallel(match, pairs, workers):
-        matches.append(found)
-        advance()
-    return matches
+    return list(in_parallel(match, pairs, workers, advance))
 
 
 @kernel("(f8[:, ::1], f8[::1], u1[:, ::1], f8[:, ::1], f8[::1], u1[:, ::1], f8, f8, f8, f8)")

@@ -13,7 +13,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.apriltag import FAMILIES, TagView, detect_tags
-from bodycam_ros.progress import in_parallel
+from bodycam_ros.progress import Advance, in_parallel
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
@@ -114,11 +114,10 @@ def _count_mutual(first: NDArray[np.float32], second: NDArray[np.float32]) -> in
     return int(np.count_nonzero(good))
 
 
-def count_common_features(features: Sequence[ImageFeatures], workers: int = 1) -> Iterator[NDArray[np.int64]]:
-    """Count mutual matches among the largest features of all pairs (preemptive matching, Wu 2013, section 3).
+def count_common_features(features: Sequence[ImageFeatures], workers: int, advance: Advance) -> NDArray[np.int64]:
+    """Counts (K, K) of mutual matches among the largest features of pairs (preemptive matching, Wu 2013, section 3).
 
-    Yields:
-        for each photograph i the (K,) counts with the photographs before it, zero from itself on.
+    Each photograph's are with those before it; the others are zero.
     """
     probes = [f.descriptors[:_PROBES].astype(np.float32) for f in features]
 
@@ -127,7 +126,7 @@ def count_common_features(features: Sequence[ImageFeatures], workers: int = 1) -
         counts[:i] = [_count_mutual(probes[i], probe) for probe in probes[:i]]
         return counts
 
-    return in_parallel(counts_with_those_before, range(len(probes)), workers)
+    return np.array(list(in_parallel(counts_with_those_before, range(len(probes)), workers, advance)))
 
 
 def choose_pairs(counts: NDArray[np.int64]) -> list[tuple[int, int]]:

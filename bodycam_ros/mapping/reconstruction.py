@@ -66,11 +66,7 @@ def reconstruct(
         camera_of_name = {number: camera_of_name[name] for number, name in name_of.items()}
 
         with progress.step("choosing pairs", len(features)) as advance:
-            counts = []
-            for row in count_common_features(features, workers):
-                counts.append(row)
-                advance()
-        pairs = choose_pairs(np.array(counts))
+            pairs = choose_pairs(count_common_features(features, workers, advance))
 
         coarse, registered = None, 0
         most = max(len(image.pixels) for image in features)

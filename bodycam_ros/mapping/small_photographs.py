@@ -37,14 +37,11 @@ def small_photographs(folder: Path, structure: Structure, workers: int, progress
         camera = cameras[structure.camera_of_view[view]]
         return _encoded(folder / structure.names[view], (camera.width, camera.height))
 
-    jpegs = []
     with progress.step("keeping photographs", len(structure.names)) as advance:
-        for jpeg in in_parallel(encode, range(len(structure.names)), workers):
-            jpegs.append(jpeg)
-            advance()
+        jpegs = tuple(in_parallel(encode, range(len(structure.names)), workers, advance))
     order = np.lexsort((structure.observation_views, structure.observation_points))
     return MapPhotographs(
-        jpegs=tuple(jpegs),
+        jpegs=jpegs,
         cameras=cameras,
         camera_of_view=structure.camera_of_view.astype(np.uint16),
         world_T_camera=structure.world_T_camera,

@@ -198,12 +198,8 @@ class BagFile:
     ) -> Iterator[tuple[Connection, int, bytes]]:
         connections = self._connections(topics)
         stream = self._reader.messages(connections, start=start_ns, stop=stop_ns) if connections else iter(())
-        while True:
-            with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
-                item = next(stream, None)
-            if item is None:
-                return
-            yield item
+        with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
+            yield from stream
 
     def _connections(self, topics: Collection[str]) -> list[Connection]:
         return [c for c in self._reader.connections if self._name(c.topic) in topics]

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -228,15 +228,8 @@ def demuxed(container: InputContainer, *streams: Stream) -> Iterator[Any]:
     """
     for other in container.streams:
         other.discard = Discard.default if other in streams else Discard.all
-    source = container.demux(*streams)
-    while True:
-        try:
-            packet = next(source, None)
-        except (FFmpegError, ValueError):
-            return
-        if packet is None:
-            return
-        yield packet
+    with suppress(FFmpegError, ValueError):
+        yield from container.demux(*streams)
 
 
 def _video_stream(container: InputContainer, path: Path) -> "av.VideoStream":
