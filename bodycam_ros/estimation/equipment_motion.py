@@ -4,12 +4,15 @@ Forwards such a hinge keeps its speed. Over a whole recording its trajectory joi
 before and after a gap, by as many turns as fit best between them.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
-from bodycam_ros.estimation.estimate import MotionPrior
+from bodycam_ros.estimation.estimate import Coordinates, MotionPrior
+from bodycam_ros.estimation.measurements import JointRotations
 from bodycam_ros.estimation.motion_model import FADE_S, LASTS_S, MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -17,7 +20,7 @@ from bodycam_ros.kinematics.tangent import TreeTangent
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
 CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths, which have an inverse; [m^2/s^2] of their rates at first
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
-COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
+_COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 
 
 class EquipmentMotion:
@@ -35,6 +38,7 @@ class EquipmentMotion:
     def __init__(self, tangent: TreeTangent, equipment: Equipment, motion: MotionSettings) -> None:
         body, self._tangent = tangent.tree, tangent
         self.coasting_rows: list[int] = []
+        self._driven = set[int]()
         self._density, self._fade_s = np.full(tangent.count, np.nan), np.full(tangent.count, FADE_S)
         for row, joint in enumerate(body.tree_joints):
             columns, moves = tangent.columns[row], equipment.segments.get(joint.child)
@@ -66,6 +70,18 @@ class EquipmentMotion:
                 held = self._limbs[active.engaged & self._held[:, row]]
                 density[self._tangent.columns_of(np.any(held, axis=0))] = _LED**2 * LASTS_S
         return MotionPrior(density, self._fade_s)
+
+    def coasting(self, predicted: Coordinates, active: ActiveAttachments | None) -> JointRotations:
+        """Hinges that were driven and are not now, where the prediction has them (B figure 9)."""
+        driven = {row for row in self.coasting_rows if self.is_driven(row, active)}
+        self._driven |= driven
+        rows = sorted(self._driven - driven) if active is not None else []
+        return coasting(rows, predicted.joints[rows, :3, :3])
+
+
+def coasting(rows: Sequence[int], rotations: Array) -> JointRotations:
+    """Hinges, by their rows in ``tree_joints``, that are at rotations (N, 3, 3) of their trajectories."""
+    return JointRotations(np.array(rows, np.int64), rotations, np.full((len(rows), 3), _COAST_RAD))
 
 
 def coasting_trajectory(angles: Array, stamps_s: Array, driven: NDArray[np.bool_]) -> Array:

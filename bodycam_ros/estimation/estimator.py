@@ -285,7 +285,8 @@ class BodyEstimator:
         start = coupling.update(stamp_ns, start, observed)
         at, columns = coupling.restarted(link.after.at, start, self._chain[-1].active if self._chain else None)
         cameras = measured.cameras + coupling.upright_measurement(start)
-        measured = replace(measured, cameras=cameras, closed=coupling.closed)
+        expected = measured.expected + coupling.motion.coasting(at, coupling.active)
+        measured = Measurements(cameras, expected, coupling.closed)
         return measured, self._motion.restarted(link, at, columns), start
 
     def flush(self) -> list[BodyState]:

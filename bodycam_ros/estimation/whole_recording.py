@@ -12,7 +12,7 @@ from bodycam_ros.errors import SettingsError
 from bodycam_ros.estimation.between_factors import condition
 from bodycam_ros.estimation.chain import ChainState, smooth
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.equipment_motion import COAST_RAD, coasting_trajectory
+from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
 from bodycam_ros.estimation.estimate import Coordinates, Transition
 from bodycam_ros.estimation.measurements import JointRotations, StateFit
 from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel
@@ -84,7 +84,7 @@ class WholeRecording:
                 joints = smoothed[place].joints.copy()
                 joints[row, :3, :3] = rotations[place]
                 smoothed[place] = smoothed[place].placed(joints)
-                pin = JointRotations(np.array([row]), rotations[place][None], np.full((1, 3), COAST_RAD))
+                pin = coasting([row], rotations[place][None])
                 coasted[place] = coasted.get(place, JointRotations.nothing()) + pin
         return coasted
 
