@@ -169,9 +169,8 @@ class MotionSums:
         if used and self._stamps_ns[-1] - self._stamps_ns[0] > 2e9 * _KEEP_S:
             first = int(np.searchsorted(self._stamps_ns, self._stamps_ns[-1] - 1e9 * _KEEP_S))
         larger = max(2 * (used - first), used - first + count, _LEAST_ROWS)
-        grown = []
-        for rows in self._rows:
-            grown.append(np.empty((larger, *rows.shape[1:]), rows.dtype))
-            grown[-1][: used - first] = rows[first:used]
-        self._rows = tuple(grown)
+        free = larger - used + first
+        self._rows = tuple(
+            np.concatenate([rows[first:used], np.empty((free, *rows.shape[1:]), rows.dtype)]) for rows in self._rows
+        )
         self._show(used - first)

@@ -53,8 +53,6 @@ def find_shared_stamps(
 
 def share_stamps(own_ns: Stamps, other_ns: Stamps) -> bool:
     """Whether most stamps (N) of a camera are those (M) of another, where both have images [ns]."""
-    if np.array_equal(own_ns, other_ns):
-        return True
     period_ns = float(np.median(np.diff(own_ns))) if len(own_ns) > 1 else np.inf
     inside = own_ns[(own_ns >= other_ns[0] - _SHARED_NS) & (own_ns <= other_ns[-1] + _SHARED_NS)]
     if not len(inside):
