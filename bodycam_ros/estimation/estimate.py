@@ -164,6 +164,7 @@ class Transition:
         K = len(prior)
         gain, gain_before, less = P[K:, :K] @ prior, cross[:K].T @ prior, P[:K, :K] - covariance
         after, covaries = np.empty_like(P), np.empty_like(cross)
+        # By the fit itself: as a difference from the prediction, a million times as large, it is lost in rounding.
         after[:K, :K], after[K:, :K] = covariance, gain @ covariance
         after[:K, K:] = after[K:, :K].T
         after[K:, K:] = P[K:, K:] - gain @ less @ gain.T
