@@ -7,7 +7,6 @@ from bodycam_ros.cli.options import PIPELINE, add_config, add_option, add_output
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.cli.replay import print_rounds
 from bodycam_ros.offline.extend import extend_map
-from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.output_place import check_output
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.terminal import Terminal
@@ -24,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    warm_up()
     recording, output = arguments.recording, arguments.output
     settings = pipeline_settings(arguments)
     check_output(output, input_paths(arguments))

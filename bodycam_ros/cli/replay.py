@@ -21,7 +21,6 @@ from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.offline.extend import ExtensionRound
 from bodycam_ros.offline.replay import replay
 from bodycam_ros.offline.replay_summary import ReplaySummary
-from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.output_place import check_output
 from bodycam_ros.recording.bag_writer import check_replaceable
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -73,7 +72,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    warm_up()
     settings = pipeline_settings(arguments)
     outside = _outside(arguments)
     check_output(arguments.output, input_paths(arguments))

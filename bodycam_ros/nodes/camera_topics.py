@@ -180,7 +180,7 @@ class CameraModels:
                 raise
             self.models.pop(camera, None)
             self.rejected.add(camera)
-            self._log.error(f"{error}; the other cameras go on without this one")
+            self._log.error(f"{error}; this camera_info is ignored")
         else:
             self.rejected.discard(camera)
             if before is not None:

@@ -1,7 +1,4 @@
-"""Worker processes that start at once: forked from one that has loaded what they need.
-
-This loads little itself, so that a command can begin with ``warm_up`` and load its own modules meanwhile.
-"""
+"""Worker processes that start at once: forked from one that has loaded what they need."""
 
 import multiprocessing
 import signal
