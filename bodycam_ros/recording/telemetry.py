@@ -5,11 +5,11 @@ filled up to four bytes. Payloads come about once a second. A firmware may write
 left out.
 """
 
-import os
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,21 +114,28 @@ def _payloads(path: Path) -> Iterator[tuple[float, float, bytes]]:
 
 
 def _user_data(path: Path) -> bytes:
-    """Content of the box GPMF in the box moov of an MP4; empty if there is none."""
+    """Content of the box moov/udta/GPMF of an MP4; empty if there is none."""
     try:
         with path.open("rb") as file:
-            while len(header := file.read(8)) == 8:
-                size, name = struct.unpack(">I4s", header)
-                length = struct.unpack(">Q", file.read(8))[0] - 16 if size == 1 else size - 8
-                if name == b"moov":
-                    before, _, content = file.read(max(length, -1)).partition(b"GPMF")
-                    return content[: int.from_bytes(before[-4:], "big") - 8] if content else b""
-                if length < 0:
-                    break
-                file.seek(length, os.SEEK_CUR)
+            return next(_boxes(file, 0, path.stat().st_size, (b"moov", b"udta", b"GPMF")), b"")
     except (OSError, struct.error):
-        pass
-    return b""
+        return b""
+
+
+def _boxes(file: BinaryIO, at: int, end: int, names: tuple[bytes, ...]) -> Iterator[bytes]:
+    """Contents of the boxes of an MP4 that lie within each other by these names."""
+    while at + 8 <= end:
+        file.seek(at)
+        size, name = struct.unpack(">I4s", file.read(8))
+        size = struct.unpack(">Q", file.read(8))[0] if size == 1 else size or end - at
+        if size < 8:
+            return
+        if name == names[0]:
+            if len(names) == 1:
+                yield file.read(min(at + size, end) - file.tell())
+            else:
+                yield from _boxes(file, file.tell(), min(at + size, end), names[1:])
+        at += size
 
 
 def _streams(content: bytes, depth: int = 0) -> Iterator[Records]:
