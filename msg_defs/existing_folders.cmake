@@ -1,0 +1,16 @@
+# The ROS wheels on PyPI export the Python include folder of the machine that built them, and CMake refuses an
+# imported target that names a missing folder. On a ROS install every folder exists and this changes nothing.
+get_property(imported DIRECTORY PROPERTY IMPORTED_TARGETS)
+foreach(target IN LISTS imported)
+  get_target_property(folders ${target} INTERFACE_INCLUDE_DIRECTORIES)
+  if(NOT folders)
+    continue()
+  endif()
+  set(kept)
+  foreach(folder IN LISTS folders)
+    if(NOT IS_ABSOLUTE "${folder}" OR EXISTS "${folder}")
+      list(APPEND kept "${folder}")
+    endif()
+  endforeach()
+  set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${kept}")
+endforeach()
