@@ -8,7 +8,6 @@ registrations.
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -20,18 +19,12 @@ from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import evidence_floor
-from bodycam_ros.estimation.static_evidence import StaticCameras, StaticMeasurement
+from bodycam_ros.estimation.static_evidence import StaticCameras
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
-from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.surface import BodySurface
-from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.frame_assembler import FrameAssembler
 from bodycam_ros.timing.silence import Silence
@@ -208,35 +201,3 @@ class SkeletonPipeline:
             self._previous = BodyOutput(state, tracker.names, positions, velocities, root_velocity)
             outputs.append(self._previous)
         return outputs
-
-
-def image_measurement(
-    given: StaticCameraFiles,
-    stations: Mapping[str, Station],
-    body: BodyModel,
-    body_path: Path,
-    settings: PipelineSettings,
-    on_seen: Callable[[Mapping[str, int], StaticMeasurement], None],
-    live: bool = False,
-) -> ImageMeasurement:
-    """The measurement of a body by images of static cameras.
-
-    Args:
-        given: files of their poses, of the start and of the surface.
-        stations: the cameras, by name.
-        body: with its equipment, if any.
-        body_path: its file.
-        settings: of all stages.
-        on_seen: called with the stamp of each camera's image [ns], and the measurement.
-        live: whether images go on meanwhile, so that there is no time to search for limbs that are lost.
-
-    Raises:
-        BodyError: the body's surface, or the start, cannot be used.
-    """
-    # Here, as formats of others take a tenth of a second to load, and body cameras do without.
-    from bodycam_ros.formats.read_captured import read_start
-
-    surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
-    tracker = RegionTracker(body, surface, stations, settings.region, searches_again=not live)
-    placed = None if given.start is None else read_start(given.start, given.stations, stations, body)
-    return ImageMeasurement(tracker, placed, settings.motion, on_seen)

@@ -34,7 +34,7 @@ from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline import SkeletonPipeline, image_measurement
+from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import load_map
@@ -42,6 +42,7 @@ from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
+from bodycam_ros.static_pipeline import image_measurement
 
 if TYPE_CHECKING:
     from bodycam_ros.live.live_calibration import LiveCalibration

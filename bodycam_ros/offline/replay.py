@@ -31,13 +31,14 @@ from bodycam_ros.offline.replay_output import ReplayOutput
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.offline.worker_process import warm_up
-from bodycam_ros.pipeline import SkeletonPipeline, image_measurement
+from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_pipeline import image_measurement
 from bodycam_ros.whole_file import scratch_folder
 
 logger = logging.getLogger(__name__)
