@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from bodycam_ros.body.coupled_body import learned_body
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.body.equipment_report import EquipmentLog
+from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
@@ -125,7 +125,8 @@ class ReplayOutput:
             bare: segments without a worn camera, which static cameras should observe.
         """
         summary, skeleton = self._summary, self._skeleton
-        self._write_robot()
+        summary.equipment = self._coupled.record()
+        self._write_robot(summary.equipment)
         summary.skipped, summary.lost = self._unusable.skipped, self._unusable.lost
         summary.images += summary.skipped
         summary.readouts = self._readouts.readouts()
@@ -138,7 +139,6 @@ class ReplayOutput:
                 self._writer.write(f"/{camera}{TIMING}", since_ns, message)
         poses = self._log.poses()
         summary.speeds = poses.speeds()
-        summary.equipment = self._coupled.record()
         findings = (*equipment_findings(summary.equipment, self._equipment), *self._static.findings(bare))
         summary.verdict = judge(poses, findings)
         self._writer.write(VERDICT, self._latest_ns, text_message(self._make, verdict_text(summary.verdict)))
@@ -163,9 +163,9 @@ class ReplayOutput:
             points = map_points_message(self._make, stamp_ns, self._map.points_world, self._map.colours)
             self._writer.write("/map/points", stamp_ns, points)
 
-    def _write_robot(self) -> None:
+    def _write_robot(self, coupled: EquipmentRecord | None) -> None:
         """The robot, as of the beginning, but with the lengths of its equipment that the recording gave."""
-        body, coupled = self._body, self._coupled.record()
+        body = self._body
         if coupled is not None and self._equipment is not None:
             body = learned_body(body, self._equipment, coupled.values)
         self._writer.write("/robot_description", self._summary.start_ns, text_message(self._make, urdf_text(body)))
