@@ -133,23 +133,26 @@ class RecordedPoses:
         for row in np.flatnonzero(~self._observed[first:].all(axis=0)).tolist():
             unobserved = first + np.flatnonzero(~self._observed[first:, row])
             for gap in np.split(unobserved, np.flatnonzero(np.diff(unobserved) > 1) + 1):
-                vectors, variances = self._regress(row, gap)
+                regressed = self._regress(row, gap)
+                if regressed is None:
+                    continue
+                vectors, variances = regressed
                 shares = np.sqrt(np.clip(variances / usual[row], _LEAST_SHARE, 1.0))
-                for place, vector in zip((gap - first).tolist(), vectors, strict=False):
+                for place, vector in zip((gap - first).tolist(), vectors, strict=True):
                     own, (rotations, sigmas) = predicted[place].rows == row, better[place]
                     rotations[own] = self._prior.rotations(np.array([row]), vector[None])
                     sigmas[own] *= shares
         return [JointRotations(each.rows, *both) for each, both in zip(predicted, better, strict=True)]
 
-    def _regress(self, row: int, gap: NDArray[np.intp]) -> tuple[Array, Array]:
+    def _regress(self, row: int, gap: NDArray[np.intp]) -> tuple[Array, Array] | None:
         """A joint's vectors (G, 3) in the states of a gap by the features that are mostly known, and variances (3).
 
-        States without some of the features count with the values of the forward pass. No vectors of a joint that was
-        seldom observed.
+        States without some of the features count with the values of the forward pass. None of a joint that was seldom
+        observed.
         """
         observed = self._observed[:, row]
         if observed.mean() * self._seconds[-1] < _LEAST_S:
-            return np.zeros((0, 3)), np.ones(3)
+            return None
         features = (self._known[gap].mean(axis=0) >= _MOSTLY) & (self._known[observed].mean(axis=0) >= _MOSTLY)
         X, Y = self._features[observed][:, features], self._features[observed, 3 * row : 3 * row + 3]
         share = np.exp(-np.abs(self._seconds[observed] - self._seconds[gap[[0, -1]]].mean()) / _FADES_S)

@@ -1,9 +1,8 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
@@ -13,6 +12,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError, StationError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
@@ -87,12 +87,17 @@ def measure_body(
 
 def _frames(path: Path, stations: Collection[str]) -> Iterator[tuple[float, BodyFrame]]:
     """Images of static cameras that are of one time, in order of time, and the share of the recording before them."""
-    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
     with open_recording(path) as recording:
         start_ns, length_ns = recording.start_ns, max(1e9 * recording.duration_s, 1.0)
-        for image in chain(recording.images(stations), [None]):
-            for frame in assembler.flush() if image is None else assembler.add(image):
-                yield (frame.stamp_ns - start_ns) / length_ns, frame
+        for frame in _frames_of_images(recording.images(stations), stations):
+            yield (frame.stamp_ns - start_ns) / length_ns, frame
+
+
+def _frames_of_images(images: Iterable[CameraImage], stations: Collection[str]) -> Iterator[BodyFrame]:
+    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
+    for image in images:
+        yield from assembler.add(image)
+    yield from assembler.flush()
 
 
 def calibrate(
