@@ -1,8 +1,7 @@
 """bodycam replay: a recorded bag in, a bag with joint states out; exit code 3 where the result should not be used."""
 
 import argparse
-from collections.abc import Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import (
     PIPELINE,
@@ -14,26 +13,12 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
-from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.errors import StationError
-from bodycam_ros.evaluate.sections import column_table
-from bodycam_ros.lens.lens_check import find_mismatches
-from bodycam_ros.offline.extend import ExtensionRound
-from bodycam_ros.offline.replay import replay
-from bodycam_ros.offline.replay_summary import ReplaySummary
+from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.output_place import check_output
-from bodycam_ros.recording.bag_writer import check_replaceable
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.terminal import Terminal
 
-_COLUMNS = (
-    ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),
-    ("missing", "missing", "d"), ("read-out [ms]", "readout", ""),
-)  # fmt: skip
-_NOTE = (
-    "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; read-out: "
-    "time of all rows, 0 for a global shutter"
-)
+if TYPE_CHECKING:
+    from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,6 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    warm_up()  # the processes for the cameras load what they need while this one does
+    from bodycam_ros.cli.output import shown_progress
+    from bodycam_ros.cli.print_replay import print_replay
+    from bodycam_ros.offline.replay import replay
+    from bodycam_ros.recording.bag_writer import check_replaceable
+
     settings = pipeline_settings(arguments)
     outside = _outside(arguments)
     check_output(arguments.output, input_paths(arguments))
@@ -93,10 +84,10 @@ def run(arguments: argparse.Namespace) -> int:
             slim=arguments.slim,
             imu_paths=arguments.imu,
         )
-    return _print(summary, arguments.recording, arguments.output)
+    return print_replay(summary, arguments.recording, arguments.output)
 
 
-def _outside(arguments: argparse.Namespace) -> StaticCameraFiles | None:
+def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     """Files of static cameras; None without them.
 
     Raises:
@@ -105,60 +96,9 @@ def _outside(arguments: argparse.Namespace) -> StaticCameraFiles | None:
     if arguments.map is None and arguments.passes > 1:
         raise StationError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
+        from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+
         return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
     if arguments.map is None:
         raise StationError("give the place's reference map with --map, or static cameras with --stations")
     return None
-
-
-def _print(summary: ReplaySummary, recording: Path, output: Path) -> int:
-    """Print the summary; the exit code."""
-    from bodycam_ros.offline.replay_remarks import clock_remarks
-    from bodycam_ros.terminal import Terminal
-
-    terminal = Terminal()
-    if summary.rounds:
-        print_rounds(summary.rounds)
-    rows = {
-        camera: {
-            "images": images,
-            "registered": summary.registered[camera] / images,
-            "dropped": summary.skipped[camera] or None,
-            "missing": summary.lost[camera] or None,
-            "readout": summary.readouts[camera].milliseconds if camera in summary.readouts else None,
-        }
-        for camera, images in sorted((summary.images + summary.lost).items())
-    }
-    faulty = {finding.subject for finding in summary.verdict.findings}
-    print_sections(terminal, [column_table("cameras", "camera", _COLUMNS, rows, _NOTE, faulty)])
-    if summary.equipment is not None:
-        from bodycam_ros.evaluate.equipment import equipment_figures
-        from bodycam_ros.evaluate.report_sections import equipment_sections
-
-        print_sections(terminal, equipment_sections(equipment_figures(summary.equipment, summary.start_ns)))
-    mismatches = find_mismatches(recording, summary.doubted_cameras) if summary.doubted_cameras else ()
-    for remark in (*summary.remarks, *(match.text for match in mismatches)):
-        terminal.print(remark, style="red")
-    for line in clock_remarks(summary.timings, summary.speeds):
-        terminal.print(line)
-    for camera, count in summary.rejected.most_common():
-        terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")
-    share = summary.solved / summary.instants if summary.instants else 0.0
-    terminal.print(
-        f"{summary.solved} of {summary.instants} frames solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
-        f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}"
-    )
-    return print_verdict(terminal, summary.verdict)
-
-
-def print_rounds(rounds: Sequence[ExtensionRound]) -> None:
-    """Print the share of registered images per camera and round of map extension."""
-    columns = [(f"round {count}", str(count), ".1%") for count in range(1, len(rounds) + 1)]
-    rows = {
-        camera: {str(n): one.shares[camera] for n, one in enumerate(rounds, 1)} for camera in sorted(rounds[0].shares)
-    }
-    rows["all"] = {str(n): one.share for n, one in enumerate(rounds, 1)}
-    terminal = Terminal()
-    print_sections(terminal, [column_table("registered images", "camera", columns, rows)])
-    terminal.print(f"{rounds[0].absolute:.1%} of all images are registered by landmarks of the photographs")
