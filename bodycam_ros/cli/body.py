@@ -100,9 +100,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
+    warm_up()  # the processes for the cameras load what they need while this one does
     from bodycam_ros.evaluate.body_report import body_report, html_report  # it loads matplotlib
 
-    warm_up()
     pipeline = pipeline_settings(arguments)
     with shown_progress() as progress:
         calibrated = calibrate(
