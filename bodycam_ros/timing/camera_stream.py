@@ -30,18 +30,15 @@ class CameraStream:
 
     Attributes:
         is_free: whether it takes its images at times of its own.
-        waiting: messages that wait for the camera's clock, by their own stamps.
         messages: those that wait for their frames, in the body's time; of a free-running camera older ones too.
-        latest_ns: latest stamp in the body's time [ns]; None before the first.
-        before_ns: the one before.
+        latest_ns: latest stamp in the body's time [ns]; -1 before the first.
         came_s: when the latest message came, on the steady clock.
     """
 
     def __init__(self) -> None:
         self.is_free = False
-        self.waiting, self.messages = deque[Message](), deque[Message]()
-        self.latest_ns: int | None = None
-        self.before_ns: int | None = None
+        self.messages = deque[Message]()
+        self.latest_ns = -1
         self.came_s = time.monotonic()
         self._intervals_ns: deque[int] = deque(maxlen=_INTERVALS)
         self._frame_ns: float = inf
@@ -59,10 +56,10 @@ class CameraStream:
 
     def add(self, message: Message, is_late: bool = False) -> None:
         """Add the next message, its stamp in the body's time; late ones are for interpolation alone."""
-        if self.latest_ns is not None:
+        if self.latest_ns >= 0:
             self._intervals_ns.append(message.stamp_ns - self.latest_ns)
             self._frame_ns = median(self._intervals_ns)
-        self.before_ns, self.latest_ns = self.latest_ns, message.stamp_ns
+        self.latest_ns = message.stamp_ns
         if self.messages and message.stamp_ns <= self.messages[-1].stamp_ns:
             # Its clock was corrected backwards.
             self.messages.clear()
@@ -77,7 +74,7 @@ class CameraStream:
     def has_passed(self, stamp_ns: int, common_ns: int | None, tolerance_ns: int) -> bool:
         """Whether later messages change nothing of a frame, see ``take``."""
         if not self.is_free:
-            return bool(self.messages) or (self.latest_ns or 0) > stamp_ns + self.within_ns(tolerance_ns)
+            return bool(self.messages) or self.latest_ns > stamp_ns + self.within_ns(tolerance_ns)
         wanted_ns = stamp_ns + self.within_ns(tolerance_ns) if common_ns is None else common_ns
         # The image after the next one gives the twist at the next.
         is_enclosed = len(self.messages) > 1 and self.messages[-2].stamp_ns >= wanted_ns

@@ -80,6 +80,7 @@ class ClockEstimator:
         self._sigma, self._filter = settings.sigma, ClockFilter(settings.sigma)
         self._first_ns = self.latest_ns = self._window_ns = self._filter_ns = -1
         self._is_over = False
+        self._names = set[str]()  # of the cameras with images in this epoch
         self.shared: SharedStamps | None = None
 
     @property
@@ -111,6 +112,11 @@ class ClockEstimator:
         return self.shared.cameras if self.shared else frozenset()
 
     @property
+    def free(self) -> frozenset[str]:
+        """The other cameras, which take their images at times of their own; all before stamps are compared."""
+        return frozenset(self._cameras) - self.sharing
+
+    @property
     def known_ns(self) -> int:
         """Images before this stamp can be corrected as well as they ever will [ns]."""
         if not self._cameras or self._is_over or (self._live and not (self.shared is None and self._first_ns >= 0)):
@@ -118,12 +124,7 @@ class ClockEstimator:
         if self.shared is None:
             return -1
         # Shared stamps need no correction, unless the present window shows otherwise.
-        all_share = self.sharing >= {name for name, each in self._cameras.items() if each.images}
-        return self._window_ns - (0 if all_share else round(1e9 * LOOKAHEAD_S))
-
-    def has(self, camera: str) -> bool:
-        """Whether the clock of a camera is estimated."""
-        return camera in self._cameras
+        return self._window_ns - (0 if self.sharing >= self._names else round(1e9 * LOOKAHEAD_S))
 
     def add(self, matches: LandmarkMatches) -> None:
         """Add an image, later than those of its camera before."""
@@ -131,6 +132,7 @@ class ClockEstimator:
         if camera is None:
             return
         camera.images.append(matches)
+        self._names.add(matches.camera)
         if self._first_ns < 0:
             self._first_ns = self._window_ns = stamp_ns
         self.latest_ns = max(self.latest_ns, stamp_ns)
@@ -157,6 +159,7 @@ class ClockEstimator:
         self._cameras = {name: _Camera(clocks=camera.clocks[-1:]) for name, camera in self._cameras.items()}
         self._first_ns = self.latest_ns = self._window_ns = -1
         self._is_over = False
+        self._names.clear()
 
     def _initialise(self) -> None:
         """Find the cameras that share their stamps, and start to estimate."""

@@ -5,6 +5,7 @@ no cameras share, frames are equally spaced.
 """
 
 import time
+from bisect import bisect_left, insort
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -20,6 +21,10 @@ from bodycam_ros.timing.timeline import Message
 _RECENT = 150  # frames by which cameras are judged: some seconds
 _SAME_NS = 1_000_000  # stamps of one trigger differ by less
 _MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, frames are spaced equally
+
+
+def _order(message: Message) -> tuple[int, str]:
+    return message.stamp_ns, message.camera
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ class FrameAssembler:
         live: whether messages come while images are taken. Then no camera counts as stopped before ``max_wait`` of
             real time, because on a busy machine one process may pause while others go on. Otherwise the stamps alone
             count.
-        clocks: of the body's cameras; others' stamps, and without clocks all, are used as they are.
+        clocks: of the body's cameras; stamps of static cameras, and without clocks all, are used as they are.
         on_corrected: called with every registration, its stamp corrected.
 
     Attributes:
@@ -85,9 +90,9 @@ class FrameAssembler:
 
     def _begin(self, cameras: Iterable[str]) -> None:
         self._streams = {camera: CameraStream() for camera in cameras}
-        self._first_ns: int | None = None
-        self._sharing: frozenset[str] | None = None
-        self._came_ns = self._assembled_ns = self._common_ns = self._shared_ns = -1
+        self._free: frozenset[str] | None = None
+        self._waiting: list[Message] = []  # for the clocks, by their own stamps
+        self._came_ns = self._first_ns = self._twice_ns = self._assembled_ns = self._common_ns = self._shared_ns = -1
         self._common: deque[int] = deque()  # stamps of frames that free-running cameras are interpolated to
 
     @property
@@ -116,9 +121,9 @@ class FrameAssembler:
         stream = self._streams.get(message.camera)
         if stream is None:
             return []
-        stream.waiting.append(message)
         stream.came_s = time.monotonic()
         self._came_ns = message.stamp_ns if self._came_ns < 0 else self._came_ns
+        insort(self._waiting, message, key=_order)
         if self.clocks and isinstance(message, LandmarkMatches):
             self.clocks.add(message)
         return self._release(message.stamp_ns)
@@ -152,25 +157,22 @@ class FrameAssembler:
         return frames
 
     def _release(self, now_ns: int) -> list[BodyFrame]:
-        """Let messages go on to their frames, as far as clocks are known; static cameras are as far as body cameras."""
-        released, known_ns, clocked = list[Message](), ALL_NS, self.clocks
-        if clocked and now_ns - max(clocked.latest_ns, self._came_ns) <= 2 * self.max_wait_ns:
-            known_ns = clocked.known_ns
-        if clocked and self._sharing != clocked.sharing:
-            self._sharing = clocked.sharing
-            for camera, stream in self._streams.items():
-                stream.set_free(clocked.has(camera) and camera not in self._sharing, self._assembled_ns)
-        for camera, stream in self._streams.items():
-            while stream.waiting:
-                clocks = clocked if clocked and clocked.has(camera) else None
-                if stream.waiting[0].stamp_ns >= (clocks.known_ns if clocks else known_ns):
-                    break
-                message = stream.waiting.popleft()
-                if clocks and isinstance(message, LandmarkMatches):
-                    message = clocks.corrected(message)
-                released.append(message)
+        """Let messages go on to their frames, as far as clocks are known; all, while no body camera sends any."""
+        known_ns, clocks = ALL_NS, self.clocks
+        if clocks:
+            if now_ns - max(clocks.latest_ns, self._came_ns) <= 2 * self.max_wait_ns:
+                known_ns = clocks.known_ns
+            if self._free != clocks.free:
+                self._free = clocks.free
+                for camera, stream in self._streams.items():
+                    stream.set_free(camera in self._free, self._assembled_ns)
+        count = bisect_left(self._waiting, (known_ns, ""), key=_order)
+        released = self._waiting[:count]
+        del self._waiting[:count]
+        if clocks:
+            released = [clocks.corrected(each) if isinstance(each, LandmarkMatches) else each for each in released]
         frames = []
-        for message in sorted(released, key=lambda each: (each.stamp_ns, each.camera)):
+        for message in sorted(released, key=_order):
             if isinstance(message, LandmarkMatches):
                 self._on_corrected(message)
             self._receive(message)
@@ -179,22 +181,22 @@ class FrameAssembler:
 
     def _receive(self, message: Message) -> None:
         stream, stamp_ns = self._streams[message.camera], message.stamp_ns
-        if self._first_ns is None:
+        if self._first_ns < 0:
             # No camera has stopped before the first message of any.
             self._first_ns = stamp_ns
             for each in self._streams.values():
                 each.came_s = max(each.came_s, stream.came_s)
         is_late = stamp_ns <= self._assembled_ns
         self.late_of[message.camera] += is_late
+        self._twice_ns = max(self._twice_ns, stream.latest_ns)
         stream.add(message, is_late)
         if self.clocks and isinstance(message, LandmarkMatches):
-            new = self._new_stamps(stamp_ns, self.clocks, not stream.is_free)
-            self._common += new if any(each.is_free for each in self._streams.values()) else ()
+            self._add_common(stamp_ns, self.clocks, stream.is_free)
 
-    def _new_stamps(self, stamp_ns: int, clocks: ClockEstimator, shares: bool) -> Iterable[int]:
-        """New stamps for free-running cameras, up to that of a registration."""
+    def _add_common(self, stamp_ns: int, clocks: ClockEstimator, is_free: bool) -> None:
+        """Add stamps for free-running cameras, up to that of a registration."""
         new: Iterable[int] = ()
-        if shares:
+        if not is_free:
             self._shared_ns = max(self._shared_ns, stamp_ns)
             new = [stamp_ns] if stamp_ns > self._common_ns + _SAME_NS else ()
         elif (period_ns := clocks.shared.period_ns if clocks.shared else 0) and (
@@ -204,8 +206,8 @@ class FrameAssembler:
                 new = [stamp_ns // period_ns * period_ns]
             else:
                 new = range(self._common_ns + period_ns, stamp_ns + 1, period_ns)
+        self._common += new
         self._common_ns = max(self._common_ns, *new, -1)
-        return new
 
     def _next_ns(self) -> int | None:
         """The earliest stamp of a frame to come."""
@@ -224,7 +226,7 @@ class FrameAssembler:
         common_ns, tolerance_ns = self._common_at(stamp_ns), self._tolerance_ns
         all_there, latest_ns = True, stamp_ns
         for stream in self._streams.values():
-            latest_ns = max(latest_ns, stream.latest_ns or 0)
+            latest_ns = max(latest_ns, stream.latest_ns)
             if not stream.has_passed(stamp_ns, common_ns, tolerance_ns):
                 if not self._has_stopped(stream):
                     return False
@@ -233,12 +235,10 @@ class FrameAssembler:
 
     def _has_stopped(self, stream: CameraStream) -> bool:
         """Whether a camera is not waited for: another has two stamps that are later by ``max_wait``."""
-        if self._first_ns is None or (self._live and time.monotonic() - stream.came_s < 1e-9 * self.max_wait_ns):
+        if self._live and time.monotonic() - stream.came_s < 1e-9 * self.max_wait_ns:
             return False
         # Two: after a pause of all cameras, the first to go on is ahead of the others by its length.
-        since_ns = self._first_ns if stream.latest_ns is None else stream.latest_ns
-        others_ns = (other.before_ns for other in self._streams.values() if other.before_ns is not None)
-        return any(before_ns > since_ns + self.max_wait_ns for before_ns in others_ns)
+        return self._twice_ns > max(self._first_ns, stream.latest_ns) + self.max_wait_ns
 
     def _take(self, stamp_ns: int) -> list[BodyFrame]:
         """The frame at a stamp; none where free-running cameras have no image near it, and there are no others."""

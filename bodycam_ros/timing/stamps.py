@@ -33,7 +33,7 @@ class SharedStamps:
 def find_shared_stamps(
     stamps_ns: Mapping[str, Stamps], preferred: tuple[str, ...] = (), alone: bool = False
 ) -> SharedStamps:
-    """Find the largest group of cameras with the same stamps.
+    """Find the cameras with the same stamps, if they are most.
 
     Args:
         stamps_ns: camera -> its stamps, ascending; at least one of one camera [ns].
@@ -43,9 +43,8 @@ def find_shared_stamps(
     several = {camera: stamps for camera, stamps in stamps_ns.items() if len(stamps) > 1}
     if not several:
         return SharedStamps(frozenset(stamps_ns) if alone else frozenset(), 0, next(iter(stamps_ns)))
-    groups = [[other for other, theirs in several.items() if share_stamps(theirs, own)] for own in several.values()]
-    largest = max(groups, key=len)
-    shared = frozenset(largest if alone or 2 * len(largest) > max(2, len(several)) else ())
+    groups = ([other for other, theirs in several.items() if share_stamps(theirs, own)] for own in several.values())
+    shared = frozenset(next((group for group in groups if alone or 2 * len(group) > max(2, len(several))), ()))
     reference = next(camera for camera in (*preferred, *sorted(several)) if camera in (shared or several))
     period = np.median([np.median(np.diff(stamps)) for stamps in several.values()])
     return SharedStamps(shared, round(float(period)), reference)

@@ -4,6 +4,7 @@ import numpy as np
 from range_of_motion import START_NS, range_of_motion
 from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
 
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import ClockEstimator
@@ -70,3 +71,17 @@ def test_the_beat_goes_on_without_those_who_shared_it() -> None:
     said = brought(Recording(12.0, runs={c: r for c, r in runs.items() if c in alone or c in CAMERAS[4:]}).images())
     late = [each for each in said if each.stamp_ns > START_NS + 7_000_000_000]
     assert len(late) > 0.9 * len(alone) * 5.0 * 30.0
+
+
+def test_a_pause_of_all_body_cameras_loses_none_of_their_images_while_a_static_one_goes_on() -> None:
+    paused = {camera: CameraRun(off_s=(5.0, 8.0)) for camera in CAMERAS}
+    for runs in (paused, free_running(**paused)):
+        images = Recording(12.0, runs=runs).images()
+        static = [CameraImage("wall", START_NS + 40_000_000 * number, b"") for number in range(300)]
+        clocks = ClockEstimator(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
+        assembler = FrameAssembler([*CAMERAS, "wall"], clocks=clocks)
+        in_order = sorted([*images, *static], key=lambda message: message.stamp_ns)
+        frames = [frame for message in in_order for frame in assembler.add(message)] + assembler.flush()
+        assert assembler.late == 0
+        assert sum(len(frame.images) for frame in frames) == len(static)
+        assert sum(len(frame.matches) for frame in frames) > 0.99 * len(images)
