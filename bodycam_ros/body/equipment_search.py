@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from bodycam_ros.body.mechanism import Configuration, Mechanism, solve
+from bodycam_ros.body.mechanism import Mechanism, solve
 from bodycam_ros.geometry import Array, exp_so3, inverse, nearest_rotation, rigid, transform_points
 
 _STARTS = 8  # initial angles of a hinge that turns for ever
@@ -40,7 +40,7 @@ class EquipmentSearch:
         turning = {joint.child for joint in endless}
         self._searched = next((joint for joint in endless if joint.parent not in turning), None)
 
-    def find(self, start: Configuration, measured: Collection[str], is_root_measured: bool) -> Configuration | None:
+    def find(self, start: Array, measured: Collection[str], is_root_measured: bool) -> Array | None:
         """The configuration with the equipment where it fits best; None while the attachments do not determine it.
 
         Args:
@@ -55,8 +55,8 @@ class EquipmentSearch:
         return best if is_root_measured or self._is_determined(best, without) else None
 
     def ranked(
-        self, start: Configuration, measured: Collection[str], without: Collection[str], is_root_measured: bool
-    ) -> list[Configuration]:
+        self, start: Array, measured: Collection[str], without: Collection[str], is_root_measured: bool
+    ) -> list[Array]:
         """Configurations with the equipment near some attachments, those that fit best first.
 
         Args:
@@ -71,7 +71,7 @@ class EquipmentSearch:
         ]
         return [configuration for configuration, _ in sorted(solved, key=lambda pair: pair[1])]
 
-    def _is_determined(self, found: Configuration, without: Collection[str]) -> bool:
+    def _is_determined(self, found: Array, without: Collection[str]) -> bool:
         """Whether the root is known, apart from turns that move no attachment, as of a bar about itself."""
         rows = self._mechanism.constraints(found, without)
         J = np.vstack([rows.jacobian, self._mechanism.priors(found)[1]])[:, self._columns]
@@ -81,9 +81,9 @@ class EquipmentSearch:
         matters = np.append(levers > _LEAST_LEVER_M, np.ones(3, bool))
         return not (np.sqrt(np.diag(covariance)) > _UNPLACED)[matters].any()
 
-    def _points(self, configuration: Configuration) -> dict[str, Array]:
+    def _points(self, configuration: Array) -> dict[str, Array]:
         """Attachment -> (N, 3) its points on the equipment, in the root's frame [m]."""
-        poses, index = self._mechanism.poses(configuration), self._tree.segment_index
+        poses, index = self._tree.poses_of(configuration), self._tree.segment_index
         root_T_segment = inverse(poses[index[self._equipment.root]]) @ poses
         parents = {name: index[joint.parent] for name, joint in self._mechanism.loops.items()}
         return {
@@ -91,20 +91,17 @@ class EquipmentSearch:
             for each in self._equipment.attachments
         }
 
-    def _start(
-        self, start: Configuration, measured: Collection[str], angle: float, is_root_measured: bool
-    ) -> Configuration:
+    def _start(self, start: Array, measured: Collection[str], angle: float, is_root_measured: bool) -> Array:
         """The equipment's own joints at zero, the searched one at an angle [rad], moved to the body (Kabsch 1976)."""
-        motion, tree = start.joint_motion.copy(), self._tree
+        motion, tree = start.copy(), self._tree
         for joint in self._equipment.joints:
             if joint.name in tree.joint_row:
-                motion[tree.joint_row[joint.name]] = np.eye(4)
+                motion[1 + tree.joint_row[joint.name]] = np.eye(4)
         if self._searched is not None:
-            motion[tree.joint_row[self._searched.name], :3, :3] = self._searched.hinge_rotation(np.array(angle))
-        nominal = start._replace(joint_motion=motion)
+            motion[1 + tree.joint_row[self._searched.name], :3, :3] = self._searched.hinge_rotation(np.array(angle))
         if is_root_measured:
-            return nominal
-        points, poses = self._points(nominal), self._mechanism.poses(start)
+            return motion
+        points, poses = self._points(motion), tree.poses_of(start)
         known = [each for each in self._equipment.attachments if each.name in measured]
         a = np.concatenate([points[each.name] for each in known])
         body = [transform_points(poses[tree.segment_index[each.body_segment]], each.on_body) for each in known]
@@ -117,11 +114,11 @@ class EquipmentSearch:
             # Upright, it only turns about the vertical.
             R = exp_so3(np.array([0.0, 0.0, np.arctan2(scatter[1, 0] - scatter[0, 1], scatter[0, 0] + scatter[1, 1])]))
         world_T_root = rigid(R, b_mean - R @ a_mean)
-        motion[self._root_row] = inverse(start.world_T_root) @ world_T_root
-        return start._replace(joint_motion=motion)
+        motion[1 + self._root_row] = inverse(start[0]) @ world_T_root
+        return motion
 
 
-def close_loops(mechanism: Mechanism) -> tuple[Configuration, set[str]]:
+def close_loops(mechanism: Mechanism) -> tuple[Array, set[str]]:
     """A configuration that closes as many loops as can be closed together, and the loops that it leaves open."""
     start = mechanism.resting(_BENT)
     starts = [start]

@@ -1,11 +1,11 @@
 """A body and its equipment as one tree with loops, the constraint rows of the loops, and their solution (B 3.2).
 
-An unknown length of the equipment is a sliding joint (``body_with_lengths``).
+An unknown length of the equipment is a sliding joint (``body_with_lengths``). A configuration is the motions
+(1 + J, 4, 4) of the root and of all joints of the tree.
 """
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from bodycam_ros.body.equipment import Equipment, unknown_lengths
 from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, LoopGaps, TreeTangent, held_rows, turn_jacobian
-from bodycam_ros.kinematics.tree import all_motion
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
@@ -30,13 +29,6 @@ _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _FLOOR = 1e-3  # of the mean of the diagonal: damps columns that no row moves
 _CONVERGED = 1e-5  # relative decrease of the cost
 _EXACT = 1e-20  # [sigma^2] cost of closed loops: places are right to 1e-14 m
-
-
-class Configuration(NamedTuple):
-    """The coordinates: pose of the root (4, 4) and joint motions (J, 4, 4)."""
-
-    world_T_root: Array
-    joint_motion: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,26 +91,17 @@ class Mechanism:
         """Indices of all columns but those of unknown lengths."""
         return np.concatenate(list(self.columns.values()))
 
-    def resting(self, bent: float = 0.0) -> Configuration:
+    def resting(self, bent: float = 0.0) -> Array:
         """The N-pose, or joints bent by a share of the way to the middle of their limits; the roots at one place."""
-        motion = np.tile(np.eye(4), (len(self.tree.tree_joints), 1, 1))
-        motion[:, :3, :3] = self.limits.middle(bent)
-        return Configuration(np.eye(4), motion)
+        configuration = np.tile(np.eye(4), (1 + len(self.tree.tree_joints), 1, 1))
+        configuration[1:, :3, :3] = self.limits.middle(bent)
+        return configuration
 
-    def moved(self, configuration: Configuration, step: Array) -> Configuration:
-        """After an increment (K) of the columns."""
-        motion = self.tangent.moved(all_motion(*configuration), step)
-        return Configuration(motion[0], motion[1:])
-
-    def poses(self, configuration: Configuration) -> Array:
-        """world_T_segment (S, 4, 4) of the tree, the body's segments first."""
-        return self.tree.forward_kinematics(*configuration)
-
-    def length_errors(self, configuration: Configuration) -> dict[str, Array]:
+    def length_errors(self, configuration: Array) -> dict[str, Array]:
         """Unknown length -> by how much (3) it exceeds the given one, in the axes of the equipment's segment [m]."""
-        return {name: configuration.joint_motion[row, :3, 3] for name, row in self._length_rows.items()}
+        return {name: configuration[1 + row, :3, 3] for name, row in self._length_rows.items()}
 
-    def constraints(self, configuration: Configuration, without: Collection[str] = (), ground: bool = False) -> Rows:
+    def constraints(self, configuration: Array, without: Collection[str] = (), ground: bool = False) -> Rows:
         """Rows of the loops but some, and of equipment that may not lean.
 
         Args:
@@ -126,7 +109,7 @@ class Mechanism:
             without: loops that are left out.
             ground: whether what stands in the world is fixed where it is; else it is only kept upright.
         """
-        poses = self.poses(configuration)
+        poses = self.tree.poses_of(configuration)
         J, index = self.tangent.segment_jacobians(poses), self.tree.segment_index
         owners: list[str] = []
         residuals, jacobians = [np.zeros(0)], [np.zeros((0, self.tangent.count))]
@@ -151,9 +134,9 @@ class Mechanism:
             add(equipment.root, up[:2] / sigma, (hat(up) @ J[row, :3])[:2] / sigma)
         return Rows(np.array(owners, np.str_), np.concatenate(residuals), np.concatenate(jacobians))
 
-    def priors(self, configuration: Configuration) -> tuple[Array, Array]:
+    def priors(self, configuration: Array) -> tuple[Array, Array]:
         """Posture, limits and lengths: residuals in sigmas, and their Jacobian."""
-        motion, twists, columns = configuration.joint_motion, self.tangent.twists, self.tangent.columns
+        motion, twists, columns = configuration[1:], self.tangent.twists, self.tangent.columns
         residuals, jacobians = [], []
 
         def add(values: Array, own: slice, jacobian: Array, sigma: Array | float) -> None:
@@ -162,7 +145,7 @@ class Mechanism:
             residuals.append(values / sigma)
             jacobians.append(block)
 
-        lean = log_so3(configuration.world_T_root[:3, :3])
+        lean = log_so3(configuration[0, :3, :3])
         add(lean, slice(0, 3), turn_jacobian(lean), _LEAN_RAD)
         turned = log_so3(motion[:, :3, :3])
         by_turn = turn_jacobian(turned)
@@ -179,7 +162,7 @@ class Mechanism:
             add(error[unknown], columns[row], twists[row][3:][unknown], self.lengths[name][unknown])
         return np.concatenate(residuals), np.vstack(jacobians)
 
-    def strains(self, configuration: Configuration) -> dict[str, float]:
+    def strains(self, configuration: Array) -> dict[str, float]:
         """Loop -> what it takes to close it, in sigmas.
 
         The root of three squares: of its worst row, of the unknown length in it that is farthest from what is given,
@@ -190,7 +173,7 @@ class Mechanism:
         longer, bent = np.zeros(count), np.zeros(count)
         for name, error in self.length_errors(configuration).items():
             longer[self._length_rows[name]] = np.abs(error / np.maximum(self.lengths[name], _GIVEN_M)).max()
-        excess = self.limits.excess(self.limits.nearest_angles(configuration.joint_motion))
+        excess = self.limits.excess(self.limits.nearest_angles(configuration[1:]))
         np.maximum.at(bent, self.limits.angles.joint_rows, np.abs(excess) / _BEYOND_RAD)
         strains = {}
         for name, joint in self.loops.items():
@@ -199,13 +182,13 @@ class Mechanism:
             strains[name] = float(np.hypot(worst, np.hypot(longer, bent)[parent ^ child].max(initial=0.0)))
         return strains
 
-    def open_loops(self, configuration: Configuration) -> set[str]:
+    def open_loops(self, configuration: Array) -> set[str]:
         """Loops that a configuration does not close."""
         return {name for name, strain in self.strains(configuration).items() if strain > CLOSED_SIGMAS}
 
-    def gap(self, configuration: Configuration, loop: str) -> tuple[float, float]:
+    def gap(self, configuration: Array, loop: str) -> tuple[float, float]:
         """How far a loop is open: [m], the worst of an attachment's points, and [rad]."""
-        joint, poses, index = self.loops[loop], self.poses(configuration), self.tree.segment_index
+        joint, poses, index = self.loops[loop], self.tree.poses_of(configuration), self.tree.segment_index
         parent, child = poses[index[joint.parent]], poses[index[joint.child]]
         error = self._gaps.jacobians(poses)[0][list(self.loops).index(loop)]
         attachments = () if self.equipment is None else self.equipment.attachments
@@ -213,12 +196,10 @@ class Mechanism:
         return float(points[0] if points else np.linalg.norm(error[3:])), float(np.linalg.norm(error[:3]))
 
 
-def project(
-    mechanism: Mechanism, start: Configuration, columns: NDArray[np.intp], without: Collection[str] = ()
-) -> Configuration:
+def project(mechanism: Mechanism, start: Array, columns: NDArray[np.intp], without: Collection[str] = ()) -> Array:
     """The configuration near another that closes all loops but some, to rounding if the chosen columns can."""
 
-    def linearise(configuration: Configuration) -> tuple[Array, Array, float]:
+    def linearise(configuration: Array) -> tuple[Array, Array, float]:
         rows = mechanism.constraints(configuration, without)
         return rows.residuals, rows.jacobian, float(rows.residuals @ rows.residuals)
 
@@ -227,13 +208,13 @@ def project(
 
 def solve(
     mechanism: Mechanism,
-    start: Configuration,
+    start: Array,
     without: Collection[str] = (),
     weak: Collection[str] = (),
     columns: NDArray[np.intp] | None = None,
     kernel: float = np.inf,
     steps: int = _LONG,
-) -> tuple[Configuration, float]:
+) -> tuple[Array, float]:
     """Loops closed but some, others only near; joints within limits, lengths and posture near what is given.
 
     A loop whose rows are ``kernel`` sigmas off in all counts half (Geman-McClure).
@@ -242,7 +223,7 @@ def solve(
         The configuration and its cost.
     """
 
-    def linearise(configuration: Configuration) -> tuple[Array, Array, float]:
+    def linearise(configuration: Array) -> tuple[Array, Array, float]:
         rows = mechanism.constraints(configuration, without)
         priors, by_priors = mechanism.priors(configuration)
         weights, cost = np.ones(len(rows.owners)), float(priors @ priors)
@@ -261,13 +242,13 @@ def solve(
 
 def _descend(
     mechanism: Mechanism,
-    start: Configuration,
-    linearise: Callable[[Configuration], tuple[Array, Array, float]],
+    start: Array,
+    linearise: Callable[[Array], tuple[Array, Array, float]],
     columns: NDArray[np.intp],
     steps: int,
     converged: float,
     solved: float = 0.0,
-) -> tuple[Configuration, float]:
+) -> tuple[Array, float]:
     """The configuration after so many steps that lower the cost, and its cost (Levenberg-Marquardt).
 
     Args:
@@ -292,7 +273,7 @@ def _descend(
             step *= min(1.0, _LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
             increment = np.zeros(mechanism.tangent.count)
             increment[columns] = units * step
-            tried = mechanism.moved(state, increment)
+            tried = mechanism.tangent.moved(state, increment)
             system = linearise(tried)
             if system[2] < cost:
                 state, (residuals, J, cost) = tried, system

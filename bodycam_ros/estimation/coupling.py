@@ -6,6 +6,8 @@ cameras measured it: that shows which attachments are contradicted before they b
 placed, or contradicted by most attachments, is searched.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ from bodycam_ros.body.coupled_body import length_joint
 from bodycam_ros.body.equipment import Equipment, UnknownLengths
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_search import EquipmentSearch
-from bodycam_ros.body.mechanism import Configuration, Mechanism
+from bodycam_ros.body.mechanism import Mechanism
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.attachments import ActiveAttachments, Attachments, CouplingSettings
 from bodycam_ros.estimation.between_factors import RestingPoint
@@ -133,10 +135,10 @@ class Coupling:
         """Coordinates with equipment where a search finds it, if it was not placed or is nearer to its attachments."""
         attachments = self.attachments
         measured = [name for name, flag in zip(attachments.names, attachments.measured, strict=True) if flag]
-        found = self._search.find(Configuration(start.root, start.joints), measured, has_camera)
+        found = self._search.find(start.motion, measured, has_camera)
         if found is None:
             return start
-        placed = start.placed(found.joint_motion)
+        placed = replace(start, motion=found)
         after = attachments.gaps(placed.poses)
         if self.placed and not after[attachments.measured].sum() < gaps[attachments.measured].sum():
             return start

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.mechanism import Configuration, Mechanism, project
+from bodycam_ros.body.mechanism import Mechanism, project
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 
@@ -59,13 +59,13 @@ def end_by_two_turns(theta_1: float, theta_2: float) -> Array:
     return end
 
 
-def closed_at(mechanism: Mechanism, theta_1: float, near: tuple[float, float]) -> Configuration:
+def closed_at(mechanism: Mechanism, theta_1: float, near: tuple[float, float]) -> Array:
     """The chain with the first angle given, closed by the other two from a guess of them."""
     guess = np.zeros(mechanism.tangent.count)
     own = [mechanism.columns[name][0] for name in ("theta_1", "theta_2", "crank")]
     guess[own] = theta_1, *near
     others = np.array(own[1:])
-    return project(mechanism, mechanism.moved(mechanism.resting(), guess), others)
+    return project(mechanism, mechanism.tangent.moved(mechanism.resting(), guess), others)
 
 
 @pytest.mark.parametrize("theta_1", np.concatenate([np.linspace(-0.84, -0.05, 12), np.linspace(0.05, 0.84, 12)]))
@@ -76,7 +76,7 @@ def test_the_chain_closed_by_numbers_is_the_one_that_the_paper_derives(theta_1: 
     mechanism = Mechanism(leg_on_a_pedal())
     turn_of_crank = np.arctan2(-(end - C)[0], (end - C)[1])
     closed = closed_at(mechanism, theta_1, (theta_2 + 0.05, turn_of_crank - 0.05))
-    poses = mechanism.poses(closed)
+    poses = mechanism.tree.poses_of(closed)
     ground, thigh, shin, crank = (
         poses[mechanism.body.segment_index[name]] for name in ("ground", "thigh", "shin", "crank")
     )
@@ -97,5 +97,5 @@ def test_the_other_solution_is_found_from_its_side() -> None:
     theta_2 = np.arctan2(-(mirrored - elbow)[0], (mirrored - elbow)[1]) - theta_1
     crank = np.arctan2(-(mirrored - C)[0], (mirrored - C)[1])
     closed = closed_at(mechanism, theta_1, (theta_2 + 0.05, crank - 0.05))
-    shin = mechanism.poses(closed)[mechanism.body.segment_index["shin"]]
+    shin = mechanism.tree.poses_of(closed)[mechanism.body.segment_index["shin"]]
     np.testing.assert_allclose((shin @ at(*(P - J)))[:2, 3], mirrored, rtol=0.0, atol=1e-9)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, SegmentMotion
-from bodycam_ros.body.mechanism import Configuration, Mechanism
+from bodycam_ros.body.mechanism import Mechanism
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.joint import Joint
 
@@ -37,13 +37,13 @@ def mechanism() -> Mechanism:
     return Mechanism(coupled_body(BODY, equipment), equipment)
 
 
-def anywhere(mechanism: Mechanism, seed: int) -> Configuration:
+def anywhere(mechanism: Mechanism, seed: int) -> Array:
     """Nothing closed, everything turned, lengths other than said."""
     random = np.random.default_rng(seed)
-    return mechanism.moved(mechanism.resting(), 0.5 * random.normal(size=mechanism.tangent.count))
+    return mechanism.tangent.moved(mechanism.resting(), 0.5 * random.normal(size=mechanism.tangent.count))
 
 
-def rows(mechanism: Mechanism, configuration: Configuration) -> tuple[Array, Array]:
+def rows(mechanism: Mechanism, configuration: Array) -> tuple[Array, Array]:
     constraints = mechanism.constraints(configuration)
     priors, by_priors = mechanism.priors(configuration)
     return np.append(constraints.residuals, priors), np.vstack([constraints.jacobian, by_priors])
@@ -59,8 +59,8 @@ def test_the_jacobian_is_the_numeric_one_in_every_column(mechanism: Mechanism, s
     for column in range(mechanism.tangent.count):
         step = np.zeros(mechanism.tangent.count)
         step[column] = h
-        after, _ = rows(mechanism, mechanism.moved(configuration, step))
-        before, _ = rows(mechanism, mechanism.moved(configuration, -step))
+        after, _ = rows(mechanism, mechanism.tangent.moved(configuration, step))
+        before, _ = rows(mechanism, mechanism.tangent.moved(configuration, -step))
         numeric = (after - before) / (2.0 * h)
         scale = 1.0 + np.abs(numeric)
         np.testing.assert_allclose(analytic[:, column] / scale, numeric / scale, atol=3e-6, err_msg=str(column))

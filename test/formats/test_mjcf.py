@@ -187,7 +187,7 @@ def held(name: str) -> tuple[BodyModel, Poses]:
     equipment = fitted_equipment(known(read_equipment(name)), BODY)
     mechanism = Mechanism(coupled_body(BODY, equipment), equipment)
     start, _ = close_loops(mechanism)
-    return mechanism.body, mechanism.poses(project(mechanism, start, mechanism.moving))
+    return mechanism.body, mechanism.tree.poses_of(project(mechanism, start, mechanism.moving))
 
 
 def known(equipment: Equipment) -> Equipment:
