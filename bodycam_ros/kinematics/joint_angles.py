@@ -57,24 +57,22 @@ class EulerOrder:
 
         Given the first angle, the other two follow without a singularity from R_i(first)^-1 R = R_j(middle) R_k(last).
         """
-        first, middle, last = self._axes.T
-        y, x = -self._parity * rotations[..., self._rows, middle, last], rotations[..., self._rows, last, last]
+        rows, (i, j, k), parity = self._rows, self._axes.T, self._parity
+        y, x = -parity * rotations[..., rows, j, k], rotations[..., rows, k, k]
         frozen = np.hypot(x, y) < _FROZEN  # the cosine of the middle angle
-        principal = np.where(frozen, previous[..., 0], np.arctan2(y, x))
-        triples = self._with_first(rotations, np.stack([principal, principal + np.pi]), previous)
+        first = np.where(frozen, previous[..., 0], np.arctan2(y, x))
+        cosine, sine = np.cos(first)[..., None], (parity * np.sin(first))[..., None]
+        row_j = cosine * rotations[..., rows, j, :] + sine * rotations[..., rows, k, :]
+        row_k = cosine * rotations[..., rows, k, :] - sine * rotations[..., rows, j, :]
+        middle = np.arctan2(parity * rotations[..., rows, i, k], row_k[..., rows, k])
+        last = np.arctan2(parity * row_j[..., rows, i], row_j[..., rows, j])
+        triple = np.stack([first, middle, last], axis=-1)
+        # The other triple: half a turn about the first axis and the last, with the middle one mirrored.
+        other = np.pi + np.array([1.0, -1.0, 1.0]) * triple
+        triples = nearest_turn(np.stack([triple, other]), previous)
         distances = np.sum((triples - previous) ** 2, axis=-1)
         nearest: Array = np.where((distances[0] <= distances[1])[..., None], triples[0], triples[1])
         return nearest
-
-    def _with_first(self, rotations: Array, first_angle: Array, previous: Array) -> Array:
-        """Angles (K, ..., N, 3) whose first are given (K, ..., N)."""
-        rows, (i, j, k), parity = self._rows, self._axes.T, self._parity
-        cosine, sine = np.cos(first_angle)[..., None], (parity * np.sin(first_angle))[..., None]
-        row_j = cosine * rotations[..., rows, j, :] + sine * rotations[..., rows, k, :]
-        row_k = cosine * rotations[..., rows, k, :] - sine * rotations[..., rows, j, :]
-        middle_angle = np.arctan2(parity * rotations[..., rows, i, k], row_k[..., rows, k])
-        last_angle = np.arctan2(parity * row_j[..., rows, i], row_j[..., rows, j])
-        return nearest_turn(np.stack([first_angle, middle_angle, last_angle], axis=-1), previous)
 
 
 def nearest_turn(angles: NDArray[np.floating], previous: NDArray[np.floating]) -> Array:
