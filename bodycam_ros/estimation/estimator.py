@@ -210,7 +210,7 @@ class BodyEstimator:
             measured, link, start = self._couple(frame.stamp_ns, on_body | static.rows, measured, link, start)
         # The state that fits them best (A eq. 8, B eq. 15).
         before, link = link.before.at.poses, self._fit.fit(link, measured, start)
-        self._prior.add(self.body.joint_rotations(link.after.at.poses), joints_observed, link.dt_s)
+        self._prior.add(link.after.at.joints[:, :3, :3], joints_observed, link.dt_s)
         # Points of the soles that rest.
         link = condition(link, self._soles.resting(before, link.after.at.poses, link.dt_s, turning))
         estimate = link.after

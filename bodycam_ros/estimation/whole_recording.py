@@ -92,7 +92,7 @@ class WholeRecording:
         self, states: Sequence[ChainState], smoothed: Sequence[Coordinates], count: int
     ) -> list[JointRotations]:
         """Unobserved joints by these states and those of the blocks before."""
-        rotations = np.array([self._body.joint_rotations(at.poses) for at in smoothed])
+        rotations = np.array([at.joints[:, :3, :3] for at in smoothed])
         stamps_ns = np.array([state.stamp_ns for state in states])
         observed = np.array([state.joints_observed for state in states])
         lasting_s = np.append(LASTS_S, 1e-9 * np.diff(stamps_ns))
