@@ -5,11 +5,10 @@ In its rest pose the body stands on the ground at the origin. In a gap there are
 
 import json
 import struct
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh import Trimesh
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
@@ -19,12 +18,17 @@ from bodycam_ros.geometry import quaternion_xyzw, transform_points
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.surface import join_meshes
 
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
-def make_skin(figure: Figure, body: BodyModel) -> tuple[Trimesh, NDArray[np.intp]] | None:
+
+def make_skin(figure: Figure, body: BodyModel) -> "tuple[Trimesh, NDArray[np.intp]] | None":
     """Triangles of a figure in units of metres, as ``Figure.rest`` has its segments; None if no bone has a length.
 
     With it (V) the row of the bone that moves each vertex.
     """
+    from trimesh import Trimesh  # half a second to load; other formats do without
+
     surfaces = capsule_surfaces(body)
     rows = [row for row, segment in enumerate(figure.segments) if segment in surfaces]
     of_rows = [surfaces[figure.segments[row]] for row in rows]
@@ -105,7 +109,7 @@ def _animation(motion: SampledMotion, figure: Figure, buffer: "_Buffer") -> dict
 
 
 def _skinned(
-    figure: Figure, skin: Trimesh, rows: NDArray[np.intp], standing: NDArray[np.float64], buffer: "_Buffer"
+    figure: Figure, skin: "Trimesh", rows: NDArray[np.intp], standing: NDArray[np.float64], buffer: "_Buffer"
 ) -> dict[str, Any]:
     bones = np.zeros((len(rows), 4), np.uint8)
     bones[:, 0] = rows

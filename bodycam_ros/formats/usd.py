@@ -6,16 +6,19 @@ no samples, and readers interpolate.
 
 import json
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh import Trimesh
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.glb import make_skin
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 MARK = "#usda 1.0"
 
@@ -91,7 +94,7 @@ def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
 """
 
 
-def _mesh(skin: Trimesh, rows: NDArray[np.intp]) -> str:
+def _mesh(skin: "Trimesh", rows: NDArray[np.intp]) -> str:
     counts = ", ".join(["3"] * len(skin.faces))
     corners = ", ".join(map(str, skin.faces.ravel().tolist()))
     bones = ", ".join(map(str, rows.tolist()))
