@@ -52,7 +52,6 @@ _CLEAR_SHARE = 0.75  # largest error with the best scale, as a share of the erro
 _CLEAR_PAIRS = 0.75  # smallest share of the pairs whose error decreases
 _INLIER_ANGLE_DEG, _HYPOTHESES = 2.0, 64
 _SPREADS_PX = np.geomspace(10.0, 0.7, 16)  # Geman-McClure scale per iteration; points on the wearer are outliers
-_DIRECTION_STEPS = 6  # iterations that take the direction from an eigenvector; later ones refine it with the rotation
 _TINY = 1e-12
 
 _BAG_IMAGES, _VIDEO_FRAMES = 300, 900  # examined per camera
@@ -218,23 +217,17 @@ def _epipolar_error(camera: CameraModel, pair: PointPair) -> float:
         return np.inf
     focal = 0.5 * (camera.fx + camera.fy)
     weights = np.ones(len(first))
-    direction = np.zeros(3)
-    for step, spread in enumerate(_SPREADS_PX):
+    for spread in _SPREADS_PX:
         turned = first @ R.T
         normals = np.cross(turned, second)
-        if step < _DIRECTION_STEPS:
-            direction = np.linalg.eigh((normals * weights[:, None]).T @ normals)[1][:, 0]
+        direction = np.linalg.eigh((normals * weights[:, None]).T @ normals)[1][:, 0]
         along = turned @ direction
         reach = np.sqrt(np.maximum(1.0 - along**2, _TINY))
         errors = normals @ direction / reach * focal
         weights = 1.0 / (1.0 + (errors / spread) ** 2) ** 2
-        across = np.linalg.svd(direction[None])[2][1:]
         by_rotation = along[:, None] * second - np.sum(turned * second, axis=1, keepdims=True) * direction
-        J = np.concatenate([by_rotation, normals @ across.T], axis=1) / reach[:, None] * focal
+        J = by_rotation / reach[:, None] * focal
         H = (J * weights[:, None]).T @ J
-        H += 1e-6 * np.trace(H) * np.eye(5)
-        change = -np.linalg.solve(H, (J * weights[:, None]).T @ errors)
-        R = exp_so3(np.asarray(change[:3], np.float64)) @ R
-        direction = direction + change[3:] @ across
-        direction /= np.linalg.norm(direction)
+        H += 1e-6 * np.trace(H) * np.eye(3)
+        R = exp_so3(-np.linalg.solve(H, (J * weights[:, None]).T @ errors)) @ R
     return float(np.median(np.abs(errors)))
