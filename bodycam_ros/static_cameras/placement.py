@@ -29,20 +29,15 @@ _IN_FRONT_M, _IN_FRONT_WEIGHT = 3.0, 0.01  # of a camera, where its axis meets n
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """A body, and the poses that it had after each step.
+    """A body where it is placed.
 
     Attributes:
         body: segments and joints with their limits.
-        steps: one or more poses (S, 4, 4) of its segments in the world, joints closed, the present ones last.
+        poses: (S, 4, 4) of its segments in the world, joints closed.
     """
 
     body: BodyModel
-    steps: tuple[Array, ...]
-
-    @property
-    def poses(self) -> Array:
-        """(S, 4, 4) present poses."""
-        return self.steps[-1]
+    poses: Array
 
     def pose_of(self, segment: str) -> Array:
         """(4, 4) present pose of a segment."""
@@ -53,26 +48,11 @@ class Placement:
         """Whether a segment's origin can be moved; the others only turn."""
         return segment == self.body.root or bool(self._limb(segment))
 
-    def changed(self, poses: Array) -> "Placement":
-        """The placement at other poses (S, 4, 4), joints closed, as one more step."""
-        return replace(self, steps=(*self.steps, poses))
-
-    def undone(self) -> "Placement":
-        """The placement without its last step; the first one stays."""
-        return replace(self, steps=self.steps[:-1] or self.steps)
-
-    def moved_to(self, segment: str, world_T_segment: Array, *, continues: bool = False) -> "Placement":
-        """The placement with a segment as near to a pose (4, 4) as its limb's joints allow.
-
-        Args:
-            segment: to be moved.
-            world_T_segment: its pose to be [m].
-            continues: whether this continues the last step, a drag, and takes its place.
-        """
-        kept = self.steps[:-1] if continues and len(self.steps) > 1 else self.steps
-        before, row = kept[-1], self.body.segment_index[segment]
+    def moved_to(self, segment: str, world_T_segment: Array) -> "Placement":
+        """The placement with a segment as near to a pose (4, 4) [m] as its limb's joints allow."""
+        before, row = self.poses, self.body.segment_index[segment]
         if segment == self.body.root:
-            return replace(self, steps=(*kept, world_T_segment @ inverse(before[row]) @ before))
+            return replace(self, poses=world_T_segment @ inverse(before[row]) @ before)
         place = world_T_segment[:3, 3]
         is_moved = not np.allclose(before[row, :3, 3], place, rtol=0.0, atol=_STILL_M)
         limb, places = self._limb(segment) if is_moved else [], {row: (place, _REACH_M)}
@@ -84,7 +64,7 @@ class Placement:
         poses = self._reached(before, limb, places)
         if not bends and not (limb and SegmentName(segment).kind == "hand"):
             poses = self._turned(poses, row, world_T_segment[:3, :3])
-        return replace(self, steps=(*kept, poses))
+        return replace(self, poses=poses)
 
     def _reached(self, before: Array, limb: Sequence[int], places: Mapping[int, tuple[Array, float]]) -> Array:
         """Poses in which joints, by their rows, bring segments to places: row -> place (3,) and its sigma [m]."""

@@ -1,4 +1,4 @@
-"""Corrections of a body by hand: every step is kept, can be undone, and is written to the body's file."""
+"""Corrections of a body by hand: what was moved, and by how much, is written to the body's file."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -70,44 +70,33 @@ class Move:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A body as its file has it, and all states that it went through since.
+    """A body as its file has it, and as it is corrected.
 
     Attributes:
         original: the body as it was read.
-        steps: the bodies after each step, the present one last.
+        body: the body as it is now.
     """
 
     original: BodyModel
-    steps: tuple[BodyModel, ...] = ()
-
-    @property
-    def body(self) -> BodyModel:
-        """The body as it is now."""
-        return self.steps[-1] if self.steps else self.original
+    body: BodyModel
 
     def parts(self) -> tuple[Part, ...]:
         """All that can be moved: cameras, then joints, in the order of the file."""
         cameras = tuple(Part("camera", camera) for camera in self.original.mounts)
         return cameras + tuple(Part("joint", joint.name) for joint in self.original.joints)
 
-    def moved_to(self, part: Part, segment_T_part: Array, *, continues: bool = False) -> "Correction":
+    def moved_to(self, part: Part, segment_T_part: Array) -> "Correction":
         """The correction with a part elsewhere.
 
         Args:
             part: to be moved.
             segment_T_part: (4, 4) its new pose on the segment that carries it [m].
-            continues: whether this continues the last step, to be undone together with it.
 
         Raises:
             BodyError: the body has no such part, or the pose is not finite.
         """
         move = move_mount if part.kind == "camera" else move_joint
-        kept = self.steps[:-1] if continues else self.steps
-        return replace(self, steps=(*kept, move(self.body, part.name, segment_T_part)))
-
-    def undone(self) -> "Correction":
-        """The correction without its last step."""
-        return replace(self, steps=self.steps[:-1])
+        return replace(self, body=move(self.body, part.name, segment_T_part))
 
     def move_of(self, part: Part) -> Move:
         """How far a part is from where the file has it in the N-pose.

@@ -1,7 +1,7 @@
 """Handles in the scene, and a panel of numbers, by which a person moves one part of a body or of a start at a time."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from viser import GuiFolderHandle, TransformControlsEvent, TransformControlsHandle
@@ -17,31 +17,20 @@ _STILL = 1e-9  # [m], and of a rotation matrix: handles that were not moved
 _DECIMALS, _STEP_M = 4, 0.0001  # of the numbers
 
 
-class Edited(Protocol):
-    """What has parts, as ``Correction`` and ``Placement`` have."""
-
-    def moved_to(self, part: Any, pose: Array, /, *, continues: bool = False) -> "Edited":
-        """The same with a part at a pose (4, 4) [m]; ``continues``: to be undone together with the last step."""
-
-    def undone(self) -> "Edited":
-        """The same without its last step."""
-
-
 class Editor:
-    """Shows and takes the pose of one chosen part.
+    """Shows and takes the pose of one chosen part, and keeps all steps, to be undone.
 
     Args:
         server: whose page has the handles and the panel.
         title, text: of the panel.
         parts: name -> part to choose from; None: no part.
-        edited: that the parts are of.
+        edited: that the parts are of; its ``moved_to`` makes the same with a part at a pose (4, 4) [m].
         file_name: of what is written.
         select: called with the part that is chosen in the panel.
         changed: called when ``edited`` is another; calls ``show`` with the pose that the chosen part then has.
         write: called by a button.
 
     Attributes:
-        edited: with all steps that were taken.
         folder: that the panel is in.
     """
 
@@ -58,7 +47,7 @@ class Editor:
         changed: Action,
         write: Action,
     ) -> None:
-        self._server, self._parts, self.edited, self._changed = server, parts, edited, changed
+        self._server, self._parts, self._steps, self._changed = server, parts, [edited], changed
         self._controls: TransformControlsHandle | None = None
         self._chosen = ""
         self._parent_T_part = np.eye(4)
@@ -69,16 +58,39 @@ class Editor:
             gui.add_markdown(text)
             self._part = gui.add_dropdown("move", tuple(parts))
             self._place = gui.add_vector3("place [m]", (0.0, 0.0, 0.0), step=_STEP_M)
-            gui.add_button("Undo").on_click(server.when_pressed(lambda: self.change(self.edited.undone())))
+            gui.add_button("Undo").on_click(server.when_pressed(self.undo))
             self._write = gui.add_button(f"Write {file_name}")
             self._remark = gui.add_markdown("")
         server.on_input(self._part, lambda name: select(parts[name]))
         server.on_input(self._place, self._enter)
         self._write.on_click(server.when_pressed(write))
 
-    def change(self, edited: Edited) -> None:
-        """Edit another."""
-        self.edited = edited
+    @property
+    def edited(self) -> Any:
+        """What is edited, as it is now."""
+        return self._steps[-1]
+
+    def restart(self, edited: Any) -> None:
+        """Edit another, without a step to be undone."""
+        self._take_steps([edited])
+
+    def change(self, edited: Any) -> None:
+        """Take one more step."""
+        self._take_steps([*self._steps, edited])
+
+    def undo(self) -> None:
+        """Go back by a step, if one was taken."""
+        self._take_steps(self._steps[:-1] or self._steps)
+
+    def move(self, parent_T_part: Array, *, continues: bool = False) -> None:
+        """Move the chosen part to a pose (4, 4) [m]; ``continues``: in place of the last step, as in a drag."""
+        part = self._parts[self._chosen]
+        if part is not None:
+            kept = self._steps[:-1] if continues else self._steps
+            self._take_steps([*kept, kept[-1].moved_to(part, parent_T_part)])
+
+    def _take_steps(self, steps: list[Any]) -> None:
+        self._steps = steps
         self._changed()
 
     def show(
@@ -140,15 +152,10 @@ class Editor:
 
         self._controls.on_update(changed)
 
-    def _move(self, parent_T_part: Array, continues: bool) -> None:
-        part = self._parts[self._chosen]
-        if part is not None:
-            self.change(self.edited.moved_to(part, parent_T_part, continues=continues))
-
     def _enter(self, position: tuple[float, float, float]) -> None:
         # A field that loses the focus sends its number again.
         if not np.array_equal(np.round(position, _DECIMALS), self._position):
-            self._move(rigid(self._parent_T_part[:3, :3], np.array(position)), False)
+            self.move(rigid(self._parent_T_part[:3, :3], np.array(position)))
 
     def _grab(self) -> None:
         self._continues = False
@@ -166,6 +173,6 @@ class Editor:
             return
         self._is_dragged = True
         try:
-            self._move(pose, self._continues)
+            self.move(pose, continues=self._continues)
         finally:
             self._is_dragged = False

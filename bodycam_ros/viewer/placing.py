@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,7 @@ class PlacingSources:
             poses = standing_in_view(self.tracker.body, [stations[name] for name in self.images])
         else:
             poses = read_start(files.start, files.stations, stations, person).world_T_segment
-        self.placement = Placement(self.tracker.body, (poses,))
+        self.placement = Placement(self.tracker.body, poses)
         self._file_T_world = inverse(world_T_file(files.stations, stations))
 
     def fit(self, poses: Array) -> tuple[Array, Array]:
@@ -185,7 +186,7 @@ class PlacingSession(Page):
     def _fit(self) -> None:
         self._editor.remark("fitting")
         poses, support = self._sources.fit(self._placement.poses)
-        self._editor.change(self._placement.changed(poses))
+        self._editor.change(replace(self._placement, poses=poses))
         segments = self._placement.body.segments
         self._editor.remark(support_table(dict(zip(segments, support.tolist(), strict=True))))
 

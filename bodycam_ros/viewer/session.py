@@ -37,7 +37,7 @@ class Session(Page):
             server, sources.body, sources.reference_map, motion, self._select, sources.stations, surfaces
         )
         self._time = TimePanel(server, motion, self._show_state)
-        correction = Correction(sources.body)
+        correction = Correction(sources.body, sources.body)
         self._editor = Editor(
             server,
             "Correct",
@@ -133,5 +133,6 @@ class Session(Page):
 
     def _write(self) -> None:
         file = self._body_file
-        self._editor.change(Correction(file.write(self._editor.edited)))
+        written = file.write(self._editor.edited)
+        self._editor.restart(Correction(written, written))
         self.server.notify("Written", f"{file.path}; as it was first: {file.original_path.name}", "green")

@@ -32,7 +32,7 @@ def body(sample: Path) -> BodyModel:
 
 @pytest.fixture
 def standing(body: BodyModel) -> Placement:
-    return Placement(body, (body.n_pose(STANDS),))
+    return Placement(body, body.n_pose(STANDS))
 
 
 def shifted(placement: Placement, segment: str, shift: tuple[float, float, float]) -> Array:
@@ -148,17 +148,6 @@ def test_hips_and_the_waist_only_turn_and_the_head_leans_the_torso(standing: Pla
     )
 
 
-def test_a_drag_is_one_step_and_does_not_depend_on_its_way(standing: Placement) -> None:
-    first = standing.moved_to("hand_left", shifted(standing, "hand_left", (0.1, 0.1, 0.3)))
-    there = shifted(first, "foot_left", (0.2, 0.0, 0.1))
-    drag = first.moved_to("foot_left", shifted(first, "foot_left", (0.0, 0.4, 0.5)))
-    drag = drag.moved_to("foot_left", there, continues=True)
-    assert len(drag.steps) == 3
-    assert_allclose(drag.poses, first.moved_to("foot_left", there).poses, rtol=0.0, atol=1e-12)
-    assert drag.undone().poses is first.poses
-    assert drag.undone().undone().undone().poses is standing.poses  # no step is left
-
-
 def test_the_body_stands_upright_where_the_cameras_look(body: BodyModel) -> None:
     stations = [*stations_around(3).values()]
     root = standing_in_view(body, stations)[body.segment_index[body.root]]
@@ -190,7 +179,7 @@ def test_a_fit_moves_a_placed_body_onto_its_images_and_support_names_the_limb_th
     body, true = dressed.body, small_motion(dressed.body, 1)[0]
     images = dressed.images(true, 1.0, 0)
     tracker = RegionTracker(body, BodySurface.of(body, dressed.surfaces), dressed.stations, RegionSettings())
-    placed = Placement(tracker.body, (tracker.initialise(images, true),))
+    placed = Placement(tracker.body, tracker.initialise(images, true))
     good = tracker.support(images, placed.poses)
     off = placed.moved_to("forearm_left", placed.pose_of("forearm_left") @ rigid(np.eye(3), np.array([0.15, 0.1, 0.1])))
     support = tracker.support(images, off.poses)

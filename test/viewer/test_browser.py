@@ -191,7 +191,7 @@ def test_a_joint_is_moved_by_numbers_and_by_hand_and_written(
     x, y, z = (f"{at:.4f}" for at in pose[:3, 3])
     view.wait_until(lambda: float(view.value("place [m]", 2)) == float(z), "where the knee is")
     pose[2, 3] = float(z) + 0.08
-    moved = Correction(body).moved_to(KNEE, pose).body
+    moved = Correction(body, body).moved_to(KNEE, pose).body
     view.enter("place [m]", f"{pose[2, 3]:.4f}", component=2)
     view.page.get_by_text("joint knee_left: 80.0 mm, 0.00 deg").wait_for()
     view.wait_until(lambda: share(view.picture(), knee(moved), rgb(SELECTED)) == 1.0, "the knee where it was moved to")

@@ -1,4 +1,4 @@
-"""Steps of a correction: figures, undo, reset."""
+"""Corrections of a body: figures, and what is written."""
 
 from pathlib import Path
 
@@ -32,51 +32,30 @@ def assert_move(move: Move, expected: Move) -> None:
 
 @pytest.mark.parametrize("part", [SHIN, FOOT, KNEE, HIP, Part("joint", "pedal")])
 def test_a_part_is_where_it_was_moved_by(rider: BodyModel, part: Part) -> None:
-    assert_move(moved_by(Correction(rider), part, MOVE).move_of(part), MOVE)
+    assert_move(moved_by(Correction(rider, rider), part, MOVE).move_of(part), MOVE)
 
 
 def test_moves_are_in_the_axes_of_the_segment_that_carries_the_part(rider: BodyModel) -> None:
     segment, was = place_of(rider, SHIN)
-    _, now = place_of(moved_by(Correction(rider), SHIN, MOVE).body, SHIN)
+    _, now = place_of(moved_by(Correction(rider, rider), SHIN, MOVE).body, SHIN)
     assert segment == "shin"
     assert_allclose(now[:3, 3] - was[:3, 3], MOVE.shift_mm * 1e-3, rtol=0.0, atol=1e-12)
     assert_allclose(now[:3, :3], exp_so3(np.radians(MOVE.turn_deg)) @ was[:3, :3], rtol=0.0, atol=1e-12)
 
 
 def test_what_was_taken_along_has_not_moved(rider: BodyModel) -> None:
-    correction = moved_by(moved_by(moved_by(Correction(rider), HIP, SHIFT), KNEE, MOVE), SHIN, SHIFT)
+    correction = moved_by(moved_by(moved_by(Correction(rider, rider), HIP, SHIFT), KNEE, MOVE), SHIN, SHIFT)
     assert [part for part, _ in correction.moves()] == [SHIN, KNEE, HIP]  # cameras first, as in the file
     assert_move(correction.move_of(KNEE), MOVE)
     assert_move(correction.move_of(SHIN), SHIFT)
     assert correction.move_of(FOOT).is_none
 
 
-def test_undo_goes_back_step_by_step(rider: BodyModel) -> None:
-    first = moved_by(Correction(rider), KNEE, MOVE)
-    second = moved_by(first, SHIN, MOVE)
-    assert second.undone().body is first.body
-    assert second.undone().undone().body is rider
-    assert second.undone().undone().undone().body is rider  # no step is left
-
-
-def test_a_drag_is_one_step(rider: BodyModel) -> None:
-    before = moved_by(Correction(rider), KNEE, MOVE)
-    _, was = place_of(before.body, SHIN)
-    drag = before.moved_to(SHIN, was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001])))
-    for step in range(2, 6):
-        target = was @ rigid(np.eye(3), np.array([0.0, 0.0, 0.001 * step]))
-        drag = drag.moved_to(SHIN, target, continues=True)
-    assert len(drag.steps) == 2
-    assert np.linalg.norm(drag.move_of(SHIN).shift_mm) == pytest.approx(5.0, abs=EXACT_MM)
-    assert_move(drag.undone().move_of(KNEE), MOVE)
-    assert drag.undone().move_of(SHIN).is_none
-
-
 def test_hands_that_are_shown_are_not_written(body_file: Path) -> None:
     file, before = BodyFile(body_file), body_file.read_bytes()
     read = file.read()
-    elbow = Part("joint", "elbow_left")
-    moved = moved_by(Correction(with_hands(read)), elbow, SHIFT)
+    shown, elbow = with_hands(read), Part("joint", "elbow_left")
+    moved = moved_by(Correction(shown, shown), elbow, SHIFT)
     assert "hand_left" in file.write(moved).segments
     written = read_body(body_file)
     assert written.segments == read.segments and [j.name for j in written.joints] == [j.name for j in read.joints]

@@ -60,7 +60,7 @@ def scene(server: LocalServer, sample: Path, body: BodyModel, motion: Motion) ->
 def knee_moved(body: BodyModel, by_m: list[float]) -> BodyModel:
     pose = place_of(body, KNEE)[1].copy()
     pose[:3, 3] += by_m
-    return Correction(body).moved_to(KNEE, pose).body
+    return Correction(body, body).moved_to(KNEE, pose).body
 
 
 def pose_of(server: LocalServer, name: str) -> NDArray[np.float64]:
