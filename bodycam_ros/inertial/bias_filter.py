@@ -6,7 +6,7 @@ import numpy as np
 
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY
-from bodycam_ros.inertial.preintegration import MotionSums, Preintegrated
+from bodycam_ros.inertial.preintegration import Preintegrated, SensorMotion
 
 WANDER = 3e-4  # [rad/s/sqrt(s)] of a consumer gyroscope's bias
 TURN_ON = 1.5e-3  # [rad/s] by which a bias may differ from that of the calibration
@@ -46,7 +46,7 @@ class SensorFilter:
 
 
 class BiasFilter(SensorFilter):
-    """Bias and delay of one gyroscope, beside those of its calibration, in the axes of its motion sums.
+    """Bias and delay of one gyroscope, beside those of its calibration, in the axes of its motion.
 
     Args:
         sigma: of the bias at first [rad/s].
@@ -69,18 +69,18 @@ class BiasFilter(SensorFilter):
         """Of the bias [rad/s]."""
         return float(np.sqrt(np.trace(self._P[3:6, 3:6]) / 3.0))
 
-    def moved(self, start_ns: int, end_ns: int, sums: MotionSums) -> Preintegrated | None:
+    def moved(self, start_ns: int, end_ns: int, motion: SensorMotion) -> Preintegrated | None:
         """Motion between two stamps of the camera [ns]; None unless samples cover all of it."""
-        return _delayed(start_ns, end_ns, self.delay, sums)
+        return _delayed(start_ns, end_ns, self.delay, motion)
 
-    def observe(self, stamp_ns: int, R: Array, sums: MotionSums) -> None:
+    def observe(self, stamp_ns: int, R: Array, motion: SensorMotion) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""
         seconds = 1e-9 * (stamp_ns - self._stamp_ns)
         if self._R is not None and 0.0 <= seconds < _LEAST_S:
             return
         # Where time goes back, as of a bag that is played again, the bias is kept.
         is_near = self._R is not None and 0.0 < seconds < _LONGEST_S
-        moved = _delayed(self._stamp_ns, stamp_ns, self._delay, sums) if is_near else None
+        moved = _delayed(self._stamp_ns, stamp_ns, self._delay, motion) if is_near else None
         if moved is None:
             self._P[3:6, 3:6] += min(abs(seconds), 60.0) * WANDER**2 * _IDENTITY if self._R is not None else 0.0
             self._restart(R)
@@ -114,8 +114,8 @@ class BiasFilter(SensorFilter):
         self.delay = self._delay if abs(self._delay) > _SIGNIFICANT * np.sqrt(self._P[6, 6]) else 0.0
 
 
-def _delayed(start_ns: int, end_ns: int, delay: float, sums: MotionSums) -> Preintegrated | None:
-    return sums.between(start_ns + round(1e9 * delay), end_ns + round(1e9 * delay))
+def _delayed(start_ns: int, end_ns: int, delay: float, motion: SensorMotion) -> Preintegrated | None:
+    return motion.between(start_ns + round(1e9 * delay), end_ns + round(1e9 * delay))
 
 
 def turned(moved: Preintegrated, bias: Array) -> Array:
@@ -139,7 +139,7 @@ class AccelerometerFilter(SensorFilter):
         sigma: of the bias at first [m/s^2].
         density: of the acceleration's noise [m/s^2/sqrt(Hz)].
 
-    The bias is in the axes of its motion sums.
+    The bias is in the axes of its motion.
     """
 
     def __init__(self, sigma: float, density: float) -> None:
@@ -159,12 +159,12 @@ class AccelerometerFilter(SensorFilter):
         """Of the bias [m/s^2]."""
         return float(np.sqrt(np.trace(self._P[6:, 6:]) / 3.0))
 
-    def observe(self, stamp_ns: int, R: Array, place: Array, sums: MotionSums) -> None:
+    def observe(self, stamp_ns: int, R: Array, place: Array, motion: SensorMotion) -> None:
         """Update by the registered rotation (3, 3) and place (3,) of the sensor in the world."""
         dt = 1e-9 * (stamp_ns - self._stamp_ns)
         if self._stamp_ns and 0.0 <= dt < _LEAST_S:
             return
-        moved = sums.between(self._stamp_ns, stamp_ns) if self._stamp_ns and 0.0 < dt < _LONGEST_S else None
+        moved = motion.between(self._stamp_ns, stamp_ns) if self._stamp_ns and 0.0 < dt < _LONGEST_S else None
         if moved is None:
             self._P[6:, 6:] += min(abs(dt), 60.0) * _ACCELERATION_WANDER**2 * _IDENTITY if self._stamp_ns else 0.0
             self._restart()

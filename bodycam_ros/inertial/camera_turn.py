@@ -6,10 +6,9 @@ from bodycam_ros.geometry import Array, log_so3
 from bodycam_ros.inertial.bias_filter import BiasFilter, turned
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.inertial.preintegration import MotionSums
+from bodycam_ros.inertial.preintegration import SensorMotion
 
 _AROUND_NS = 10_000_000  # half the time that an angular velocity is the mean of: about what rows are read out in
-_BLOCK_NS = 10_000_000_000  # samples are integrated in blocks: of long recordings the sums would be large
 
 
 class CameraTurn:
@@ -21,9 +20,9 @@ class CameraTurn:
     """
 
     def __init__(self, calibration: ImuCalibration, samples: ImuSamples | None = None) -> None:
-        self._samples = samples
-        self._latency_ns = round(1e9 * calibration.time_offset)
-        self._sums, self._until_ns = MotionSums(calibration), -1
+        self._motion = SensorMotion(calibration)
+        if samples is not None:
+            self._motion.add(samples)
         self._bias = BiasFilter(calibration.gyro_bias_sigma)
 
     @property
@@ -37,16 +36,15 @@ class CameraTurn:
         return self._bias.is_wrong
 
     def add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
-        """As of ``MotionSums``."""
-        self._sums.add_sample(stamp_ns, reading)
+        """As of ``SensorMotion``."""
+        self._motion.add_sample(stamp_ns, reading)
 
     def between(self, start_ns: int, end_ns: int) -> Array | None:
         """(3, 3) rotation later_R_camera from one stamp to a later one [ns].
 
         None where samples do not cover all of it, or registered images have not confirmed the sensor.
         """
-        self._integrate(end_ns)
-        moved = self._bias.moved(start_ns, end_ns, self._sums) if self.is_confirmed else None
+        moved = self._bias.moved(start_ns, end_ns, self._motion) if self.is_confirmed else None
         return None if moved is None else np.asarray(turned(moved, self._bias.bias).T)
 
     def angular_velocity(self, stamp_ns: int) -> Array | None:
@@ -62,10 +60,4 @@ class CameraTurn:
 
     def observe(self, stamp_ns: int, world_T_camera: Array) -> None:
         """Follow the bias by the pose (4, 4) of a registered image, later than the one before."""
-        self._integrate(stamp_ns)
-        self._bias.observe(stamp_ns, world_T_camera[:3, :3], self._sums)
-
-    def _integrate(self, stamp_ns: int) -> None:
-        if self._samples is not None and stamp_ns + _BLOCK_NS // 2 > self._until_ns:
-            start_ns, self._until_ns = self._until_ns + 1, stamp_ns + _BLOCK_NS + self._latency_ns
-            self._sums.add(self._samples.between(start_ns, self._until_ns))
+        self._bias.observe(stamp_ns, world_T_camera[:3, :3], self._motion)

@@ -16,7 +16,7 @@ from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.inertial.preintegration import MotionSums
+from bodycam_ros.inertial.preintegration import integrate
 
 logger = logging.getLogger(__name__)
 
@@ -176,9 +176,7 @@ class _Images:
 
     def _integrated(self, calibration: ImuCalibration, window_s: float) -> tuple[Array, Array, Array]:
         """At each image world_R_sums (T, 3, 3) of its window, the sums' orientation and twice integrals (T, 12)."""
-        motion = MotionSums(calibration)
-        motion.add(self.samples)
-        sums_R_camera, _, twice = motion.at(self.stamps_ns)
+        sums_R_camera, _, twice, _ = integrate(calibration.correct(self.samples), self.stamps_ns)
         world_R_sums = self.world_T_camera[:, :3, :3] @ np.swapaxes(sums_R_camera, 1, 2)
         for rows in self._windows(window_s):
             world_R_sums[rows] = nearest_rotation(world_R_sums[rows].mean(axis=0))

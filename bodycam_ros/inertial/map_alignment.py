@@ -16,7 +16,7 @@ from bodycam_ros.errors import MapError, RangeOfMotionError
 from bodycam_ros.geometry import Array, nearest_rotation
 from bodycam_ros.inertial.imu_calibrator import calibrate_imu
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.inertial.preintegration import MotionSums
+from bodycam_ros.inertial.preintegration import SensorMotion, integrate
 
 logger = logging.getLogger(__name__)
 
@@ -99,16 +99,16 @@ def align_to_gravity(poses: Mapping[str, RegisteredPoses], imus: Mapping[str, Im
 
 def _windows(camera: int, stamps_ns: NDArray[np.int64], world_T_camera: Array, samples: ImuSamples) -> list[_Window]:
     """Equations of all windows of a camera; ``samples`` are in camera axes, by the camera's clock."""
-    motion = MotionSums()
+    motion = SensorMotion()
     motion.add(samples)
-    covered = motion.covers(stamps_ns)
+    covered = [motion.between(stamp_ns, stamp_ns) is not None for stamp_ns in stamps_ns.tolist()]
     stamps_ns, world_T_camera = stamps_ns[covered], world_T_camera[covered]
     windows = []
     for number in np.unique(stamps_ns // _WINDOW_NS):
         rows = np.flatnonzero(stamps_ns // _WINDOW_NS == number)
         if len(rows) < _MIN_IMAGES or motion.between(int(stamps_ns[rows[0]]), int(stamps_ns[rows[-1]])) is None:
             continue
-        sums_R_camera, once, twice = motion.at(stamps_ns[rows])
+        sums_R_camera, once, twice, _ = integrate(samples, stamps_ns[rows])
         R = world_T_camera[rows, :3, :3]
         t = 1e-9 * (stamps_ns[rows] - stamps_ns[rows[0]])
         world_R_sums = nearest_rotation((R @ np.swapaxes(sums_R_camera, 1, 2)).mean(axis=0))

@@ -1,15 +1,14 @@
 """Motion of a sensor between two stamps, by its own samples alone (Forster et al. 2017, "On-manifold preintegration").
 
-Samples are integrated once, from the first on, in a frame that neither turns nor falls. The motion between any two
-stamps is the difference of two such sums: it costs 0.06 ms at any length and at any stamps. gtsam's
-``PreintegratedImuMeasurements`` starts anew for each interval and takes 5 us a sample, 0.04 ms for a frame and 2 ms for
-two seconds of a bias filter; both agree to 1e-5 m/s. Biases and gravity enter afterwards, to first
-order (Forster eq. 44).
+Readings are linear between samples, and each interval is integrated when it is asked for: 0.03 ms for a frame, 0.15 ms
+for two seconds of 200 Hz. gtsam's ``PreintegratedImuMeasurements``, which holds a reading for a sample, takes 5 us a
+sample. Biases and gravity enter afterwards, to first order (Forster eq. 44).
 """
 
+import math
 from array import array
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +16,12 @@ from numpy.typing import NDArray
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.inertial.preintegration_kernels import COLUMNS, add_samples, motion_between, sums_at
+from bodycam_ros.inertial.preintegration_kernels import sums_at
 
-_KEEP_S = 120.0  # older sums are forgotten: a block of a recording that is solved as a whole is much shorter
-_LEAST_ROWS = 256
-_AHEAD_S = 0.012  # after the last sample, for which its reading holds: live, samples of the frame may still come
+_KEEP_NS = 120_000_000_000  # samples that come one by one are forgotten when they are older
+_AHEAD_NS = 12_000_000  # after the last sample, for which its reading holds: live, samples of the frame may still come
+_GAP_NS = 30_000_000  # between neighbouring samples; a longer gap is not integrated across
+_BACK_NS = 1_000_000_000  # by which stamps go back where time restarts, and not because messages were exchanged
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,122 +55,90 @@ class Preintegrated:
     position_by_bias: Array
 
 
-class MotionSums:
-    """Integrals over the samples of a sensor, from the first on; samples may be added as they come.
+def integrate(samples: ImuSamples, stamps_ns: NDArray[np.int64]) -> tuple[Array, Array, Array, Array]:
+    """Integrals over samples, from the first on, at T stamps [ns] that are not before it and do not decrease.
+
+    Returns:
+        Orientations R (T, 3, 3), the identity at first; integrals of R (nine columns) and R a (three), once and twice
+        (T, 12), (T, 12); readings (T, 6), angular velocity and acceleration.
+    """
+    readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
+    sums = sums_at(samples.stamps_ns, readings, stamps_ns)
+    return sums[:, :9].reshape(-1, 3, 3), sums[:, 9:21], sums[:, 21:33], sums[:, 33:]
+
+
+class SensorMotion:
+    """Motion of one sensor, whose samples may be added as they come.
 
     Samples that are not finite, or whose stamp does not increase, are left out. Where the stamps go back by more than a
-    second, as of a bag that is played again, the sums restart.
+    second, as of a bag that is played again, those before are forgotten.
 
     Args:
-        calibration: of the sensor, if its samples are by its own clock and along its own axes; the sums are by the
+        calibration: of the sensor, if its samples are by its own clock and along its own axes; motion is by the
             camera's clock, along the camera's axes.
     """
 
     def __init__(self, calibration: ImuCalibration | None = None) -> None:
         self._calibration = calibration or ImuCalibration()
-        self._added_ns, self._readings = array("q"), array("d")  # of samples that are yet to be integrated
-        self._latest: tuple[int, int, Preintegrated | None] = (-1, -1, None)
-        # Stamps, count of gaps before, and sums, with room for more: live, some samples come with every frame.
-        empty = np.empty(0, np.int64)
-        self._rows: tuple[NDArray[Any], ...] = (empty, empty, np.empty((0, COLUMNS)))
-        self._show(0)
+        self._offset_ns = round(1e9 * self._calibration.time_offset)
+        self._stamps_ns, self._readings = array("q"), array("d")
 
     def add(self, samples: ImuSamples) -> None:
-        """Add samples, later than those before; readings are linear between neighbours."""
-        self._added_ns.frombytes(samples.stamps_ns.tobytes())
-        self._readings.frombytes(np.concatenate([samples.angular_velocity, samples.acceleration], axis=1).tobytes())
+        """Add samples, later than those before."""
+        readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
+        for stamp_ns, reading in zip(samples.stamps_ns.tolist(), map(tuple, readings.tolist()), strict=True):
+            self._append(stamp_ns, reading)
 
     def add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
         """Add one sample as it comes: its stamp [ns], angular velocity and acceleration in one tuple."""
-        self._added_ns.append(stamp_ns)
-        self._readings.extend(reading)
+        self._append(stamp_ns, reading)
+        if self._stamps_ns and self._stamps_ns[-1] - self._stamps_ns[0] > 2 * _KEEP_NS:
+            self._forget(bisect_left(self._stamps_ns, self._stamps_ns[-1] - _KEEP_NS))
 
     def __len__(self) -> int:
-        self._integrate()
         return len(self._stamps_ns)
 
     @property
     def latest_ns(self) -> int:
         """Stamp of the latest sample [ns]; -1 if there is none."""
-        if self._added_ns:
-            return self._added_ns[-1] - round(1e9 * self._calibration.time_offset)
-        return int(self._stamps_ns[-1]) if len(self._stamps_ns) else -1
-
-    def covers(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(T,) whether there are samples at stamps (T,) [ns]."""
-        return self._numbers(stamps_ns) >= 0
+        return self._stamps_ns[-1] - self._offset_ns if self._stamps_ns else -1
 
     def between(self, start_ns: int, end_ns: int) -> Preintegrated | None:
         """Motion between two stamps [ns]; None unless samples cover all of it."""
-        if self._latest[:2] != (start_ns, end_ns) or self._added_ns:
-            # Several filters of one sensor need the same motion.
-            self._latest = start_ns, end_ns, self._between(np.array([start_ns, end_ns]))
-        return self._latest[2]
-
-    def _between(self, ends_ns: NDArray[np.int64]) -> Preintegrated | None:
-        first, second = self._numbers(ends_ns).tolist()
-        if first < 0 or first != second:
+        begin = bisect_right(self._stamps_ns, start_ns + self._offset_ns) - 1
+        end = bisect_left(self._stamps_ns, end_ns + self._offset_ns) + 1
+        if begin < 0 or end_ns > self.latest_ns + _AHEAD_NS:
             return None
-        moved = motion_between(self._stamps_ns, self._sums, self._nodes(ends_ns), ends_ns)
+        readings = np.array(self._readings[6 * begin : 6 * end]).reshape(-1, 6)
+        samples = ImuSamples(np.array(self._stamps_ns[begin:end]), readings[:, :3], readings[:, 3:])
+        if (np.diff(samples.stamps_ns) > _GAP_NS).any():
+            return None
+        samples, seconds = self._calibration.correct(samples), 1e-9 * (end_ns - start_ns)
+        (R1, R2), once, twice, (first, second) = integrate(samples, np.array([start_ns, end_ns]))
+        once, twice = once[1] - once[0], twice[1] - twice[0] - seconds * once[0]
         return Preintegrated(
-            seconds=1e-9 * float(ends_ns[1] - ends_ns[0]),
-            rotation=moved[:9].reshape(3, 3),
-            velocity=moved[9:12],
-            position=moved[12:15],
-            first_rate=moved[15:18],
-            second_rate=moved[18:21],
-            change=moved[21:27],
-            rotation_by_bias=moved[27:36].reshape(3, 3),
-            velocity_by_bias=moved[36:45].reshape(3, 3),
-            position_by_bias=moved[45:].reshape(3, 3),
+            seconds=seconds,
+            rotation=R1.T @ R2,
+            velocity=R1.T @ once[9:],
+            position=R1.T @ twice[9:],
+            first_rate=first[:3],
+            second_rate=second[:3],
+            change=second - first,
+            rotation_by_bias=R2.T @ once[:9].reshape(3, 3),
+            velocity_by_bias=R1.T @ once[:9].reshape(3, 3),
+            position_by_bias=R1.T @ twice[:9].reshape(3, 3),
         )
 
-    def at(self, stamps_ns: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """Orientations (T, 3, 3), and integrals (T, 12) of R and R a, once and twice, at covered stamps (T,) [ns]."""
-        self._integrate()
-        sums = sums_at(self._stamps_ns, self._sums, self._nodes(stamps_ns), stamps_ns)
-        return sums[:, :9].reshape(-1, 3, 3), sums[:, 9:21], sums[:, 21:33]
-
-    def _nodes(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(T,) the last sample at or before each stamp."""
-        return np.searchsorted(self._stamps_ns, stamps_ns, side="right") - 1
-
-    def _numbers(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """(T,) count of gaps before stamps (T,); -1 where there are no samples, as inside a gap."""
-        self._integrate()
-        if not len(self._stamps_ns):
-            return np.full(len(stamps_ns), -1)
-        nodes, last = self._nodes(stamps_ns), len(self._stamps_ns) - 1
-        numbers = self._gaps[nodes]
-        inside = (nodes >= 0) & (stamps_ns <= self._stamps_ns[last] + round(1e9 * _AHEAD_S))
-        return np.where(inside & (self._gaps[np.minimum(nodes + 1, last)] == numbers), numbers, -1)
-
-    def _integrate(self) -> None:
-        if not self._added_ns:
+    def _append(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
+        if not all(map(math.isfinite, reading)):
             return
-        stamps_ns, readings = np.array(self._added_ns), np.array(self._readings).reshape(-1, 6)
-        self._added_ns, self._readings = array("q"), array("d")
-        added = self._calibration.correct(ImuSamples(stamps_ns, readings[:, :3], readings[:, 3:]))
-        readings = np.concatenate([added.angular_velocity, added.acceleration], axis=1)
-        self._make_room(len(readings))
-        stamps_ns, gaps, sums = self._rows
-        self._show(add_samples(added.stamps_ns, readings, stamps_ns, gaps, sums, len(self._stamps_ns)))
+        if self._stamps_ns and stamp_ns <= self._stamps_ns[-1]:
+            if stamp_ns >= self._stamps_ns[-1] - _BACK_NS:
+                return
+            self._forget(len(self._stamps_ns))
+        self._stamps_ns.append(stamp_ns)
+        self._readings.extend(reading)
 
-    def _show(self, count: int) -> None:
-        """Let the first rows be those in use."""
-        self._stamps_ns, self._gaps, self._sums = (rows[:count] for rows in self._rows)
-
-    def _make_room(self, count: int) -> None:
-        """Make room for more rows; the oldest may be dropped."""
-        used = len(self._stamps_ns)
-        if used + count <= len(self._rows[0]):
-            return
-        first = 0
-        if used and self._stamps_ns[-1] - self._stamps_ns[0] > 2e9 * _KEEP_S:
-            first = int(np.searchsorted(self._stamps_ns, self._stamps_ns[-1] - 1e9 * _KEEP_S))
-        larger = max(2 * (used - first), used - first + count, _LEAST_ROWS)
-        free = larger - used + first
-        self._rows = tuple(
-            np.concatenate([rows[first:used], np.empty((free, *rows.shape[1:]), rows.dtype)]) for rows in self._rows
-        )
-        self._show(used - first)
+    def _forget(self, count: int) -> None:
+        """Forget so many of the oldest samples."""
+        del self._stamps_ns[:count], self._readings[: 6 * count]

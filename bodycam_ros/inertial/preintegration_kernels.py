@@ -1,9 +1,7 @@
-"""Sums over the samples of an inertial sensor as kernels: live, some samples of each sensor come with every frame.
+"""Integrals over the samples of an inertial sensor as kernels.
 
 A row of sums (39) at a stamp is the orientation (9), integrals of R and R a, once (12) and twice (12), and the reading.
 """
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,44 +12,36 @@ from bodycam_ros.kernels import kernel
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-COLUMNS = 39
-"""Of a row of sums."""
-
+_COLUMNS = 39
 _ONCE, _TWICE, _READING = 9, 21, 33  # first columns
-_GAP_NS = 30_000_000  # between neighbouring samples; a longer gap is not integrated across
-_BACK_NS = 1_000_000_000  # by which stamps go back where time restarts, and not because messages were exchanged
 
 
-@kernel("(i8[::1], f8[:, ::1], i8[::1], i8[::1], f8[:, ::1], i8)")
-def add_samples(added_ns: Stamps, readings: Array, stamps_ns: Stamps, gaps: Stamps, sums: Array, count: int) -> int:
-    """Sums after more samples, each from the one before; how many rows are in use then.
-
-    Samples that are not finite, or whose stamp does not increase, are left out.
+@kernel("(i8[::1], f8[:, ::1], i8[::1])")
+def sums_at(stamps_ns: Stamps, readings: Array, at_ns: Stamps) -> Array:
+    """(T, 39) sums at T stamps, from the first sample on; readings are linear between samples, the last one holds.
 
     Args:
-        added_ns, readings: (M), (M, 6) stamps [ns], and angular velocity and acceleration.
-        stamps_ns, gaps, sums: (N), (N), (N, 39) stamps [ns], count of gaps before, and sums; with room for M more.
-        count: rows in use.
+        stamps_ns, readings: (N), (N, 6) increasing stamps [ns], and angular velocity and acceleration.
+        at_ns: (T) stamps [ns], not before the first sample, and not decreasing.
     """
-    for row in range(len(added_ns)):
-        stamp_ns = added_ns[row]
-        is_finite = True
+    found = np.empty((len(at_ns), _COLUMNS))
+    row, after = np.zeros(_COLUMNS), np.empty(_COLUMNS)
+    row[0] = row[4] = row[8] = 1.0
+    row[_READING:] = readings[0]
+    node = 0
+    for number in range(len(at_ns)):
+        while node + 1 < len(stamps_ns) and stamps_ns[node + 1] <= at_ns[number]:
+            after[_READING:] = readings[node + 1]
+            _advance(1e-9 * (stamps_ns[node + 1] - stamps_ns[node]), row, after)
+            row[:] = after
+            node += 1
+        following, ahead_ns = min(node + 1, len(stamps_ns) - 1), at_ns[number] - stamps_ns[node]
+        share = ahead_ns / max(stamps_ns[following] - stamps_ns[node], 1)
         for column in range(6):
-            is_finite = is_finite and math.isfinite(readings[row, column])
-        if count > 0 and stamp_ns < stamps_ns[count - 1] - _BACK_NS:
-            count = 0
-        if not is_finite or (count > 0 and stamp_ns <= stamps_ns[count - 1]):
-            continue
-        stamps_ns[count], sums[count, _READING:] = stamp_ns, readings[row]
-        if count == 0:
-            gaps[0], sums[0, :_READING] = 0, 0.0
-            sums[0, 0] = sums[0, 4] = sums[0, 8] = 1.0
-        else:
-            pause_ns = stamp_ns - stamps_ns[count - 1]
-            gaps[count] = gaps[count - 1] + (1 if pause_ns > _GAP_NS else 0)
-            _advance(1e-9 * pause_ns, sums[count - 1], sums[count])
-        count += 1
-    return count
+            change = readings[following, column] - readings[node, column]
+            found[number, _READING + column] = readings[node, column] + share * change
+        _advance(1e-9 * ahead_ns, row, found[number])
+    return found
 
 
 @kernel()
@@ -83,51 +73,3 @@ def _rate(row: Array, column: int) -> float:
         return float(row[column])
     i, force = 3 * (column - 9), _READING + 3
     return float(row[i] * row[force] + row[i + 1] * row[force + 1] + row[i + 2] * row[force + 2])
-
-
-@kernel("(i8[::1], f8[:, ::1], i8[::1], i8[::1])")
-def sums_at(stamps_ns: Stamps, sums: Array, nodes: Stamps, at_ns: Stamps) -> Array:
-    """(T, 39) sums at T stamps.
-
-    Args:
-        stamps_ns, sums: (N), (N, 39) at the samples.
-        nodes, at_ns: (T) the last samples at or before the stamps, and the stamps.
-    """
-    found = np.empty((len(at_ns), COLUMNS))
-    for row in range(len(at_ns)):
-        node = nodes[row]
-        following = min(node + 1, len(stamps_ns) - 1)
-        ahead_ns = at_ns[row] - stamps_ns[node]
-        share = ahead_ns / max(stamps_ns[following] - stamps_ns[node], 1)
-        for column in range(_READING, COLUMNS):
-            found[row, column] = sums[node, column] + share * (sums[following, column] - sums[node, column])
-        _advance(1e-9 * ahead_ns, sums[node], found[row])
-    return found
-
-
-@kernel("(i8[::1], f8[:, ::1], i8[::1], i8[::1])")
-def motion_between(stamps_ns: Stamps, sums: Array, nodes: Stamps, ends_ns: Stamps) -> Array:
-    """(54,) the fields of ``Preintegrated`` behind ``seconds``, in their order, between two stamps; as ``sums_at``."""
-    ends = sums_at(stamps_ns, sums, nodes, ends_ns)
-    start, end = ends[0], ends[1]
-    seconds = 1e-9 * (ends_ns[1] - ends_ns[0])
-    once, twice = np.empty(12), np.empty(12)
-    for column in range(12):
-        known = start[_ONCE + column]
-        once[column] = end[_ONCE + column] - known
-        twice[column] = end[_TWICE + column] - start[_TWICE + column] - seconds * known
-    moved = np.zeros(54)
-    for i in range(3):
-        for k in range(3):
-            by_start, by_end = start[3 * k + i], end[3 * k + i]
-            moved[9 + i] += by_start * once[9 + k]
-            moved[12 + i] += by_start * twice[9 + k]
-            for j in range(3):
-                moved[3 * i + j] += by_start * end[3 * k + j]
-                moved[27 + 3 * i + j] += by_end * once[3 * k + j]
-                moved[36 + 3 * i + j] += by_start * once[3 * k + j]
-                moved[45 + 3 * i + j] += by_start * twice[3 * k + j]
-        moved[15 + i], moved[18 + i] = start[_READING + i], end[_READING + i]
-    for column in range(6):
-        moved[21 + column] = end[_READING + column] - start[_READING + column]
-    return moved

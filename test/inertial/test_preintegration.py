@@ -6,8 +6,7 @@ import pytest
 
 from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.inertial.preintegration import MotionSums
-from bodycam_ros.inertial.preintegration_kernels import add_samples
+from bodycam_ros.inertial.preintegration import SensorMotion, integrate
 
 RATE_HZ, PERIOD_NS = 200, 5_000_000
 
@@ -20,15 +19,15 @@ def swinging(count: int, gyro_bias: Array | float = 0.0, accelerometer_bias: Arr
     return ImuSamples(10**9 + PERIOD_NS * np.arange(count), w + gyro_bias, a + accelerometer_bias)
 
 
-def sums(samples: ImuSamples) -> MotionSums:
-    made = MotionSums()
+def motion_of(samples: ImuSamples) -> SensorMotion:
+    made = SensorMotion()
     made.add(samples)
     return made
 
 
 def test_motion_is_gtsams() -> None:
     samples, (start, end) = swinging(400), (37, 301)
-    moved = sums(samples).between(int(samples.stamps_ns[start]), int(samples.stamps_ns[end]))
+    moved = motion_of(samples).between(int(samples.stamps_ns[start]), int(samples.stamps_ns[end]))
     by_gtsam = gtsam.PreintegratedImuMeasurements(
         gtsam.PreintegrationParams.MakeSharedU(0.0), gtsam.imuBias.ConstantBias()
     )
@@ -48,7 +47,7 @@ def test_motion_is_gtsams() -> None:
 
 def test_stamps_between_samples_and_samples_in_parts() -> None:
     samples = swinging(400)
-    whole, parts = sums(samples), MotionSums()
+    whole, parts = motion_of(samples), SensorMotion()
     for start in range(0, 400, 7):
         parts.add(samples.between(int(samples.stamps_ns[start]), int(samples.stamps_ns[min(start + 6, 399)])))
     start_ns, middle_ns, end_ns = (10**9 + round(1e9 * s) for s in (0.1234, 0.777, 1.5671))
@@ -65,9 +64,9 @@ def test_stamps_between_samples_and_samples_in_parts() -> None:
 @pytest.mark.parametrize("axis", range(3))
 def test_biases_are_taken_out_to_first_order(axis: int) -> None:
     bias, end_ns = 1e-4 * np.eye(3)[axis], 10**9 + 600_000_000
-    right = sums(swinging(200)).between(10**9, end_ns)
-    turned = sums(swinging(200, gyro_bias=bias)).between(10**9, end_ns)
-    pushed = sums(swinging(200, accelerometer_bias=bias)).between(10**9, end_ns)
+    right = motion_of(swinging(200)).between(10**9, end_ns)
+    turned = motion_of(swinging(200, gyro_bias=bias)).between(10**9, end_ns)
+    pushed = motion_of(swinging(200, accelerometer_bias=bias)).between(10**9, end_ns)
     assert right and turned and pushed
     np.testing.assert_allclose(turned.rotation @ exp_so3(-turned.rotation_by_bias @ bias), right.rotation, atol=1e-7)
     np.testing.assert_allclose(pushed.velocity - pushed.velocity_by_bias @ bias, right.velocity, atol=1e-9)
@@ -77,27 +76,26 @@ def test_biases_are_taken_out_to_first_order(axis: int) -> None:
 def test_nothing_is_integrated_across_a_gap_or_beyond_the_samples() -> None:
     samples = swinging(200)
     kept = np.r_[0:80, 120:200]
-    gapped = sums(ImuSamples(samples.stamps_ns[kept], samples.angular_velocity[kept], samples.acceleration[kept]))
+    gapped = motion_of(ImuSamples(samples.stamps_ns[kept], samples.angular_velocity[kept], samples.acceleration[kept]))
     at = samples.stamps_ns
     assert gapped.between(int(at[10]), int(at[70])) is not None
     assert gapped.between(int(at[10]), int(at[130])) is None
     assert gapped.between(int(at[150]), int(at[199]) + 100_000_000) is None
-    assert MotionSums().between(0, 1) is None
+    assert SensorMotion().between(0, 1) is None
 
 
-def test_sums_that_grow_by_a_few_samples_keep_the_latest_minutes_and_restart_where_time_goes_back() -> None:
-    """Live: 7 minutes, in frames of six samples."""
+def test_samples_that_come_one_by_one_keep_the_latest_minutes_and_restart_where_time_goes_back() -> None:
+    """Live: 7 minutes."""
     count = 84_000
-    samples, grown = swinging(count), MotionSums()
+    samples, grown = swinging(count), SensorMotion()
     assert grown.latest_ns == -1
-    for start in range(0, count, 6):
-        rows = slice(start, start + 6)
-        grown.add(ImuSamples(samples.stamps_ns[rows], samples.angular_velocity[rows], samples.acceleration[rows]))
-        grown.covers(samples.stamps_ns[rows])
+    readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
+    for stamp_ns, reading in zip(samples.stamps_ns.tolist(), map(tuple, readings.tolist()), strict=True):
+        grown.add_sample(stamp_ns, reading)
     start_ns, end_ns = int(samples.stamps_ns[-900]) + 1_234_567, int(samples.stamps_ns[-10])
     assert len(grown) < count and grown.latest_ns == samples.stamps_ns[-1]
     assert grown.between(int(samples.stamps_ns[0]), end_ns) is None
-    one, other = grown.between(start_ns, end_ns), sums(samples).between(start_ns, end_ns)
+    one, other = grown.between(start_ns, end_ns), motion_of(samples).between(start_ns, end_ns)
     assert one and other
     np.testing.assert_allclose(one.rotation, other.rotation, atol=1e-9)
     np.testing.assert_allclose(one.position, other.position, atol=1e-6)
@@ -106,20 +104,30 @@ def test_sums_that_grow_by_a_few_samples_keep_the_latest_minutes_and_restart_whe
     again = swinging(400)
     grown.add(samples.between(end_ns, 2**62))
     grown.add(again)
-    moved, fresh = grown.between(10**9, 2 * 10**9), sums(again).between(10**9, 2 * 10**9)
+    moved, fresh = grown.between(10**9, 2 * 10**9), motion_of(again).between(10**9, 2 * 10**9)
     assert moved and fresh and grown.latest_ns == again.stamps_ns[-1]
     np.testing.assert_allclose(moved.position, fresh.position, atol=1e-12)
 
 
-def test_the_kernel_advances_the_sums_as_numpy_does() -> None:
+def test_samples_that_are_not_finite_or_late_are_left_out() -> None:
+    samples, wrong = swinging(100), SensorMotion()
+    readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
+    for stamp_ns, reading in zip(samples.stamps_ns.tolist(), map(tuple, readings.tolist()), strict=True):
+        wrong.add_sample(stamp_ns, reading)
+        wrong.add_sample(stamp_ns + 1_000_000, (*reading[:5], np.nan))
+        wrong.add_sample(stamp_ns - 500_000_000, (9.0,) * 6)
+    ends = int(samples.stamps_ns[3]), int(samples.stamps_ns[90])
+    one, other = wrong.between(*ends), motion_of(samples).between(*ends)
+    assert one and other and len(wrong) == 100
+    np.testing.assert_array_equal(one.position, other.position)
+
+
+def test_the_kernel_integrates_as_numpy_does() -> None:
     samples, random = swinging(50), np.random.default_rng(3)
     stamps_ns = np.append(0, np.cumsum(random.integers(1_000_000, 20_000_000, 49)))
-    readings = np.concatenate([samples.angular_velocity, samples.acceleration], axis=1)
-    orientation, first, second = exp_so3(random.normal(size=3)), random.normal(size=12), random.normal(size=12)
-    known_ns, gaps, rows = np.zeros(50, np.int64), np.zeros(50, np.int64), np.empty((50, 39))
-    rows[0] = np.concatenate([orientation.ravel(), first, second, readings[0]])
-    assert add_samples(stamps_ns[1:], readings[1:], known_ns, gaps, rows, 1) == 50
-    assert (known_ns == stamps_ns).all() and not gaps.any()
+    samples = ImuSamples(stamps_ns, samples.angular_velocity, samples.acceleration)
+    R, once, twice, readings = integrate(samples, stamps_ns)
+    orientation, first, second = np.eye(3), np.zeros(12), np.zeros(12)
     for row, h in enumerate(1e-9 * np.diff(stamps_ns)):
         turned = orientation @ exp_so3(0.5 * h * (readings[row, :3] + readings[row + 1, :3]))
         before, after = (
@@ -128,6 +136,7 @@ def test_the_kernel_advances_the_sums_as_numpy_does() -> None:
         )
         second = second + h * first + h**2 * (2.0 * before + after) / 6.0
         first, orientation = first + 0.5 * h * (before + after), turned
-        np.testing.assert_allclose(rows[row + 1, :9], orientation.ravel(), atol=1e-13)
-        np.testing.assert_allclose(rows[row + 1, 9:21], first, atol=1e-12)
-        np.testing.assert_allclose(rows[row + 1, 21:33], second, atol=1e-12)
+        np.testing.assert_allclose(R[row + 1], orientation, atol=1e-13)
+        np.testing.assert_allclose(once[row + 1], first, atol=1e-12)
+        np.testing.assert_allclose(twice[row + 1], second, atol=1e-12)
+    np.testing.assert_array_equal(readings[:, 3:], samples.acceleration)
