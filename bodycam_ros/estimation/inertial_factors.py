@@ -12,7 +12,7 @@ from bodycam_ros.estimation.between_factors import InertialStep, SegmentTurn
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.inertial.bias_filter import AccelerometerFilter, BiasFilter, turned
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.inertial.preintegration import Preintegrated, SensorMotion
+from bodycam_ros.inertial.preintegration import Preintegrated
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.clock_state import ClockState
 
@@ -43,10 +43,9 @@ class InertialSensors:
         self._calibrations = {name: mount.imu for name, mount in mounts.items() if mount.imu is not None}
         self._rows = {name: body.segment_index[mount.segment] for name, mount in mounts.items()}
         self._segment_R_camera = {name: mount.segment_T_camera[:3, :3] for name, mount in mounts.items()}
-        self._motions = {name: SensorMotion(calibration) for name, calibration in self._calibrations.items()}
         self._clocks: Mapping[str, ClockState] = {}
         self._images, self._late = dict.fromkeys(mounts, 0), dict.fromkeys(mounts, 0)
-        self.biases = {name: BiasFilter(imu.gyro_bias_sigma) for name, imu in self._calibrations.items()}
+        self.biases = {name: BiasFilter(imu) for name, imu in self._calibrations.items()}
         # Sensors on the root carry the place of the body; without any, those of the next segment that has one.
         rows = sorted(set(self._rows.values()), key=lambda row: int(body.moves[row].sum()))
         self._accelerometers = {
@@ -61,8 +60,8 @@ class InertialSensors:
 
     def add(self, camera: str, samples: ImuSamples) -> None:
         """Add samples of a camera's sensor, later than those before; others are ignored."""
-        if camera in self._motions:
-            self._motions[camera].add(samples)
+        if camera in self.biases:
+            self.biases[camera].motion.add(samples)
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> int | None:
         """Add one sample as it comes, see ``SensorMotion``; others are ignored.
@@ -70,12 +69,12 @@ class InertialSensors:
         Returns:
             Its stamp in the body's time [ns]; None unless the sensor can carry the body by itself.
         """
-        if (motion := self._motions.get(camera)) is None:
+        if (filtered := self.biases.get(camera)) is None:
             return None
-        motion.add_sample(stamp_ns, reading)
-        if not self._carries(camera) or not self.biases[camera].is_confirmed:
+        filtered.motion.add_sample(stamp_ns, reading)
+        if not self._carries(camera) or not filtered.is_confirmed:
             return None
-        own_ns, clock = motion.latest_ns, self._clocks.get(camera)
+        own_ns, clock = filtered.motion.latest_ns, self._clocks.get(camera)
         return own_ns if clock is None else own_ns - clock.offset_ns(own_ns)
 
     def set_clocks(self, clocks: Mapping[str, ClockState]) -> None:
@@ -90,22 +89,22 @@ class InertialSensors:
     def observe(self, frame: BodyFrame) -> None:
         """Follow biases by the registered cameras of a frame."""
         for name, matches in frame.matches.items():
-            if name in self._motions and matches.world_T_camera is not None:
+            if name in self.biases and matches.world_T_camera is not None:
                 self._images[name] += 1
-                pose, motion = matches.world_T_camera, self._motions[name]
+                pose, filtered = matches.world_T_camera, self.biases[name]
                 stamp_ns = self._own_ns(name, matches.stamp_ns)
-                self._late[name] += motion.latest_ns < stamp_ns - _LATE_NS
-                self.biases[name].observe(stamp_ns, pose[:3, :3], motion)
+                self._late[name] += filtered.motion.latest_ns < stamp_ns - _LATE_NS
+                filtered.observe(stamp_ns, pose[:3, :3])
                 if name in self._accelerometers:
                     place = pose[:3, :3] @ self._calibrations[name].camera_p_imu + pose[:3, 3]
-                    stamp_ns += round(1e9 * self.biases[name].delay)
-                    self._accelerometers[name].observe(stamp_ns, pose[:3, :3], place, motion)
+                    stamp_ns += round(1e9 * filtered.delay)
+                    self._accelerometers[name].observe(stamp_ns, pose[:3, :3], place, filtered.motion)
 
     def factors(self, start_ns: int, end_ns: int, needed: NDArray[np.bool_]) -> list[SegmentTurn | InertialStep]:
         """Motion between two stamps [ns]: rotations of segments (S,) that need one, and all of the root's."""
         factors: list[SegmentTurn | InertialStep] = []
         has_step = False
-        for name in self._motions:
+        for name in self.biases:
             is_needed = bool(needed[self._rows[name]])
             # Where cameras observe the root, one of its sensors is enough to know its velocity.
             takes_step = (is_needed or not has_step) and self._carries(name)
@@ -130,7 +129,7 @@ class InertialSensors:
     def _moved(self, name: str, start_ns: int, end_ns: int) -> Preintegrated | None:
         """Motion of a sensor between two stamps [ns]."""
         ends = self._own_ns(name, start_ns), self._own_ns(name, end_ns)
-        return self.biases[name].moved(*ends, self._motions[name])
+        return self.biases[name].moved(*ends)
 
     def _carries(self, camera: str) -> bool:
         """Whether a camera's sensor can carry the body by itself."""
@@ -158,7 +157,7 @@ class InertialSensors:
                     f"has stamps {1e3 * filtered.delay:+.0f} ms from those of the range of motion, which is corrected; "
                     "did its driver change?"
                 )
-            elif not checked and images >= _LEAST_IMAGES and len(self._motions[name]):
+            elif not checked and images >= _LEAST_IMAGES and len(filtered.motion):
                 faults[name] = (
                     "has no samples at the time of the images and is left out; do their clocks agree, and do samples "
                     "arrive in time?"

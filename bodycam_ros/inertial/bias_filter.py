@@ -5,6 +5,7 @@ from collections import deque
 import numpy as np
 
 from bodycam_ros.geometry import Array, exp_so3, log_so3
+from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.inertial.preintegration import Preintegrated, SensorMotion
 
@@ -49,18 +50,21 @@ class BiasFilter(SensorFilter):
     """Bias and delay of one gyroscope, beside those of its calibration, in the axes of its motion.
 
     Args:
-        sigma: of the bias at first [rad/s].
+        calibration: of the sensor, if its samples are by its own clock and along its own axes.
 
     Attributes:
+        motion: of the sensor, by its samples.
         bias: (3,) [rad/s].
         delay: of its samples to the images [s]; 0 unless it is significant.
     """
 
-    def __init__(self, sigma: float) -> None:
+    def __init__(self, calibration: ImuCalibration) -> None:
         super().__init__()
+        self.motion = SensorMotion(calibration)
         self.bias, self.delay, self._delay = np.zeros(3), 0.0, 0.0
         # Of rotation, bias and delay.
-        self._P = np.diag(np.repeat([_IMAGE_RAD**2, sigma**2 + TURN_ON**2, _DELAY_TURN_ON**2], [3, 3, 1]))
+        bias_variance = calibration.gyro_bias_sigma**2 + TURN_ON**2
+        self._P = np.diag(np.repeat([_IMAGE_RAD**2, bias_variance, _DELAY_TURN_ON**2], [3, 3, 1]))
         self._R: Array | None = None
         self._stamp_ns = 0
 
@@ -69,24 +73,27 @@ class BiasFilter(SensorFilter):
         """Of the bias [rad/s]."""
         return float(np.sqrt(np.trace(self._P[3:6, 3:6]) / 3.0))
 
-    def moved(self, start_ns: int, end_ns: int, motion: SensorMotion) -> Preintegrated | None:
+    def moved(self, start_ns: int, end_ns: int) -> Preintegrated | None:
         """Motion between two stamps of the camera [ns]; None unless samples cover all of it."""
-        return _delayed(start_ns, end_ns, self.delay, motion)
+        return self._moved(start_ns, end_ns, self.delay)
 
-    def observe(self, stamp_ns: int, R: Array, motion: SensorMotion) -> None:
+    def observe(self, stamp_ns: int, R: Array) -> None:
         """Update by a registered rotation (3, 3) in the world, later than the one before."""
         seconds = 1e-9 * (stamp_ns - self._stamp_ns)
         if self._R is not None and 0.0 <= seconds < _LEAST_S:
             return
         # Where time goes back, as of a bag that is played again, the bias is kept.
         is_near = self._R is not None and 0.0 < seconds < _LONGEST_S
-        moved = _delayed(self._stamp_ns, stamp_ns, self._delay, motion) if is_near else None
+        moved = self._moved(self._stamp_ns, stamp_ns, self._delay) if is_near else None
         if moved is None:
             self._P[3:6, 3:6] += min(abs(seconds), 60.0) * WANDER**2 * _IDENTITY if self._R is not None else 0.0
             self._restart(R)
         else:
             self._update(moved, R)
         self._stamp_ns = stamp_ns
+
+    def _moved(self, start_ns: int, end_ns: int, delay: float) -> Preintegrated | None:
+        return self.motion.between(start_ns + round(1e9 * delay), end_ns + round(1e9 * delay))
 
     def _restart(self, R: Array) -> None:
         """Begin at a rotation; bias and delay are kept."""
@@ -112,10 +119,6 @@ class BiasFilter(SensorFilter):
         self._R, self._P = predicted @ exp_so3(step[:3]), P - gain @ P[:3]
         self.bias, self._delay = self.bias + step[3:6], self._delay + float(step[6])
         self.delay = self._delay if abs(self._delay) > _SIGNIFICANT * np.sqrt(self._P[6, 6]) else 0.0
-
-
-def _delayed(start_ns: int, end_ns: int, delay: float, motion: SensorMotion) -> Preintegrated | None:
-    return motion.between(start_ns + round(1e9 * delay), end_ns + round(1e9 * delay))
 
 
 def turned(moved: Preintegrated, bias: Array) -> Array:

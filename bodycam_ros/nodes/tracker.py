@@ -134,7 +134,7 @@ class TrackerStage(Stage[TrackerParameters]):
 
     def _add_sample(self, stamp_ns: int, reading: tuple[float, ...]) -> None:
         if self._turn is not None:
-            self._turn.add_sample(stamp_ns, reading)
+            self._turn.motion.add_sample(stamp_ns, reading)
 
     def _request_keyframe(self, message: Message) -> None:
         if self._tracker is not None:

@@ -93,7 +93,7 @@ class LandmarkTracker:
     def add_registration(self, matches: LandmarkMatches) -> None:
         """The registration of the latest frame or, live, of one before it."""
         if self._turn is not None and matches.world_T_camera is not None:
-            self._turn.observe(matches.stamp_ns, matches.world_T_camera)
+            self._turn.observe(matches.stamp_ns, matches.world_T_camera[:3, :3])
         is_registered = matches.world_T_camera is not None
         if not is_registered:
             self._features.mark_lost()

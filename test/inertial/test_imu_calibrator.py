@@ -12,7 +12,6 @@ from bodycam_ros.inertial.bias_filter import BiasFilter
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors, calibrate_imu
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.inertial.preintegration import SensorMotion
 
 TRUE = ImuCalibration(
     camera_R_imu=exp_so3(np.array([0.02, -0.6, 1.5])),
@@ -103,12 +102,12 @@ def test_bias_and_delay_that_changed_since_are_followed(
 ) -> None:
     stamps_ns, poses, samples = recorded
     moved = np.array([0.004, -0.003, 0.002])
-    motion, followed = SensorMotion(), BiasFilter(3e-4)
+    followed = BiasFilter(ImuCalibration(gyro_bias_sigma=3e-4))
     bias, offset = TRUE.gyro_bias - moved * TRUE.gyro_scale, TRUE.time_offset - delay_s
     changed = replace(TRUE, gyro_bias=bias, time_offset=offset)
-    motion.add(changed.correct(samples))
+    followed.motion.add(changed.correct(samples))
     for stamp_ns, pose in zip(stamps_ns, poses, strict=True):
-        followed.observe(int(stamp_ns), pose[:3, :3], motion)
+        followed.observe(int(stamp_ns), pose[:3, :3])
     assert np.linalg.norm(followed.bias - TRUE.camera_R_imu @ moved) < 4.0 * followed.sigma < np.radians(0.15)
     assert followed.contradicting == 0 < followed.agreeing
     assert followed.delay == (0.0 if delay_s == 0.0 else pytest.approx(delay_s, abs=1e-3))
@@ -122,10 +121,10 @@ def test_a_sensor_that_changed_since_the_calibration_is_wrong(
     w, late_ns = samples.angular_velocity, 100_000_000 if wrong == "late" else 0
     changed = {"degrees": np.degrees(w), "exchanged": w[:, [1, 0, 2]], "frozen": np.tile(w[:1], (len(w), 1)), "late": w}
     for readings, shift_ns, is_wrong in ((changed[wrong], late_ns, True), (w, 0, False)):
-        motion, followed = SensorMotion(), BiasFilter(3e-4)
-        motion.add(TRUE.correct(ImuSamples(samples.stamps_ns + shift_ns, readings, samples.acceleration)))
+        followed = BiasFilter(ImuCalibration(gyro_bias_sigma=3e-4))
+        followed.motion.add(TRUE.correct(ImuSamples(samples.stamps_ns + shift_ns, readings, samples.acceleration)))
         for stamp_ns, pose in zip(stamps_ns, poses, strict=True):
-            followed.observe(int(stamp_ns), pose[:3, :3], motion)
+            followed.observe(int(stamp_ns), pose[:3, :3])
         assert followed.is_wrong == is_wrong
 
 
