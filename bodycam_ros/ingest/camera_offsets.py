@@ -3,9 +3,10 @@
 Sources after the sound are used in turn, for the cameras that those before do not place.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from itertools import takewhile
 from threading import Event
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes, TimeSource, relative_to
+from bodycam_ros.ingest.clock_fit import CameraTime, relative_to
 from bodycam_ros.ingest.frame_stream import for_each_camera
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.ingest.motion_sync import motion_times
@@ -33,6 +34,13 @@ _MOST_NAMED = 4
 _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
+
+
+FoundTimes = tuple[Mapping[str, CameraTime], Sequence[str]]
+"""Camera -> its clock, in the time of those known before or in one of its own; and remarks for the user."""
+
+TimeSource = Callable[[Mapping[str, CameraTime]], FoundTimes]
+"""Finds clocks; those already known are given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +64,14 @@ def find_offsets(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Pro
     """Find the clocks of all cameras from their files; see ``camera_times``."""
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
-    sources = [_motion(cameras, rig, progress), creation_clock(videos)]
+    sources = {"motion": partial(_motion, cameras, rig, progress), "given": partial(creation_times, videos)}
     return camera_times(sounds, None if rig is None else rig.cameras, sources, progress)
 
 
 def camera_times(
     sounds: Mapping[str, SoundSource],
     segments: Mapping[str, str] | None,
-    sources: Sequence[TimeSource],
+    sources: Mapping[str, TimeSource],
     progress: Progress,
 ) -> Offsets:
     """Find the clocks of all cameras.
@@ -71,7 +79,7 @@ def camera_times(
     Args:
         sounds: camera -> its sound, opened once; no block at all is a camera without sound.
         segments: camera -> segment that it is strapped to, if that is known.
-        sources: used after the sound, in this order.
+        sources: name -> source; used after the sound, in this order.
         progress: of scanning and comparing.
 
     Raises:
@@ -79,22 +87,20 @@ def camera_times(
     """
     if len(sounds) == 1:
         only = next(iter(sounds))
-        return Offsets(only, {only: CameraTime(only)})
+        return Offsets(only, {only: CameraTime()})
     scanned, remarks = _scan(sounds, progress)
     without = {name: fault for name, sound in scanned.items() if (fault := _silence(sound))}
     remarks += [f"{name}: {fault}" for name, fault in without.items()]
     # A camera in the middle of the body: claps reach it with the mean delay.
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
-    times = dict(sound_times(scanned, middle, progress).times)
-    tried = []
-    for source in sources:
-        more = source(times)
-        tried.append(more.source)
-        remarks += [*more.remarks, *_added(more, times, scanned)]
+    times = sound_times(scanned, middle, progress)
+    for by, source in sources.items():
+        found, noticed = source(times)
+        remarks += [*noticed, *_added(by, found, times, scanned)]
     placed = {name: times[name] for name in sounds if name in times}
     if len(placed) < 2:
-        raise RecordingError(_unknown_clocks({name: _reason(name, without, (), tried) for name in sounds}))
-    unplaced = {name: _reason(name, without, list(placed), tried) for name in sounds if name not in times}
+        raise RecordingError(_unknown_clocks({name: _reason(name, without, (), sources) for name in sounds}))
+    unplaced = {name: _reason(name, without, list(placed), sources) for name in sounds if name not in times}
     remarks += [
         f"{name}: another start fits nearly as well (confidence {time.confidence:.2f})"
         for name, time in placed.items()
@@ -125,34 +131,36 @@ def _silence(sound: CameraSound) -> str:
     return "its sound is silence" if sound.loudest <= 0.0 else ""
 
 
-def _added(found: FoundTimes, times: dict[str, CameraTime], scanned: Mapping[str, CameraSound]) -> list[str]:
+def _added(
+    by: str, found: Mapping[str, CameraTime], times: dict[str, CameraTime], scanned: Mapping[str, CameraSound]
+) -> list[str]:
     """Add the cameras that another source places; remarks on them, and on those that it contradicts."""
-    common = [name for name in found.times if name in times]
+    common = [name for name in found if name in times]
     common = [name for name in common if times[name].start_sigma_s == 0.0] or common
     if times and not common:
         return []
-    shift_s = float(np.median([times[n].start_s - found.times[n].start_s for n in common])) if common else 0.0
+    shift_s = float(np.median([times[n].start_s - found[n].start_s for n in common])) if common else 0.0
     remarks = []
-    for name, time in found.times.items():
+    for name, time in found.items():
         time = replace(time, start_s=time.start_s + shift_s)
         if name not in scanned:
             continue
         if name not in times:
             times[name] = time
             within = f" to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
-            remarks.append(f"{name}: its clock cannot be found by sound; found by {found.source}{within}")
+            remarks.append(f"{name}: its clock cannot be found by sound; found by {by}{within}")
             continue
         gap_s = time.start_s - times[name].start_s
         sigma_s = float(np.hypot(time.start_sigma_s, times[name].start_sigma_s))
         if abs(gap_s) > _SIGMAS * sigma_s:
             remarks.append(
-                f"{name}: its clock by {found.source} differs from that by {times[name].source} by "
+                f"{name}: its clock by {by} differs from that by {times[name].source} by "
                 f"{1e3 * gap_s:+.1f} ms, {abs(gap_s) / sigma_s:.0f} sigmas, and is not used"
             )
     return remarks
 
 
-def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Sequence[str]) -> str:
+def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Collection[str]) -> str:
     whose = f"that of {placed[0]}" if placed else "another camera's"
     reason = without.get(name) or f"its sound has too little in common with {whose}, or fits at several times alike"
     return reason + (f"; {' and '.join(tried)} do not place it either" if tried else "")
@@ -167,22 +175,18 @@ def _unknown_clocks(reasons: Mapping[str, str]) -> str:
     )
 
 
-def creation_clock(videos: Sequence[CameraVideo | ImageFolder]) -> TimeSource:
+def creation_times(videos: Sequence[CameraVideo | ImageFolder], known: Mapping[str, CameraTime]) -> FoundTimes:
     """By the time of creation that the camera's own clock gave its file, if that was ever set."""
     created = {video.camera: plausible_time(video.facts.created) for video in videos}
     starts_s = {name: time.timestamp() for name, time in created.items() if time is not None}
-
-    def found(known: Mapping[str, CameraTime]) -> FoundTimes:
-        first = next(iter(starts_s), "")
-        times = {
-            name: CameraTime(name, start_s - starts_s[first], 0.0, _CREATION_SIGMA_S, _FILE_DRIFT_SIGMA, confidence=0.0)
-            for name, start_s in starts_s.items()
-        }
-        if first and not known:
-            times[first] = CameraTime(first, confidence=0.0)
-        return FoundTimes("given", times)
-
-    return found
+    first = next(iter(starts_s), "")
+    times = {
+        name: CameraTime(start_s - starts_s[first], 0.0, _CREATION_SIGMA_S, _FILE_DRIFT_SIGMA, confidence=0.0)
+        for name, start_s in starts_s.items()
+    }
+    if first and not known:
+        times[first] = CameraTime(confidence=0.0)
+    return times, ()
 
 
 def plausible_time(created: datetime | None) -> datetime | None:
@@ -192,7 +196,9 @@ def plausible_time(created: datetime | None) -> datetime | None:
     return created
 
 
-def _motion(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress) -> TimeSource:
+def _motion(
+    cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress, known: Mapping[str, CameraTime]
+) -> FoundTimes:
     """By how the cameras turned; only where one is not placed yet, as all images have to be decoded."""
     by_name = {camera.name: camera for camera in cameras}
 
@@ -202,10 +208,7 @@ def _motion(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress
         except RecordingError:
             return None  # a video that cannot be decoded is named when it is written
 
-    def found(known: Mapping[str, CameraTime]) -> FoundTimes:
-        if all(name in known for name in by_name):
-            return FoundTimes("motion", {})
-        speeds = for_each_camera(by_name, speed, "measuring rotation", progress)
-        return motion_times({name: each for name, each in speeds.items() if each is not None}, rig)
-
-    return found
+    if all(name in known for name in by_name):
+        return {}, ()
+    speeds = for_each_camera(by_name, speed, "measuring rotation", progress)
+    return motion_times({name: each for name, each in speeds.items() if each is not None}, rig)

@@ -4,7 +4,7 @@ Cameras c and d that record the same at media times a and b have
 ``start_c + (1 + drift_c) a = start_d + (1 + drift_d) b``.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,6 @@ class CameraTime:
     The reference camera has ``start_s = 0``, ``drift = 0`` and no uncertainty.
 
     Attributes:
-        camera: its name.
         start_s: the time of the recording at the media time 0 [s].
         drift: seconds by which the recording's time gains on the media time, per second.
         start_sigma_s: standard deviation of ``start_s`` [s].
@@ -31,7 +30,6 @@ class CameraTime:
         confidence: 0 to 1, how far ahead its start is of the second best; 1 of a given one.
     """
 
-    camera: str
     start_s: float = 0.0
     drift: float = 0.0
     start_sigma_s: float = 0.0
@@ -81,10 +79,10 @@ def fit_clocks(
         clocks = covariance @ (design.T * weights) @ wanted
         weights = 1.0 / (1.0 + ((design @ clocks - wanted) / _CAUCHY) ** 2)
     sigma = np.sqrt(np.diag(covariance))
-    fitted = {reference: CameraTime(reference)}
+    fitted = {reference: CameraTime()}
     for name, k in column.items():
         start_s, drift = float(clocks[k]), float(clocks[count + k])
-        fitted[name] = CameraTime(name, start_s, drift, float(np.hypot(sigma[k], floor_s)), float(sigma[count + k]))
+        fitted[name] = CameraTime(start_s, drift, float(np.hypot(sigma[k], floor_s)), float(sigma[count + k]))
     return fitted
 
 
@@ -101,23 +99,4 @@ def relative_to(reference: str, times: Mapping[str, CameraTime]) -> dict[str, Ca
         )
         for name, time in times.items()
     }
-    return moved | {reference: CameraTime(reference, source=zero.source, confidence=zero.confidence)}
-
-
-@dataclass(frozen=True, eq=False)
-class FoundTimes:
-    """Clocks by one source, such as motion.
-
-    Attributes:
-        source: sound, motion or given.
-        times: camera -> its clock, in the time of those known before, or in one of its own.
-        remarks: for the user, a sentence each.
-    """
-
-    source: str
-    times: Mapping[str, CameraTime]
-    remarks: Sequence[str] = ()
-
-
-TimeSource = Callable[[Mapping[str, CameraTime]], FoundTimes]
-"""Clocks by one source; the clocks already known are given."""
+    return moved | {reference: CameraTime(source=zero.source, confidence=zero.confidence)}

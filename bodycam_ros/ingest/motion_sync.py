@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes
+from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.offset_search import Pair, Signal, agreed_offsets, offset_curves
 from bodycam_ros.tracking.angular_speed import AngularSpeed
 
@@ -28,8 +28,8 @@ _DRIFT_SIGMA = 7e-5  # of two cameras: each crystal is within 50 millionths
 _LINKED_SIGMA_S = 0.03  # of an offset: a limb leads or trails its neighbour by hundredths of a second
 
 
-def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> FoundTimes:
-    """Align the clocks of cameras by how they turned.
+def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> tuple[dict[str, CameraTime], list[str]]:
+    """Align the clocks of cameras by how they turned: camera -> its clock, and remarks for the user.
 
     Args:
         speeds: camera -> how it turned.
@@ -43,7 +43,7 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
         if camera not in lively
     ]
     if not lively:
-        return FoundTimes("motion", {}, remarks)
+        return {}, remarks
     on_root = [camera for camera in lively if rig is not None and rig.cameras.get(camera) == rig.root]
     reference = next(iter(on_root or lively))
     signals = {camera: _even_motion(speed) for camera, speed in lively.items()}
@@ -66,12 +66,10 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
                 "clap near it, or turn the whole body to and fro once"
             )
     times = {
-        camera: CameraTime(
-            camera, each.samples / _RATE_HZ, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence
-        )
+        camera: CameraTime(each.samples / _RATE_HZ, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence)
         for camera, each in sure.items()
     }
-    return FoundTimes("motion", times | {reference: CameraTime(reference, source="motion")}, remarks)
+    return times | {reference: CameraTime(source="motion")}, remarks
 
 
 def _is_lively(speed: AngularSpeed) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
-from bodycam_ros.ingest.clock_fit import FoundTimes, Reading, fit_clocks
+from bodycam_ros.ingest.clock_fit import CameraTime, Reading, fit_clocks
 from bodycam_ros.ingest.offset_search import MIN_OVERLAP_S, OffsetCurve, Signal, agreed_offsets, offset_curves
 from bodycam_ros.ingest.sound_envelope import ENVELOPE_S, CameraSound
 from bodycam_ros.progress import Progress
@@ -41,7 +41,7 @@ def sound_times(
     sounds: Mapping[str, CameraSound],
     reference: str,
     progress: Progress,
-) -> FoundTimes:
+) -> dict[str, CameraTime]:
     """Clocks of cameras by sound, in the time of one of them; those that it cannot place are not in it.
 
     Args:
@@ -59,7 +59,7 @@ def sound_times(
         if curve.values.max() >= _MIN_EVIDENCE
     }
     if not curves:
-        return FoundTimes("sound", {})
+        return {}
     evidence = {name: sum(c.values.max() for pair, c in curves.items() if name in pair) for name in signals}
     root = max(evidence, key=lambda name: evidence[name])
     agreed = agreed_offsets(root, curves, _RATE_HZ)
@@ -70,13 +70,10 @@ def sound_times(
         offset_s = (placed[pair[1]].samples - placed[pair[0]].samples) / _RATE_HZ
         readings += [(pair, media_s) for media_s in _window_times(one, other, offset_s)]
     if not readings:
-        return FoundTimes("sound", {})
+        return {}
     floor_s = np.hypot(np.sqrt(2.0) * _DISTANCE_SIGMA_M / _SOUND_SPEED, 0.5 * _WINDOW_SIGMA_S)
     times = fit_clocks(readings, reference if reference in placed else root, _WINDOW_SIGMA_S, float(floor_s))
-    return FoundTimes(
-        "sound",
-        {name: replace(time, source="sound", confidence=placed[name].confidence) for name, time in times.items()},
-    )
+    return {name: replace(time, source="sound", confidence=placed[name].confidence) for name, time in times.items()}
 
 
 def _signal(sound: CameraSound) -> Signal:

@@ -43,7 +43,7 @@ def synchronous_offsets(cameras: Sequence[str]) -> Offsets:
             f"{', '.join(parts)}: files do not follow each other without a gap, so it is unknown when the later ones "
             "started; give the starts with --offsets"
         )
-    return Offsets(cameras[0], {name: CameraTime(name) for name in cameras})
+    return Offsets(cameras[0], {name: CameraTime() for name in cameras})
 
 
 def read_offsets(path: Path, cameras: Sequence[str]) -> Offsets:
@@ -77,7 +77,7 @@ def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
             raise RecordingError(f"{path}: {field} of camera {name} must be a number, not {shown(value)}")
         numbers.append(float(value))
     start_s, drift_ppm, start_sigma_s, drift_sigma_ppm = numbers
-    return CameraTime(name, start_s, drift_ppm / _PPM, start_sigma_s, drift_sigma_ppm / _PPM)
+    return CameraTime(start_s, drift_ppm / _PPM, start_sigma_s, drift_sigma_ppm / _PPM)
 
 
 def write_timing_report(offsets: Offsets, folder: Path) -> None:

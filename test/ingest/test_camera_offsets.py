@@ -1,7 +1,8 @@
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import islice
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from unshown_progress import Unshown
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest import camera_offsets
-from bodycam_ros.ingest.camera_offsets import Offsets
-from bodycam_ros.ingest.clock_fit import CameraTime, FoundTimes, TimeSource
+from bodycam_ros.ingest.camera_offsets import Offsets, TimeSource
+from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.progress import Advance, Progress
 from bodycam_ros.recording.sound import SoundBlock, SoundSource
 
@@ -19,7 +20,9 @@ CLAPS = {3.5: 0.8, 14.2: 0.9}
 
 
 def camera_times(
-    sounds: Mapping[str, SoundSource], sources: Sequence[TimeSource] = (), progress: Progress | None = None
+    sounds: Mapping[str, SoundSource],
+    sources: Mapping[str, TimeSource] = MappingProxyType({}),
+    progress: Progress | None = None,
 ) -> Offsets:
     return camera_offsets.camera_times(sounds, None, sources, progress or Unshown())
 
@@ -114,17 +117,17 @@ def test_deaf_and_silent_cameras_are_named_and_the_others_placed() -> None:
     assert set(offsets.times) == set(RECORDERS)
 
 
-def known(starts: dict[str, float], sigma_s: float = 1e-4) -> object:
+def known(starts: dict[str, float], sigma_s: float = 1e-4) -> dict[str, TimeSource]:
     """A source that knows some starts."""
-    times = {n: CameraTime(n, s, 0.0, sigma_s, 1e-5, "motion", 0.8) for n, s in starts.items()}
+    times = {n: CameraTime(s, 0.0, sigma_s, 1e-5, "motion", 0.8) for n, s in starts.items()}
     remarks = ["deaf: fits at two offsets"] if "deaf" in starts else []
-    return lambda placed: FoundTimes("motion", times, remarks)
+    return {"motion": lambda placed: (times, remarks)}
 
 
 def test_another_source_places_a_camera_without_sound() -> None:
     heard = sources(RECORDERS, CLAPS) | {"deaf": lambda: iter(())}
     starts = {name: recorder.start_s for name, recorder in RECORDERS.items()} | {"deaf": 1.7}
-    offsets = camera_times(heard, sources=[known(starts)])
+    offsets = camera_times(heard, sources=known(starts))
     assert not offsets.unplaced
     for name, time in offsets.times.items():
         assert abs(time.start_s - (starts[name] - starts[offsets.reference])) < 3e-3
@@ -136,7 +139,7 @@ def test_a_source_that_contradicts_is_left_out_and_named() -> None:
     starts = {name: recorder.start_s for name, recorder in RECORDERS.items()}
     plain = camera_times(sources(RECORDERS, CLAPS))
     wrong = next(name for name in starts if name != plain.reference)
-    told = camera_times(sources(RECORDERS, CLAPS), sources=[known(starts | {wrong: starts[wrong] + 0.2})])
+    told = camera_times(sources(RECORDERS, CLAPS), sources=known(starts | {wrong: starts[wrong] + 0.2}))
     assert abs(told.times[wrong].start_s - plain.times[wrong].start_s) < 1e-6
     assert any(r.startswith(f"{wrong}: its clock by motion differs from that by sound by +") for r in told.remarks)
 
@@ -185,7 +188,7 @@ def test_an_interruption_does_not_wait_for_the_rest_of_the_sound() -> None:
 
 def test_the_reference_is_at_zero_even_if_no_sound_placed_anybody() -> None:
     silent = {name: (lambda: iter(())) for name in ("one", "two", "three")}
-    offsets = camera_times(silent, sources=[known({"one": 5.0, "two": 6.5, "three": 4.0})])
+    offsets = camera_times(silent, sources=known({"one": 5.0, "two": 6.5, "three": 4.0}))
     assert offsets.times[offsets.reference].start_s == 0.0
     assert offsets.times["two"].start_s - offsets.times["three"].start_s == pytest.approx(2.5)
 
@@ -193,5 +196,5 @@ def test_the_reference_is_at_zero_even_if_no_sound_placed_anybody() -> None:
 def test_who_is_placed_by_a_rough_clock_alone_is_named() -> None:
     heard = sources(RECORDERS, CLAPS) | {"deaf": lambda: iter(())}
     starts = {name: recorder.start_s for name, recorder in RECORDERS.items()} | {"deaf": 1.7}
-    offsets = camera_times(heard, sources=[known({"deaf": starts["deaf"]} | starts, sigma_s=1.0)])
+    offsets = camera_times(heard, sources=known({"deaf": starts["deaf"]} | starts, sigma_s=1.0))
     assert "deaf: its clock cannot be found by sound; found by motion to 1 s only: record a clap" in offsets.remarks

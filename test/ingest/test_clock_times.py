@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from made_video import make_video
 
-from bodycam_ros.ingest.camera_offsets import creation_clock, plausible_time
+from bodycam_ros.ingest.camera_offsets import creation_times, plausible_time
 from bodycam_ros.recording.camera_video import CameraVideo
 
 NOON = datetime(2024, 5, 1, 12, 0, 0, tzinfo=UTC)
@@ -22,7 +22,7 @@ def videos(tmp_path: Path) -> list[CameraVideo]:
 
 
 def test_a_clock_that_was_set_gives_the_time_of_creation(videos: list[CameraVideo]) -> None:
-    assert list(creation_clock(videos)({}).times) == ["shin"]
+    assert list(creation_times(videos, {})[0]) == ["shin"]
 
 
 @pytest.mark.parametrize("odd", [datetime(1970, 1, 1, tzinfo=UTC), datetime.now(UTC) + timedelta(days=400), None])

@@ -17,7 +17,6 @@ from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, t
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
-from bodycam_ros.ingest.clock_fit import FoundTimes
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 
@@ -31,7 +30,7 @@ def videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     Their pictures move alike from the first on, by which motion would rightly put them at one time: it is not asked.
     """
-    monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: lambda known: FoundTimes("motion", {}))
+    monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: ({}, ()))
     folder = tmp_path / "videos"
     folder.mkdir()
     add_camera(folder, "head")
