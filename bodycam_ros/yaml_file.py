@@ -6,6 +6,7 @@ thousand, aliases that multiply, numbers of thousands of digits.
 """
 
 import os
+import re
 import stat
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,6 +98,12 @@ class _Loader(_BaseLoader):  # type: ignore[misc]
             raise
         except Exception as error:  # PyYAML checks the forms of dates and tags by nothing but what goes wrong
             raise _fault(f"{shown(node.value)} makes no {kind}", node.start_mark) from error
+
+
+# PyYAML takes 1e-4 for text, as it has no point.
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]?\d+$", re.ASCII), [*"-+0123456789"]
+)
 
 
 @dataclass

@@ -31,6 +31,9 @@ def test_plain_values_are_as_pyyaml_has_them(sample: Path) -> None:
     for name in ("body.yaml", "map/map.yaml", "rom/rig.yaml", "reference/camera.yaml", "reference/board.yaml"):
         expected = yaml.safe_load((sample / name).read_text())
         assert read_yaml(sample / name, "file", MapError) == expected
+    with_exponents = "{a: 1e-4, b: -2E5, c: '1e-4', d: 1e, e: x1e4}"
+    expected = {"a": 1e-4, "b": -2e5, "c": "1e-4", "d": "1e", "e": "x1e4"}
+    assert yaml_document(with_exponents, "file", MapError) == expected
     assert yaml_document("{a: &a [1, 2.5], b: *a, c: {<<: {d: 2001-02-03}}}", "file", MapError)["b"] == [1, 2.5]
 
 

@@ -1,6 +1,5 @@
 """Values of a body or equipment file, checked by msgspec; ``where`` begins the message: "joint spine: axis"."""
 
-import re
 from typing import Annotated, Any
 
 import msgspec
@@ -14,7 +13,6 @@ _QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of t
 _LONGEST_MESSAGE = 200
 _DECIMALS = 9  # of written numbers: 1 nm, 1 nrad
 
-_EXPONENTIAL = re.compile(r"[-+]?\d+[eE][-+]?\d+", re.ASCII)
 _UNPRINTABLE = r"\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069"
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=100, pattern=rf"^[^{_UNPRINTABLE}]*$")]
 Number = Annotated[float, msgspec.Meta(ge=-1e15, le=1e15)]  # neither infinite nor NaN
@@ -35,7 +33,7 @@ def read_entry(kind: Any, value: Any, where: str) -> Any:
         BodyError: it is none.
     """
     try:
-        return msgspec.convert(_with_numbers(value), kind)
+        return msgspec.convert(value, kind)
     except (msgspec.ValidationError, OverflowError) as error:
         problem, _, place = str(error)[:_LONGEST_MESSAGE].replace("`", "").partition(" - at $")
         if "matching regex" in problem:
@@ -44,15 +42,6 @@ def read_entry(kind: Any, value: Any, where: str) -> Any:
             problem += " (put a number that is meant as a name in quotes)"
         field = f"{where}: {place.lstrip('.')}" if place else where
         raise BodyError(f"{field}: {problem.replace('Object', 'table')}, in {shown(value)}") from error
-
-
-def _with_numbers(value: Any) -> Any:
-    """The value with 1e-4, which PyYAML reads as text, as a number."""
-    if isinstance(value, dict):
-        return {key: _with_numbers(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_with_numbers(each) for each in value]
-    return float(value) if isinstance(value, str) and _EXPONENTIAL.fullmatch(value) else value
 
 
 def pose_of(origin: Point, quaternion: Quaternion, where: str) -> Array:

@@ -81,12 +81,10 @@ def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new:
         read(tmp_path, STOOL.replace(old, new, 1))
 
 
-def test_a_number_is_no_truth_value_and_an_exponent_is_a_number() -> None:
+def test_a_number_is_no_truth_value() -> None:
     class Switch(Entry):
         on: bool = False
-        size: float = 0.0
 
-    assert read_entry(Switch, {"size": "1e-4"}, "here").size == 1e-4
     for wrong in ("1", 1, "yes"):
         with pytest.raises(BodyError, match="here: on: Expected bool"):
             read_entry(Switch, {"on": wrong}, "here")
