@@ -2,6 +2,7 @@
 
 import reprlib
 import unicodedata
+from collections.abc import Iterable
 from typing import Any
 
 _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
@@ -25,6 +26,12 @@ _shortened = _Shortened()
 def shown(value: Any) -> str:
     """A value as Python writes it, shortened: a message must not be as long as the file that it is about."""
     return _shortened.repr(value)
+
+
+def few(names: Iterable[object], most: int = 3) -> str:
+    """The first names, and the number of the others, short enough for one line."""
+    listed = [str(name) for name in names]
+    return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
 
 
 def printable(text: str) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 
 from bodycam_ros.evaluate.gait import CRITERION, MEASURES
 from bodycam_ros.evaluate.sections import Columns, Section, column_table
+from bodycam_ros.shown import few
 
 _SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
 _JOINTS: Columns = (
@@ -153,6 +154,4 @@ def equipment_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
 
 
 def _stretches(stretches: Sequence[Sequence[float]]) -> str:
-    shown = [f"{start:.2f} to {end:.2f}" for start, end in stretches[:_MAX_STRETCHES]]
-    more = len(stretches) - len(shown)
-    return ", ".join(shown) + (f" and {more} more" if more else "")
+    return few((f"{start:.2f} to {end:.2f}" for start, end in stretches), _MAX_STRETCHES)

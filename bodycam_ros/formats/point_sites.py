@@ -7,14 +7,16 @@ on the skin: of those only the segment is known, and their position on it is fit
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.shown import shown
+from bodycam_ros.shown import few, shown
 from bodycam_ros.yaml_file import read_yaml
+
+_some = partial(few, most=20)
 
 _SIDED_CENTRES: Mapping[str, str] = {
     # Ours, OpenSim's bodies and joints, Mixamo, CMU (ASF and BVH), Unreal, SMPL, Plug-in Gait's joint centres, OpenPose
@@ -169,8 +171,3 @@ def _site(path: Path, name: str, word: str, links: Collection[str], joints: Mapp
         f"{path}: {shown(name)}: the body has no segment, joint or camera {shown(word)}; it has {_some(joints)}, "
         f"{_some(set(links) - set(joints.values()))}"
     )
-
-
-def _some(names: "Collection[str] | Any") -> str:
-    listed = [str(name) for name in names]
-    return ", ".join(listed[:20]) + (f" and {len(listed) - 20} more" if len(listed) > 20 else "")

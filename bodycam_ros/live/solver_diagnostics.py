@@ -10,7 +10,8 @@ from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyState
 from bodycam_ros.live.camera_diagnostics import LOW_SHARE, clock_values
 from bodycam_ros.live.dropped_messages import DroppedMessages
-from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
+from bodycam_ros.shown import few
 
 if TYPE_CHECKING:
     from bodycam_ros.pipeline import SkeletonPipeline

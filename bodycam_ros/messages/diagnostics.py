@@ -6,8 +6,6 @@ from enum import IntEnum
 
 from bodycam_ros.messages.factory import Message, MessageFactory, header_message
 
-_LISTED = 3
-
 
 class StatusLevel(IntEnum):
     """Levels of diagnostic_msgs/DiagnosticStatus."""
@@ -51,12 +49,6 @@ def diagnostics_message(make: MessageFactory, stamp_ns: int, parts: Sequence[Sta
         for part in parts
     ]
     return make("diagnostic_msgs/msg/DiagnosticArray", header=header_message(make, stamp_ns, ""), status=statuses)
-
-
-def few(names: Sequence[str]) -> str:
-    """The first names, and the number of the others, short enough for one line."""
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-    return ", ".join(names[:_LISTED]) + more
 
 
 def text_message(make: MessageFactory, text: str) -> Message:

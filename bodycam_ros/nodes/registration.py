@@ -13,7 +13,7 @@ from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
 from bodycam_ros.live.dropped_messages import LostMessages
 from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
-from bodycam_ros.messages.diagnostics import Status, StatusLevel, few
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.messages.tracks import (
@@ -31,6 +31,7 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.shown import few
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2

@@ -22,7 +22,7 @@ from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.chain import first_poses
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
-from bodycam_ros.shown import shown
+from bodycam_ros.shown import few, shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
 from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
@@ -194,6 +194,5 @@ def _pose(value: Any, where: str) -> Array:
 
 def _named(names: Collection[Any]) -> str:
     """Names as the file has them, not too many."""
-    first = [name if isinstance(name, str) and name.isprintable() else shown(name) for name in names]
-    more = f" and {len(first) - _MOST_NAMED} more" if len(first) > _MOST_NAMED else ""
-    return (", ".join(first[:_MOST_NAMED]) or "nothing") + more
+    readable = (name if isinstance(name, str) and name.isprintable() else shown(name) for name in names)
+    return few(readable, _MOST_NAMED) or "nothing"
