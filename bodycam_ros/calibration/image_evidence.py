@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.estimation.measurements import EvidenceSettings, evidence_floor
-from bodycam_ros.geometry import adjoint, hat, inverse
+from bodycam_ros.geometry import adjoint, inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.registration.pose_kernels import linearise_images
 
 Array = NDArray[np.float64]
 
@@ -62,14 +63,16 @@ class ImageEvidence:
         hessians = np.zeros((*world_T_camera.shape[:2], 6, 6))
         gradients = np.zeros((*world_T_camera.shape[:2], 6))
         for c, view in enumerate(self.views):
-            points_camera, residuals, by_point, weights = self._seen(view, world_T_camera[:, c], c)
-            # The point moves by hat(p) w - v when the camera moves by the tangent vector (w, v).
-            J = np.concatenate([by_point @ hat(points_camera), -by_point], axis=2)
-            WJ = weights[:, None, None] * J
             starts = np.flatnonzero(np.diff(view.instants, prepend=-1))
             seen = view.instants[starts]
-            hessians[seen, c] = np.add.reduceat(np.swapaxes(WJ, 1, 2) @ J, starts)
-            gradients[seen, c] = np.add.reduceat((np.swapaxes(WJ, 1, 2) @ residuals[..., None])[..., 0], starts)
+            hessians[seen, c], gradients[seen, c] = linearise_images(
+                view.camera.parameters,
+                self.points_world[view.landmarks],
+                view.pixels,
+                np.append(starts, len(view.instants)),
+                world_T_camera[seen, c] @ self.instant_T_image[seen, c],
+                self.pose_fit.inlier_px,
+            )
         image_xi_instant = adjoint(inverse(self.instant_T_image))
         instant_xi_image = np.swapaxes(image_xi_instant, -1, -2)
         hessians = instant_xi_image @ hessians @ image_xi_instant / self.pose_fit.pixel_sigma**2
@@ -92,29 +95,24 @@ class ImageEvidence:
         hessians = np.tile(np.eye(3) / landmark_sigma**2, (len(self.points_world), 1, 1))
         gradients = (self.points_world - self.map_points_world) / landmark_sigma**2
         for c, view in enumerate(self.views):
-            _, residuals, by_point, weights = self._seen(view, world_T_camera[:, c], c)
-            camera_R_world = np.swapaxes(self._world_T_image(view, world_T_camera[:, c], c)[:, :3, :3], 1, 2)
-            J = by_point @ camera_R_world
+            world_T_image = (world_T_camera[:, c] @ self.instant_T_image[:, c])[view.instants]
+            residuals, by_point, weights = self._seen(view, world_T_image)
+            J = by_point @ np.swapaxes(world_T_image[:, :3, :3], 1, 2)
             WJ = np.swapaxes((weights * view.track_share / self.pose_fit.pixel_sigma**2)[:, None, None] * J, 1, 2)
             np.add.at(hessians, view.landmarks, WJ @ J)
             np.add.at(gradients, view.landmarks, (WJ @ residuals[..., None])[..., 0])
         steps = np.linalg.solve(hessians, gradients[..., None])[..., 0]
         return replace(self, points_world=self.points_world - steps)
 
-    def _world_T_image(self, view: CameraViews, world_T_camera: Array, c: int) -> Array:
-        poses: Array = (world_T_camera @ self.instant_T_image[:, c])[view.instants]
-        return poses
-
-    def _seen(self, view: CameraViews, world_T_camera: Array, c: int) -> tuple[Array, Array, Array, Array]:
-        """Points in the camera (N, 3), reprojection errors (N, 2) [px], their derivative by the point, weights (N)."""
-        world_T_image = self._world_T_image(view, world_T_camera, c)
+    def _seen(self, view: CameraViews, world_T_image: Array) -> tuple[Array, Array, Array]:
+        """Reprojection errors (N, 2) [px], their derivatives (N, 2, 3) by the point in the camera, and weights (N)."""
         offsets = self.points_world[view.landmarks] - world_T_image[:, :3, 3]
         points_camera = (offsets[:, None, :] @ world_T_image[:, :3, :3])[:, 0]
         projected, by_point, visible = view.camera.project_with_jacobian(points_camera)
         residuals = np.where(visible[:, None], projected - view.pixels, 0.0)
         # Geman-McClure, as in the registrar's fit.
         weights = visible / (1.0 + (residuals**2).sum(axis=1) / self.pose_fit.inlier_px**2) ** 2
-        return points_camera, residuals, np.where(visible[:, None, None], by_point, 0.0), weights
+        return residuals, np.where(visible[:, None, None], by_point, 0.0), weights
 
 
 def image_evidence(

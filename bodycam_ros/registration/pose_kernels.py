@@ -1,4 +1,4 @@
-"""The robust Gauss-Newton iteration of ``pose_fit``.
+"""The robust Gauss-Newton iteration of ``pose_fit``, and its normal equations for a whole recording.
 
 Its unknowns are the pose (6) and, where rows are read out one by one, the bend of the motion (6), the difference of the
 twist from its prediction [rad/s, m/s], and the read-out time (1).
@@ -127,6 +127,48 @@ def fit_kernel(
             readout, readout_information = _readout(hessian, gradient, stiffness[6], pull, readout_before)
     information = _pose_hessian(hessian) / variance
     return pose, information, errors_px, inliers, shifts, readout, readout_information / variance
+
+
+@kernel("(f8[::1], f8[:, ::1], f8[:, ::1], i8[::1], f8[:, :, ::1], f8)")
+def linearise_images(
+    lens: Array,
+    points_world: Array,
+    pixels: Array,
+    first: NDArray[np.int64],
+    world_T_image: Array,
+    inlier_px: float,
+) -> tuple[Array, Array]:
+    """Normal equations of a camera's images, each at its own pose.
+
+    Args:
+        lens: ``CameraModel.parameters``.
+        points_world, pixels: (N, 3) landmarks [m] and (N, 2) their places, those of one image after the other.
+        first: (T + 1,) where those of each image begin, and N.
+        world_T_image: (T, 4, 4) poses.
+        inlier_px: scale of the robust kernel.
+
+    Returns:
+        (T, 6, 6) and (T, 6) second and first derivative of half the robust squared errors [px^2] by the poses.
+    """
+    count, nothing = len(world_T_image), np.zeros(0)
+    hessians, gradients = np.empty((count, 6, 6)), np.empty((count, 6))
+    for t in range(count):
+        own = slice(first[t], first[t + 1])
+        _linearise(
+            lens,
+            points_world[own],
+            pixels[own],
+            world_T_image[t],
+            np.zeros(6),
+            0.0,
+            nothing,
+            nothing,
+            inlier_px,
+            np.empty(first[t + 1] - first[t]),
+            hessians[t],
+            gradients[t],
+        )
+    return hessians, gradients
 
 
 @kernel()

@@ -7,7 +7,7 @@ from range_of_motion import known_body, range_of_motion, registrations, wide_cam
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.image_evidence import ImageEvidence, image_evidence
 from bodycam_ros.estimation.measurements import EvidenceSettings
-from bodycam_ros.geometry import exp_se3
+from bodycam_ros.geometry import exp_se3, inverse, transform_points
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 
 NO_FLOOR = EvidenceSettings(mount_rotation_sigma=0.0, mount_translation_sigma=0.0)
@@ -33,8 +33,10 @@ def cost(images: ImageEvidence, world_T_camera: np.ndarray) -> float:
     """Half the Geman-McClure cost whose derivative the weights are."""
     total, scale = 0.0, images.pose_fit.inlier_px**2
     for c, view in enumerate(images.views):
-        _, residuals, _, weights = images._seen(view, world_T_camera[:, c], c)
-        squared = np.sum(residuals[weights > 0] ** 2, axis=1)
+        image_T_world = inverse((world_T_camera[:, c] @ images.instant_T_image[:, c])[view.instants])
+        points_camera = transform_points(image_T_world, images.points_world[view.landmarks][:, None])[:, 0]
+        pixels, visible = view.camera.project(points_camera)
+        squared = np.sum((pixels - view.pixels)[visible] ** 2, axis=1)
         total += float((squared / (1.0 + squared / scale)).sum())
     return 0.5 * total / images.pose_fit.pixel_sigma**2
 
