@@ -92,13 +92,9 @@ def log_jacobian(r: Array) -> Array:
     """
     ad = hat(r[..., :3])
     if r.shape[-1] == 6:
-        ad = np.concatenate(
-            [
-                np.concatenate([ad, np.zeros_like(ad)], axis=-1),
-                np.concatenate([hat(r[..., 3:]), ad], axis=-1),
-            ],
-            axis=-2,
-        )
+        turn, ad = ad, np.zeros((*r.shape, 6))
+        ad[..., :3, :3] = ad[..., 3:, 3:] = turn
+        ad[..., 3:, :3] = hat(r[..., 3:])
     ad2 = ad @ ad
     jacobian: Array = np.eye(r.shape[-1]) - 0.5 * ad + ad2 / 12.0 - ad2 @ ad2 / 720.0
     return jacobian
