@@ -181,7 +181,8 @@ def condition(link: Transition, measured: Sequence[Between]) -> Transition:
             break
     return replace(
         link,
-        before=Estimate(both[0], _lessened(link.before.covariance, gain_before, of_before)),
+        # The state before has this covariance as well, and needs it as it was to be smoothed.
+        before=Estimate(both[0], link.before.covariance - gain_before @ of_before.T),
         after=Estimate(both[1], _lessened(link.after.covariance, gain_after, of_after)),
         cross=_lessened(link.cross, gain_after, of_before),
         between=(*link.between, *measured),
