@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import body_with_lengths, length_joint
 from bodycam_ros.body.equipment import Equipment, unknown_lengths
-from bodycam_ros.geometry import Array, hat, log_so3
+from bodycam_ros.geometry import Array, hat, log_jacobian, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
-from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, LoopGaps, TreeTangent, held_rows, turn_jacobian
+from bodycam_ros.kinematics.tangent import GIVES_M, GIVES_RAD, LoopGaps, TreeTangent, held_rows
 
 _LIMB_M = 0.4  # a column that slides by this counts as one that turns by a radian
 _POSTURE_RAD, _LEAN_RAD, _LIMIT_RAD = 1.0, 0.5, 0.03  # sigmas of joints' rotations, of the root's, and beyond limits
@@ -146,9 +146,9 @@ class Mechanism:
             jacobians.append(block)
 
         lean = log_so3(configuration[0, :3, :3])
-        add(lean, slice(0, 3), turn_jacobian(lean), _LEAN_RAD)
+        add(lean, slice(0, 3), log_jacobian(-lean), _LEAN_RAD)
         turned = log_so3(motion[:, :3, :3])
-        by_turn = turn_jacobian(turned)
+        by_turn = log_jacobian(-turned)
         for row, joint in enumerate(self.tree.tree_joints):
             if joint.type != "free" and joint.name not in self._fixed:
                 add(turned[row], columns[row], by_turn[row] @ twists[row][:3], _POSTURE_RAD)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, adjoint, exp_so3, hat, inverse, log_so3
+from bodycam_ros.geometry import Array, adjoint, exp_so3, hat, inverse, log_jacobian, log_so3
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
@@ -31,14 +31,6 @@ def held_rows(joint: Joint) -> tuple[int, ...]:
     assert joint.sigmas is not None  # set when it was made
     gives, free = np.repeat([GIVES_RAD, GIVES_M], 3), joint.free_rows(GIVES_M)
     return tuple(row for row in range(6) if row not in free and joint.sigmas[row] < gives[row])
-
-
-def turn_jacobian(rotation_vector: Array) -> Array:
-    """(..., 3, 3) by which log_so3(R exp(w)) grows with w at w = 0; the inverse right Jacobian of SO(3)."""
-    half = np.maximum(np.linalg.norm(rotation_vector, axis=-1), 1e-4)[..., None, None] / 2.0
-    W = hat(rotation_vector)
-    series: Array = np.eye(3) + 0.5 * W + (1.0 - half / np.tan(half)) / (4.0 * half**2) * (W @ W)
-    return series
 
 
 class LoopGaps:
@@ -93,7 +85,7 @@ class LoopGaps:
         swing[hinges] = exp_so3(-hinge_angle(R[hinges], axes)[:, None] * axes) @ R[hinges]
         swing[self._turning] = np.eye(3)
         forbidden = log_so3(swing)
-        J = turn_jacobian(forbidden)
+        J = log_jacobian(-forbidden)
         J[self._turning] = 0.0
         # A hinge's own angle follows, so that nothing of the swing is about the axis.
         J_hinge, axes = J[hinges], axes[..., None]
