@@ -28,7 +28,6 @@ _LONGEST_STEP = 0.6  # [rad], or of a limb's length
 _LEAST_DAMPING, _FIRST_DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _FLOOR = 1e-3  # of the mean of the diagonal: damps columns that no row moves
 _CONVERGED = 1e-5  # relative decrease of the cost
-_EXACT = 1e-20  # [sigma^2] cost of closed loops: places are right to 1e-14 m
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +202,7 @@ def project(mechanism: Mechanism, start: Array, columns: NDArray[np.intp], witho
         rows = mechanism.constraints(configuration, without)
         return rows.residuals, rows.jacobian, float(rows.residuals @ rows.residuals)
 
-    return _descend(mechanism, start, linearise, columns, _LONG, 0.0, _EXACT)[0]
+    return _descend(mechanism, start, linearise, columns, _LONG)[0]
 
 
 def solve(
@@ -237,7 +236,7 @@ def solve(
         return np.concatenate([weights * rows.residuals, priors]), J, cost
 
     chosen = np.arange(mechanism.tangent.count) if columns is None else columns
-    return _descend(mechanism, start, linearise, chosen, steps, _CONVERGED)
+    return _descend(mechanism, start, linearise, chosen, steps)
 
 
 def _descend(
@@ -246,8 +245,6 @@ def _descend(
     linearise: Callable[[Array], tuple[Array, Array, float]],
     columns: NDArray[np.intp],
     steps: int,
-    converged: float,
-    solved: float = 0.0,
 ) -> tuple[Array, float]:
     """The configuration after so many steps that lower the cost, and its cost (Levenberg-Marquardt).
 
@@ -257,15 +254,13 @@ def _descend(
         linearise: residuals (R), Jacobian (R, K) and cost; weights of a robust cost are in the first two.
         columns: that are moved.
         steps: at most.
-        converged: relative decrease of the cost at which it ends.
-        solved: cost at which it ends, as it does where nothing can be moved.
     """
     units, damping, state = mechanism.units[columns], _FIRST_DAMPING, start
     residuals, J, cost = linearise(state)
     for _ in range(steps):
         J = J[:, columns] * units
         hessian, gradient, before = J.T @ J, J.T @ residuals, cost
-        if cost <= solved or not len(gradient):
+        if not (cost and len(gradient)):
             break
         scale = np.diag(hessian) + _FLOOR * np.trace(hessian) / len(hessian)
         while damping < _MOST_DAMPING:
@@ -280,7 +275,7 @@ def _descend(
                 damping = max(0.2 * damping, _LEAST_DAMPING)
                 break
             damping *= 5.0
-        if before - cost <= converged * before:
+        if before - cost <= _CONVERGED * before:
             break
         damping = min(damping, 0.1 * _MOST_DAMPING)
     return state, cost
