@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.estimate import SETTLED, Between, Coordinates, Estimate, Transition
+from bodycam_ros.estimation.estimate import FREE_RAD, SETTLED, Between, Coordinates, Estimate, Transition
 from bodycam_ros.geometry import Array, hat, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -18,7 +18,6 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 _GRAVITY, _IDENTITY = np.array([0.0, 0.0, -GRAVITY]), np.eye(3)
 _TURN_RAD = 0.01  # sigma of a rotation between frames; parallax of near things biases it by tenths of a degree
 _ITERATIONS = 2  # at most
-_FREE_RAD = 0.5  # how far a joint may turn from frame to frame beyond its prediction, where its turn is measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +148,7 @@ def _loosen_joints(link: Transition, measured: Sequence[Between]) -> Transition:
     tangent, covariance = link.after.at.tangent, link.after.covariance.copy()
     beside = np.asarray(np.isin(tangent.tree.joint_ends, rows).any(axis=1), bool)
     columns = tangent.columns_of(beside) & tangent.turns
-    covariance[: tangent.count, : tangent.count][columns, columns] += _FREE_RAD**2
+    covariance[: tangent.count, : tangent.count][columns, columns] += FREE_RAD**2
     return replace(link, after=Estimate(link.after.at, covariance))
 
 

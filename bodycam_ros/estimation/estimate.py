@@ -18,6 +18,9 @@ from bodycam_ros.kinematics.tree import all_motion
 UNKNOWN = 1.0
 """Sigma of what nothing measured [rad], [m]."""
 
+FREE_RAD = 0.5
+"""Sigma of a joint of which nothing is known but that it is a person's [rad]."""
+
 LINEAR, SETTLED, STEPS = 0.1, 0.01, 10
 """A step after which residuals of cameras are linear enough to be judged, one after which a fit ends [rad], [m]; so
 many steps at most."""

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.estimation.estimate import FREE_RAD
 from bodycam_ros.estimation.measurements import JointRotations
+from bodycam_ros.estimation.motion_model import FADE_S
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
@@ -22,10 +24,7 @@ Mask = NDArray[np.bool_]
 
 _NOISE_RAD = 0.05  # smaller motion of the observed joints carries no information on the others
 _LEAST_RAD = 0.07  # least sigma of a predicted joint
-_LASTS_S = 0.2  # a limb stays on one side of its prediction for so long: the states of this time are one measurement,
-# and what is assumed of a joint counts like them
-_TURNING_LASTS_S = 3.0  # the same of a limb whose rotation between frames is measured
-_UNKNOWN_RAD = 0.35  # assumed spread of a joint about the N-pose, where no range is known
+_TURNING_LASTS_S = 3.0  # a limb whose rotation between frames is measured stays on one side of its prediction so long
 FORGET_S = 60.0  # people change what they do: older poses count less
 _TURN_S = 0.1  # before and after, between which velocities are taken, and by which they count like an angle
 _LEAST_S = 0.5  # of a joint that was observed for less, a whole recording has no more than the forward pass
@@ -49,10 +48,10 @@ class PosePrior:
         self._included = np.array([joint.name not in excluded for joint in body.tree_joints], bool)
         self._middle_R = JointLimits(body).middle()
         # Seconds, vectors and their squares, summed over the states in which each component was observed; at first
-        # what is assumed, which is not forgotten.
+        # what is assumed, which is not forgotten and counts like the time in which a velocity fades.
         rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_spans(joint) for joint in body.tree_joints]).reshape(-1)
-        self._assumed = _LASTS_S * np.stack([np.ones(len(rest)), rest, rest**2 + spans**2])
+        self._assumed = FADE_S * np.stack([np.ones(len(rest)), rest, rest**2 + spans**2])
         self._sums = np.zeros_like(self._assumed)
 
     def add(self, rotations: Array, observed: Mask, dt_s: float) -> None:
@@ -72,7 +71,8 @@ class PosePrior:
         if len(rows) == 0 or not (observed & self._included).any():
             return JointRotations.nothing()
         mean, variances = (each.reshape(-1, 3)[rows] for each in self.moments())
-        shared = np.maximum(1.0, np.where(turning[rows], _TURNING_LASTS_S, _LASTS_S) / dt_s)[:, None]
+        # States in which a limb stays on one side of its prediction are one measurement.
+        shared = np.maximum(1.0, np.where(turning[rows], _TURNING_LASTS_S, FADE_S) / dt_s)[:, None]
         return JointRotations(rows, self.rotations(rows, mean), np.sqrt(variances * shared))
 
     def moments(self) -> tuple[Array, Array]:
@@ -93,8 +93,8 @@ class PosePrior:
 
 
 def _spans(joint: Joint) -> Array:
-    """Spread of a joint about its x, y and z [rad] by its range: people are within a quarter of it mostly."""
-    spans = np.full(3, _UNKNOWN_RAD)
+    """Spread of a joint about its x, y and z [rad] by its range, if any: people are within a quarter of it mostly."""
+    spans = np.full(3, FREE_RAD)
     if joint.limits and joint.type == "ball":
         for axis, (low, high) in zip(joint.angle_axes, joint.limits, strict=True):
             spans["xyz".index(axis)] = max(0.25 * (high - low), 0.05)
