@@ -35,8 +35,7 @@ class ArticulatedMotion:
     Attributes:
         body: of ball joints, and free ones to equipment.
         cameras: (C) names.
-        world_T_root: (T, 4, 4) of the root.
-        joint_motion: (T, J, 4, 4) in the order of the body's ``tree_joints``.
+        motion: (T, 1 + J, 4, 4) of the root and of all joints, in the order of the body's ``tree_joints``.
         delays: (C) by how much the clock of each camera is ahead of the body's [s].
         twists: (T, C, 6) of the cameras, in their own axes [rad/s, m/s].
         triggered: (C) whether a camera's stamps are those of the others.
@@ -44,8 +43,7 @@ class ArticulatedMotion:
 
     body: BodyModel
     cameras: tuple[str, ...]
-    world_T_root: Array
-    joint_motion: Array
+    motion: Array
     delays: Array
     twists: Array
     triggered: NDArray[np.bool_]
@@ -90,7 +88,7 @@ class ArticulatedMotion:
 
     def world_T_segment(self) -> Array:
         """Poses (T, S, 4, 4) (A eq. 3-4)."""
-        return self.body.forward_kinematics(self.world_T_root, self.joint_motion)
+        return self.body.poses_of(self.motion)
 
     def world_T_camera(self) -> Array:
         """Poses (T, C, 4, 4) at what the cameras' clocks call the instants (A eq. 5): earlier by their delays."""
@@ -140,12 +138,10 @@ class ArticulatedMotion:
             mount = mounts[camera].segment_T_camera @ exp_se3(lasting[self.mount_columns(c)])
             mount = rigid(nearest_rotation(mount[:3, :3]), mount[:3, 3])
             mounts[camera] = replace(mounts[camera], segment_T_camera=mount)
-        motion = self._tangent.moved(all_motion(self.world_T_root, self.joint_motion), moving)
         return replace(
             self,
             body=replace(self.body, joints=joints, mounts=mounts),
-            world_T_root=motion[:, 0],
-            joint_motion=motion[:, 1:],
+            motion=self._tangent.moved(self.motion, moving),
             delays=self.delays + lasting[self.delay_columns],
         )
 
@@ -167,15 +163,14 @@ class ArticulatedMotion:
             )
             for camera, mount in body.mounts.items()
         }
-        body, poses = replace(body, joints=tuple(joints), mounts=mounts), poses @ old_T_new
-        root, motion = poses[:, body.segment_index[body.root]], body.joint_poses(poses)
-        return replace(self, body=body, world_T_root=root, joint_motion=motion)
+        body = replace(body, joints=tuple(joints), mounts=mounts)
+        return replace(self, body=body, motion=body.motion_of(poses @ old_T_new))
 
     def with_body(self, body: BodyModel) -> "ArticulatedMotion":
         """The same motion of the cameras on a body whose joints or root's origin sit elsewhere on its segments."""
         camera = next(camera for camera in self.cameras if body.mounts[camera].segment == body.root)
         old_T_new = self.body.mounts[camera].segment_T_camera @ inverse(body.mounts[camera].segment_T_camera)
-        return replace(self, body=body, world_T_root=self.world_T_root @ old_T_new)
+        return replace(self, body=body, motion=all_motion(self.motion[:, 0] @ old_T_new, self.motion[:, 1:]))
 
     def hinge_axis(self, child: str) -> Array:
         """(3,) direction on a segment that its joint never turned across, to the left rather than to the right."""
@@ -194,7 +189,7 @@ class ArticulatedMotion:
     def _joint_rotations(self, child: str) -> Array:
         """(T, 3, 3) of the joint that a segment hangs on."""
         row = self.body.joint_ends[:, 1].tolist().index(self.body.segment_index[child])
-        return self.joint_motion[:, row, :3, :3]
+        return self.motion[:, 1 + row, :3, :3]
 
 
 def motion_of_cameras(
@@ -237,10 +232,12 @@ def motion_of_cameras(
             nearest = np.argmin(np.abs(np.arange(len(poses))[:, None] - stamps), axis=1)
             rotations[:, row] = nearest_rotation(mean)[nearest]
     root = rigid(rotations[:, body.segment_index[body.root]], np.zeros(3))
-    joint_motion = rigid(body.joint_rotations(rigid(rotations, np.zeros(3))), np.zeros(3))
-    motion = ArticulatedMotion(body, cameras, root, joint_motion, np.zeros(len(cameras)), twists, triggered)
-    shifts = np.where(known[..., None], poses[..., :3, 3] - motion.world_T_camera()[..., :3, 3], np.nan)
-    return replace(motion, world_T_root=rigid(root[:, :3, :3], np.nanmedian(shifts, axis=1)))
+    joints = rigid(body.joint_rotations(rigid(rotations, np.zeros(3))), np.zeros(3))
+    motion = all_motion(root, joints)
+    turned = ArticulatedMotion(body, cameras, motion, np.zeros(len(cameras)), twists, triggered)
+    shifts = np.where(known[..., None], poses[..., :3, 3] - turned.world_T_camera()[..., :3, 3], np.nan)
+    root = rigid(root[:, :3, :3], np.nanmedian(shifts, axis=1))
+    return replace(turned, motion=all_motion(root, joints))
 
 
 def _shifted(place: Array, shift: Array) -> Array:

@@ -51,18 +51,13 @@ class Coordinates:
         return Coordinates(self.tangent, self.motion[row], self.velocity[row])
 
     @property
-    def root(self) -> Array:
-        """(4, 4) world_T_root [m]."""
-        return self.motion[..., 0, :, :]
-
-    @property
     def joints(self) -> Array:
         """(J, 4, 4) joint motions."""
         return self.motion[..., 1:, :, :]
 
-    def placed(self, joints: Array, root: Array | None = None) -> "Coordinates":
-        """The same with other joint motions (J, 4, 4), and another root (4, 4) if it is given."""
-        return replace(self, motion=all_motion(self.root if root is None else root, joints))
+    def placed(self, joints: Array) -> "Coordinates":
+        """The same with other joint motions (J, 4, 4)."""
+        return replace(self, motion=all_motion(self.motion[0], joints))
 
     def moved(self, step: Array) -> "Coordinates":
         """The coordinates after an increment (2K) of coordinates and velocities, or (K) of coordinates alone."""

@@ -37,7 +37,6 @@ from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
 from bodycam_ros.kinematics.tangent import TreeTangent
-from bodycam_ros.kinematics.tree import all_motion
 
 Mask = NDArray[np.bool_]
 
@@ -164,8 +163,7 @@ class BodyEstimator:
     def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
         """The first state, where cameras measured the body or it was placed by hand."""
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
-        motion = all_motion(poses[self._root], self.body.joint_poses(poses, self._tangent.slides))
-        initial = self._motion.initial(motion)
+        initial = self._motion.initial(self.body.motion_of(poses, self._tangent.slides))
         initial = self._coupling.initial(initial) if self._coupling else initial
         return self._solve(frame, registered, Transition.first(initial), placed)
 
@@ -259,17 +257,14 @@ class BodyEstimator:
         self._static.measure(frame, poses, link.dt_s, known, on_body)
         if not self._static.rows.any():
             return link, start
-        poses = self._static.poses(poses)
-        root, motion = poses[self._root], self.body.joint_poses(poses, self._tangent.slides)
-        start = start.placed(motion, root)
+        motion, at = self.body.motion_of(self._static.poses(poses), self._tangent.slides), link.after.at
         jumped = self._static.jumped
         joints = jumped[self.body.joint_ends].any(axis=1)
-        at = link.after.at.placed(
-            np.where(joints[:, None, None], motion, link.after.at.joints), root if jumped[self._root] else None
-        )
+        restarted = np.append(jumped[self._root], joints)
+        at = replace(at, motion=np.where(restarted[:, None, None], motion, at.motion))
         columns = self._tangent.columns_of(joints)
         columns[:6] = jumped[self._root]
-        return self._motion.restarted(link, at, columns), start
+        return self._motion.restarted(link, at, columns), replace(start, motion=motion)
 
     def _couple(
         self,

@@ -188,6 +188,11 @@ class KinematicTree:
             motion[..., row, :3, 3] = slides[row] * (inverse(world_T_joint) @ world_T_end)[..., :3, 3]
         return motion
 
+    def motion_of(self, world_T_segment: Array, slides: NDArray[np.bool_] | None = None) -> Array:
+        """Motions (..., 1 + J, 4, 4) of root and joints, see ``joint_poses``; the inverse of ``poses_of``."""
+        root = world_T_segment[..., self.segment_index[self.root], :, :]
+        return all_motion(root, self.joint_poses(world_T_segment, slides))
+
     @cached_property
     def _frames(self) -> tuple[Array, Array, Array, Array]:
         """joint_R_parent and child_R_joint (J, 3, 3), parent_T_joint and joint_T_child (J, 4, 4)."""

@@ -11,7 +11,6 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, log_se3, log_so3
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.kinematics.tangent import TreeTangent
-from bodycam_ros.kinematics.tree import all_motion
 
 _LIMIT_RAD = 0.1  # of a rotation beyond a joint's limits, which were measured on another day
 _RANGE_SHARE = 0.25
@@ -79,8 +78,8 @@ class ArticulatedStep:
         self.add_prediction(A, b, poses, predicted)
         step = np.zeros(self._tangent.count)
         step[self._columns] = np.linalg.solve(A, b)
-        motion = all_motion(poses[self._tangent.root], self._body.joint_poses(poses))
-        return self._beside_as(poses, self._body.poses_of(self._tangent.moved(motion, step)))
+        moved = self._tangent.moved(self._body.motion_of(poses), step)
+        return self._beside_as(poses, self._body.poses_of(moved))
 
     def fit(
         self,

@@ -11,10 +11,9 @@ def some_motion() -> ArticulatedMotion:
     body = known_body()
     motion = range_of_motion(body, duration_s=3.0, rate_hz=2.0)
     twists = np.random.default_rng(5).normal(size=(len(motion.stamps_ns), len(body.mounts), 6))
-    world_T_root = motion.world_T_segment[:, body.segment_index[body.root]]
-    joint_motion = body.joint_poses(motion.world_T_segment)
     nothing = np.zeros(len(body.mounts))
-    return ArticulatedMotion(body, tuple(body.mounts), world_T_root, joint_motion, nothing, twists, nothing > 0.0)
+    moved = body.motion_of(motion.world_T_segment)
+    return ArticulatedMotion(body, tuple(body.mounts), moved, nothing, twists, nothing > 0.0)
 
 
 def test_forward_kinematics_is_the_bodys() -> None:

@@ -63,7 +63,7 @@ class Graph:
             gtsam.Rot3(R) if joint.type == "ball" else np.array([float(hinge_angle(R, joint.axis))])
             for joint, R in zip(self.joints, at.joints[:, :3, :3], strict=True)
         ]
-        return [gtsam.Pose3(at.root), *turns]
+        return [gtsam.Pose3(at.motion[0]), *turns]
 
     def _off(self, row: int, measured: gtsam.Pose3, q: list[Place], _: list[Array]) -> Array:
         """From the pose of a segment, by the tree, to the measured one."""
