@@ -51,6 +51,7 @@ KERNEL_FILES = (
     "registration/pose_kernels.py",
     "static_cameras/contour_kernels.py",
     "static_cameras/region_kernels.py",
+    "timing/camera_path.py",
 )
 """All that hold kernels."""
 

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
+from bodycam_ros.geometry import Array
+from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3
+from bodycam_ros.kernels import as_rows, kernel
 
 # Sigma half-way between two images, per third difference: images of a walk that are left out are off by 0.9 to 1.6 of
 # it, by 2.5 where the torso shakes.
@@ -50,34 +52,61 @@ def path_points(
     """
     if len(images_ns) == 1:
         images_ns, world_T_camera = images_ns + np.array([0, 1 << 62]), np.repeat(world_T_camera, 2, axis=0)
-    gaps_s = 1e-9 * np.diff(images_ns).astype(np.float64)
-    start = np.clip(np.searchsorted(images_ns, stamps_ns, side="right") - 1, 0, len(gaps_s) - 1)
-    s = 1e-9 * (stamps_ns - images_ns[start]).astype(np.float64) / gaps_s[start]
-    rows = np.flatnonzero((s == 0.0) | (s == 1.0) | ((s > 0.0) & (s < 1.0) & (gaps_s[start] <= max_gap_s)))
-    start, s = start[rows], s[rows, None]
-    steps = log_se3(inverse(world_T_camera[:-1]) @ world_T_camera[1:])
-    by_image, step = _twists(steps, gaps_s), steps[start]
-    first, last = (gaps_s[start, None] * by_image[ends] for ends in (start, start + 1))
-    curve = s * first + s**2 * (3 * step - 2 * first - last) + s**3 * (first + last - 2 * step)
-    # The curve's own slope shares its errors with the curve: clock offsets by it are off by milliseconds.
-    twists = (1.0 - s) * by_image[start] + s * by_image[start + 1]
-    sigmas = _OF_THIRD_DIFFERENCE * 4.0 * s * (1.0 - s) * _bends(steps, gaps_s)[start]
-    return PathPoints(rows, world_T_camera[start] @ exp_se3(curve), sigmas**2, twists, start + (s[:, 0] >= 0.5))
+    return PathPoints(*points_on_curve(images_ns, as_rows(world_T_camera), stamps_ns, max_gap_s))
 
 
-def _twists(steps: Array, gaps_s: Array) -> Array:
-    """Twists (N, 6) at the images, from the steps (N-1, 6) between them; at the ends those of the outer steps."""
-    means = steps / gaps_s[:, None]
-    first, second = gaps_s[:-1, None], gaps_s[1:, None]
-    inner = (second * means[:-1] + first * means[1:]) / (first + second)
-    return np.concatenate([means[:1], inner, means[-1:]])
+@kernel("(i8[::1], f8[:, :, ::1], i8[::1], f8)")
+def points_on_curve(
+    images_ns: NDArray[np.int64], world_T_camera: Array, stamps_ns: NDArray[np.int64], max_gap_s: float
+) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.int64]]:
+    """The fields of ``PathPoints`` by two images or more; as ``path_points`` otherwise."""
+    gaps_s, steps, means, by_image = _between_images(images_ns, world_T_camera)
+    wanted, last = len(stamps_ns), len(gaps_s) - 1
+    rows, nearest, count = np.empty(wanted, np.int64), np.empty(wanted, np.int64), 0
+    poses, variances, twists = np.empty((wanted, 4, 4)), np.zeros((wanted, 6)), np.empty((wanted, 6))
+    for row in range(wanted):
+        k = min(max(np.searchsorted(images_ns, stamps_ns[row], side="right") - 1, 0), last)
+        gap_s = gaps_s[k]
+        s = 1e-9 * (stamps_ns[row] - images_ns[k]) / gap_s
+        if not (s == 0.0 or s == 1.0 or (0.0 < s < 1.0 and gap_s <= max_gap_s)):
+            continue
+        curve = np.empty(6)
+        for i in range(6):
+            step, start, end = steps[k, i], gap_s * by_image[k, i], gap_s * by_image[k + 1, i]
+            curve[i] = s * (start + s * (3.0 * step - 2.0 * start - end + s * (start + end - 2.0 * step)))
+            # The curve's own slope shares its errors with the curve: clock offsets by it are off by milliseconds.
+            twists[count, i] = (1.0 - s) * by_image[k, i] + s * by_image[k + 1, i]
+        if 0 < k < last:
+            sigma = _OF_THIRD_DIFFERENCE * 4.0 * s * (1.0 - s) * gap_s
+            for i in range(6):
+                # Of rotation and of translation, mean over the axes.
+                third = means[k + 1, i] - 2.0 * means[k, i] + means[k - 1, i]
+                variances[count, i // 3 * 3 : i // 3 * 3 + 3] += (sigma * third) ** 2 / 3.0
+        poses[count] = compose(world_T_camera[k], exp_se3(curve))
+        rows[count], nearest[count] = row, k + (1 if s >= 0.5 else 0)
+        count += 1
+    return rows[:count], poses[:count], variances[:count], twists[:count], nearest[:count]
 
 
-def _bends(steps: Array, gaps_s: Array) -> Array:
-    """Third differences (N-1, 6) over the intervals, rms of rotation and of translation; 0 for the outer ones."""
-    bends = np.zeros_like(steps)
-    if len(steps) > 2:
-        means = steps / gaps_s[:, None]
-        thirds = gaps_s[1:-1, None] * np.diff(means, 2, axis=0)
-        bends[1:-1] = np.repeat(np.sqrt((thirds.reshape(-1, 2, 3) ** 2).mean(axis=2)), 3, axis=1)
-    return bends
+@kernel()
+def _between_images(images_ns: NDArray[np.int64], world_T_camera: Array) -> tuple[Array, Array, Array, Array]:
+    """Of the intervals their length (N-1) [s], step and mean twist (N-1, 6); twists (N, 6) at the images.
+
+    At the ends those are of the outer intervals.
+    """
+    count = len(images_ns) - 1
+    gaps_s, steps, means, by_image = (
+        np.empty(count),
+        np.empty((count, 6)),
+        np.empty((count, 6)),
+        np.empty((count + 1, 6)),
+    )
+    for k in range(count):
+        gaps_s[k] = 1e-9 * (images_ns[k + 1] - images_ns[k])
+        steps[k] = log_se3(compose(inverse(world_T_camera[k]), world_T_camera[k + 1]))
+        means[k] = steps[k] / gaps_s[k]
+    by_image[0], by_image[count] = means[0], means[count - 1]
+    for k in range(1, count):
+        first, second = gaps_s[k - 1], gaps_s[k]
+        by_image[k] = (second * means[k - 1] + first * means[k]) / (first + second)
+    return gaps_s, steps, means, by_image
