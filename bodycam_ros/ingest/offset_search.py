@@ -23,7 +23,6 @@ MIN_OVERLAP_S = 2.0  # shorter stretches resemble each other by chance
 _MIN_SHARE = 0.1  # of the shorter recording that two must have in common
 _APART_S = 0.25  # a second best offset within this is the flank of the best
 _REGULAR = 1e-4  # of the largest variance, so that a motion about one axis can be inverted
-_ROUNDS = 10
 _CLOSEST = 0.99  # canonical correlation
 
 
@@ -150,7 +149,7 @@ def agreed_offsets(
 ) -> dict[str, AgreedOffset]:
     """Offsets by the evidence of all pairs together, for the cameras that pairs link to the reference.
 
-    The camera whose best offset leads most is placed first; then each is moved to where all pairs have most evidence.
+    The camera whose best offset leads most is placed first, and each next one by all that are placed before it.
 
     Args:
         reference: the camera whose offset is 0.
@@ -167,13 +166,6 @@ def agreed_offsets(
         placed = {name: _place(towards[name], agreed, _APART_S * rate_hz, least) for name in linked}
         name = max(linked, key=lambda each: placed[each][1])
         agreed[name] = placed[name][0]
-    for _ in range(_ROUNDS):
-        before = dict(agreed)
-        for name in [name for name in agreed if name != reference]:
-            moved = _place(towards[name], agreed, _APART_S * rate_hz, least)[0].samples
-            agreed[name] = agreed[name]._replace(samples=moved)
-        if agreed == before:
-            break
     return agreed
 
 
