@@ -71,7 +71,7 @@ class PointSite:
     is_fitted: bool = False
 
 
-def _known_site(
+def known_site(
     name: str, links: Collection[str], joints: Mapping[str, str], has_rotation: bool, others: Collection[str]
 ) -> PointSite | None:
     """The site of a well-known name; None of unknown names.
@@ -134,7 +134,7 @@ def locate_points(
     """
     found: dict[str, PointSite | None] = {}
     for name in captured.points:
-        found[name] = _known_site(name, links, joints, name in captured.rotations, captured.points)
+        found[name] = known_site(name, links, joints, name in captured.rotations, captured.points)
     if names is not None:
         found |= _read_names(names, captured, links, joints)
     sites = {name: site for name, site in found.items() if site}

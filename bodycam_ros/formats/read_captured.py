@@ -3,12 +3,15 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.formats.bvh import read_bvh
 from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.csv import read_csv
+from bodycam_ros.formats.start_points import place_points
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
@@ -69,4 +72,6 @@ def read_joint_points(path: Path) -> Mapping[str, Array] | None:
 
 def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
     """The body in the first image, by a start file in any format; arguments and errors as of ``placed_body``."""
-    return placed_body(start, file, stations, body, read_joint_points(start))
+    if (points := read_joint_points(start)) is None:
+        return placed_body(start, file, stations, body)
+    return PlacedBody(place_points(start, points, body, stations.values()), np.zeros(len(body.segments), bool))

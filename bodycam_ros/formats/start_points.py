@@ -1,12 +1,12 @@
 """Initial pose of a body by joint points of another system, such as those of a TRC or C3D.
 
-Points are named after joints (RHip, left_knee, ankle_l, hip_left) or after our segments. The first row with enough of
-them counts. Axes of such files differ (y or z up, and which way is forward): of the right-angled turns that keep the
-person upright the one is taken that has the person in view of the most cameras, nearest to the middle of their images.
+Points are named after joints (RHip, left_knee, ankle_l, hip_left; ``point_sites``) or after our segments. The first row
+with enough of them counts. Axes of such files differ (y or z up, and which way is forward): of the right-angled turns
+that keep the person upright the one is taken that has the person in view of the most cameras, nearest to the middle of
+their images.
 """
 
 import logging
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -15,6 +15,7 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.errors import BodyError
+from bodycam_ros.formats.point_sites import known_site
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
@@ -31,17 +32,12 @@ _AXES = {
 }
 """Rotations from a file's axes to a world with z up; readers have brought y up to z up, which need not be right."""
 
-_KINDS = {
-    "hip": "thigh", "hjc": "thigh", "knee": "shin", "ankle": "foot", "shoulder": "upper_arm", "elbow": "forearm",
-    "wrist": "hand", "neck": "head", "pelvis": "pelvis", "midhip": "pelvis", "hips": "pelvis", "torso": "torso",
-    "head_origin": "head", "thigh": "thigh", "shin": "shin", "foot": "foot", "upper_arm": "upper_arm",
-    "forearm": "forearm", "hand": "hand",
+_TRUNK = {
+    "neck": "head", "head_origin": "head", "head": "", "torso": "torso", "pelvis": "pelvis", "midhip": "pelvis",
+    "hips": "pelvis",
 }  # fmt: skip
-"""Word in the name of a point -> kind of the segment whose origin it is."""
+"""Point of the trunk -> the segment that begins near it, as far as a start needs it; a head's point is its middle."""
 
-_WORD = "|".join(sorted(_KINDS, key=len, reverse=True))
-_SIDE = "l|r|left|right"
-_NAME = re.compile(rf"(?P<s>{_SIDE})[ _.]?(?P<w>{_WORD})|(?P<w2>{_WORD})(?:[ _.](?P<s2>{_SIDE}))?", re.IGNORECASE)
 _POINT_SIGMA_M = 0.03
 _EXPECTED = np.repeat([1.0, 1.0], 3)
 _EXPECTED_JOINT_RAD = 0.7  # from the N-pose, for what no point constrains
@@ -76,7 +72,9 @@ def _named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> d
     """Segment -> its origin (3,), at the first row with both hips and three other points."""
     named: dict[str, Array] = {}
     for name, rows in sorted(points.items(), key=lambda item: len(item[0])):
-        segment = _segment(name)
+        site = known_site(name, body.segments, {}, False, points)
+        centre = site.link if site is not None and not site.is_fitted else ""
+        segment = _TRUNK.get(name.strip().lower(), centre)
         if segment in body.segments:
             named.setdefault(segment, rows)
     for row in range(max((len(rows) for rows in named.values()), default=0)):
@@ -87,15 +85,6 @@ def _named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> d
         f"{path}: expected points of both hips and three other joints, named as LHip, right_knee or ankle_l, and found "
         f"{', '.join(sorted(points)[:10]) or 'none'}"
     )
-
-
-def _segment(name: str) -> str:
-    """Segment whose origin a point of this name is; empty for others."""
-    if (match := _NAME.fullmatch(name.strip())) is None:
-        return ""
-    kind = _KINDS[(match["w"] or match["w2"]).lower()]
-    side = (match["s"] or match["s2"] or "").lower()
-    return f"{kind}_{'left' if side.startswith('l') else 'right'}" if side else kind
 
 
 def _unit(points: Mapping[str, Array], body: BodyModel) -> float:

@@ -24,7 +24,6 @@ from bodycam_ros.estimation.chain import first_poses
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.shown import few, shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
-from bodycam_ros.static_cameras.start_points import place_points
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.static_cameras.stations_file import read_stations
 from bodycam_ros.whole_file import write_whole
@@ -72,31 +71,24 @@ class PlacedBody:
     unplaced: NDArray[np.bool_]
 
 
-def placed_body(
-    start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel, points: Mapping[str, Array] | None
-) -> PlacedBody:
+def placed_body(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
     """The body in the first frame.
 
     Args:
-        start: poses of segments, or points of joints (``start_points``).
+        start: poses of segments.
         file: of the stations, whose frame the poses have.
         stations: of that file, in the world; one or more.
         body: segments and joints.
-        points: name -> (K, 3) of the start, if it has points of joints.
 
     Raises:
         BodyError: the start cannot be used.
         StationError: the stations cannot be read any more.
     """
-    given: set[str] = set(body.segments)
-    if points is not None:
-        poses = place_points(start, points, body, stations.values())
-    else:
-        to_world = world_T_file(file, stations)
-        placed = {segment: to_world @ pose for segment, pose in read_start(start, body).items()}
-        poses, given = start_poses(body, placed), set(placed)
+    to_world = world_T_file(file, stations)
+    placed = {segment: to_world @ pose for segment, pose in read_start(start, body).items()}
+    poses = start_poses(body, placed)
     # Hands were added at the ends of the forearms.
-    known = given | {segment.replace("forearm", "hand") for segment in given} | set(body.equipment_segments)
+    known = {*placed, *(segment.replace("forearm", "hand") for segment in placed), *body.equipment_segments}
     unplaced = np.array([segment not in known for segment in body.segments])
     if unplaced.any():
         names = ", ".join(np.array(body.segments)[unplaced])

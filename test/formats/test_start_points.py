@@ -11,11 +11,12 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.read_captured import read_joint_points
+from bodycam_ros.formats.start_points import place_points
 from bodycam_ros.geometry import Array, exp_so3, rigid
-from bodycam_ros.static_cameras.start_points import place_points
 
 NAMES = {"thigh": "Hip", "shin": "Knee", "foot": "Ankle", "upper_arm": "Shoulder", "forearm": "Elbow", "hand": "Wrist"}
-SIDES = {"left": ("L", "left_", "l."), "right": ("R", "right_", "r.")}
+SIDES = {"left": ("L", "left_", "l.", "L"), "right": ("R", "right_", "r.", "R")}
+PLUG_IN_GAIT = {"thigh": "HJC", "shin": "KJC", "foot": "AJC", "upper_arm": "SJC", "forearm": "EJC", "hand": "WJC"}
 
 
 @pytest.fixture(scope="module")
@@ -28,11 +29,12 @@ def points_of(body: BodyModel, poses: Array, style: int) -> dict[str, Array]:
     for segment, pose in zip(body.segments, poses, strict=True):
         kind, _, side = segment.rpartition("_")
         if kind in NAMES:
-            points[SIDES[side][style] + (NAMES[kind] if style == 0 else NAMES[kind].lower())] = pose[None, :3, 3]
+            word = PLUG_IN_GAIT[kind] if style == 3 else NAMES[kind] if style == 0 else NAMES[kind].lower()
+            points[SIDES[side][style] + word] = pose[None, :3, 3]
     return points
 
 
-@pytest.mark.parametrize("style", [0, 1, 2])
+@pytest.mark.parametrize("style", [0, 1, 2, 3])
 @pytest.mark.parametrize("unit", [1.0, 0.001])
 @pytest.mark.parametrize("quarter", [0, 1])
 def test_a_standing_body_is_found(body: BodyModel, style: int, unit: float, quarter: int) -> None:
@@ -45,6 +47,24 @@ def test_a_standing_body_is_found(body: BodyModel, style: int, unit: float, quar
     # Cameras around a person see it from all sides: its place tells the turn only where it is off the middle.
     assert np.linalg.norm(np.linalg.norm(found[legs, :2, 3], axis=1) - np.linalg.norm(true[legs, :2, 3], axis=1)) < 0.05
     np.testing.assert_allclose(found[legs, 2, 3], true[legs, 2, 3], atol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "segment"),
+    [("Neck", "head"), ("midhip", "pelvis"), ("Pelvis", "pelvis"), ("head", ""), ("Nose", ""), ("RHeel", "")],
+)
+def test_points_of_the_trunk_and_markers(body: BodyModel, name: str, segment: str) -> None:
+    """A point that counts makes the fifth of those that are needed; a head's point is its middle, and not its joint."""
+    poses = body.n_pose(rigid(np.eye(3), np.array([0.0, 0.0, 0.95])))
+    points = {each: rows for each, rows in points_of(body, poses, 0).items() if "Hip" in each or "Knee" in each}
+    place = poses[body.segment_index[segment or "head"], :3, 3]
+    points = {each: rows for each, rows in points.items() if "study" not in each} | {name: place[None]}
+    stations = stations_around(2).values()
+    if segment:
+        place_points(Path("p.trc"), points, body, stations)
+    else:
+        with pytest.raises(BodyError, match="three other joints"):
+            place_points(Path("p.trc"), points, body, stations)
 
 
 def test_csv_has_a_column_for_each_axis(tmp_path: Path) -> None:
