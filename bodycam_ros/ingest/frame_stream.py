@@ -118,9 +118,10 @@ class FrameStream:
         if samples is None:
             return
         make, camera = recorded_messages(), self.camera.topic_name
-        self.imu_samples = len(samples.media_s)
-        stamps_ns = self.base_ns + np.round(1e9 * self.time.recording_s(samples.media_s)).astype(np.int64)
-        for stamp_ns, w, a in zip(stamps_ns.tolist(), samples.gyroscope, samples.accelerometer, strict=True):
+        self.imu_samples = len(samples)
+        media_s = np.asarray(1e-9 * samples.stamps_ns, np.float64)
+        stamps_ns = self.base_ns + np.round(1e9 * self.time.recording_s(media_s)).astype(np.int64)
+        for stamp_ns, w, a in zip(stamps_ns.tolist(), samples.angular_velocity, samples.acceleration, strict=True):
             yield SerializedMessage.of(stamp_ns, f"/{camera}{IMU_TOPIC}", imu_message(make, camera, stamp_ns, w, a))
 
     def _stamped_frames(self) -> Iterator[SerializedMessage]:

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.recording.camera_video import CameraVideo
-from bodycam_ros.recording.telemetry import InertialSamples
 
 _COLUMNS = "time gx gy gz ax ay az"
 _LARGEST_RAD_S, _LARGEST_M_S2 = 70.0, 2000.0  # 4,000 deg/s and 200 g; more is another unit
 _LEAST_GRAVITY_M_S2 = 4.0  # median specific force; less is in g, or without gravity
 
 
-def read_inertial_samples(camera: IngestCamera) -> InertialSamples | None:
+def read_inertial_samples(camera: IngestCamera) -> ImuSamples | None:
     """Samples of a camera's sensor in media time; None if there is none.
 
     A CSV named after the file or the camera (``head.csv`` beside ``head.mp4``) comes before a GoPro's telemetry.
@@ -31,7 +31,7 @@ def read_inertial_samples(camera: IngestCamera) -> InertialSamples | None:
     return camera.video.inertial_samples() if isinstance(camera.video, CameraVideo) else None
 
 
-def _read_csv(path: Path) -> InertialSamples:
+def _read_csv(path: Path) -> ImuSamples:
     """Lines ``time gx gy gz ax ay az`` [s], [rad/s], [m/s^2], by commas or blanks, under one line of names or none."""
     try:
         lines = path.read_text(encoding="utf-8-sig").replace(",", " ").replace(";", " ").splitlines()
@@ -53,4 +53,4 @@ def _read_csv(path: Path) -> InertialSamples:
         raise RecordingError(
             f"{path}: the median specific force is {force:.2f}: expected m/s^2 with gravity in it (9.8 at rest)"
         )
-    return InertialSamples(rows[:, 0], rows[:, 1:4], rows[:, 4:])
+    return ImuSamples(np.round(1e9 * rows[:, 0]).astype(np.int64), rows[:, 1:4], rows[:, 4:])

@@ -9,9 +9,10 @@ import av
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.recording import video_file
 from bodycam_ros.recording.sound import SoundBlock, sound_blocks
-from bodycam_ros.recording.telemetry import InertialSamples, inertial_samples, stabilisation
+from bodycam_ros.recording.telemetry import inertial_samples, stabilisation
 from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
 
 _CLOCK_S = 2.0
@@ -132,23 +133,23 @@ class CameraVideo:
         """What in a GoPro's file shows that frames are stabilised electronically; empty if nothing does."""
         return next((reason for path in self.files if (reason := stabilisation(path))), "")
 
-    def inertial_samples(self) -> InertialSamples | None:
+    def inertial_samples(self) -> ImuSamples | None:
         """Gyroscope and accelerometer of a GoPro, in the camera's media time; None without telemetry.
 
         Raises:
             RecordingError: see ``telemetry.inertial_samples``.
         """
         parts = [
-            replace(samples, media_s=samples.media_s + chapter.start_s)
+            replace(samples, stamps_ns=samples.stamps_ns + round(1e9 * chapter.start_s))
             for chapter in self.chapters
             if (samples := inertial_samples(chapter.path)) is not None
         ]
         if not parts:
             return None
-        columns = zip(*((part.media_s, part.gyroscope, part.accelerometer) for part in parts), strict=True)
-        media_s, gyroscope, accelerometer = (np.concatenate(column) for column in columns)
-        later = np.concatenate([[True], media_s[1:] > np.maximum.accumulate(media_s)[:-1]])
-        return InertialSamples(media_s[later], gyroscope[later], accelerometer[later])
+        columns = zip(*((part.stamps_ns, part.angular_velocity, part.acceleration) for part in parts), strict=True)
+        stamps_ns, angular_velocity, acceleration = (np.concatenate(column) for column in columns)
+        later = np.concatenate([[True], stamps_ns[1:] > np.maximum.accumulate(stamps_ns)[:-1]])
+        return ImuSamples(stamps_ns[later], angular_velocity[later], acceleration[later])
 
 
 def _overlap(before: Chapter, path: Path, facts: FileFacts) -> bool:

@@ -7,7 +7,6 @@ left out.
 
 import struct
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.recording.video_file import demuxed, opened
 
 Array = NDArray[np.float64]
@@ -34,23 +34,11 @@ Records = Mapping[bytes, tuple[bytes, bytes]]
 """Name -> type and content."""
 
 
-@dataclass(frozen=True, eq=False)
-class InertialSamples:
-    """Samples of a camera's inertial sensor, in axes near the optical frame: x right, y down, z forward.
+def inertial_samples(path: Path) -> ImuSamples | None:
+    """Gyroscope and accelerometer of a file in media time; None without telemetry of both.
 
-    Attributes:
-        media_s: (N,) media times, constantly off by some milliseconds that no file has [s].
-        gyroscope: (N, 3) angular velocity [rad/s].
-        accelerometer: (N, 3) specific force [m/s^2].
-    """
-
-    media_s: Array
-    gyroscope: Array
-    accelerometer: Array
-
-
-def inertial_samples(path: Path) -> InertialSamples | None:
-    """Gyroscope and accelerometer of a file; None without telemetry of both.
+    Axes are near the optical frame: x right, y down, z forward. Times are constantly off by some milliseconds that no
+    file has.
 
     Raises:
         RecordingError: the file cannot be opened, or is a time-lapse.
@@ -72,7 +60,7 @@ def inertial_samples(path: Path) -> InertialSamples | None:
             "averages; its inertial samples are left out"
         )
     at = [np.interp(gyroscope_s, accelerometer_s, axis) for axis in accelerometer.T]
-    return InertialSamples(gyroscope_s, gyroscope, np.column_stack(at))
+    return ImuSamples(np.round(1e9 * gyroscope_s).astype(np.int64), gyroscope, np.column_stack(at))
 
 
 def stabilisation(path: Path) -> str:

@@ -34,10 +34,10 @@ def go_pro(folder: Path, name: str = "head", **options: object) -> Path:
 def test_samples_of_a_gopro_have_the_optical_frame_s_axes(tmp_path: Path) -> None:
     samples = inertial_samples(go_pro(tmp_path))
     assert samples is not None
-    np.testing.assert_allclose(samples.media_s, TIMES_S, atol=3e-3)
-    np.testing.assert_allclose(np.diff(samples.media_s), 1.0 / RATE_HZ, rtol=1e-3)
-    np.testing.assert_allclose(samples.gyroscope, optical(GYROSCOPE), atol=1e-3)
-    np.testing.assert_allclose(samples.accelerometer, optical(ACCELEROMETER), atol=5e-3)
+    np.testing.assert_allclose(1e-9 * samples.stamps_ns, TIMES_S, atol=3e-3)
+    np.testing.assert_allclose(1e-9 * np.diff(samples.stamps_ns), 1.0 / RATE_HZ, rtol=1e-3)
+    np.testing.assert_allclose(samples.angular_velocity, optical(GYROSCOPE), atol=1e-3)
+    np.testing.assert_allclose(samples.acceleration, optical(ACCELEROMETER), atol=5e-3)
 
 
 @pytest.mark.parametrize("turned_rad", [0.0, 0.1])
@@ -47,8 +47,8 @@ def test_the_axes_of_a_matrix_come_before_those_of_the_channels(tmp_path: Path, 
     letters = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of XzY to ZXY
     samples = inertial_samples(go_pro(tmp_path, matrix=turn @ letters))
     assert samples is not None
-    np.testing.assert_allclose(samples.gyroscope, optical(GYROSCOPE), atol=2e-3)
-    np.testing.assert_allclose(samples.accelerometer, optical(ACCELEROMETER), atol=5e-3)
+    np.testing.assert_allclose(samples.angular_velocity, optical(GYROSCOPE), atol=2e-3)
+    np.testing.assert_allclose(samples.acceleration, optical(ACCELEROMETER), atol=5e-3)
 
 
 def test_the_bag_has_them_as_messages_at_the_time_of_the_frames(tmp_path: Path) -> None:
