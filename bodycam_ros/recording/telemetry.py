@@ -23,7 +23,7 @@ _HEADER = struct.Struct(">4sBBH")
 _NESTED = 0
 _DEEPEST = 6
 
-_DTYPES = {b"s": ">i2", b"S": ">u2", b"l": ">i4", b"L": ">u4", b"f": ">f4", b"J": ">u8", b"c": "S1"}
+_DTYPES = {b"s": ">i2", b"S": ">u2", b"l": ">i4", b"L": ">u4", b"f": ">f4", b"J": ">u8"}
 _DEFAULT_ORDER = "ZXY"  # of channels, of cameras before the HERO8
 _EXCHANGES = (-1.0, 0.0, 1.0)  # elements of a matrix that exchanges or reverses axes
 _STABILISED_RAD = np.radians(0.5)  # turn of an image against the camera
@@ -146,7 +146,7 @@ def _streams(content: bytes, depth: int = 0) -> Iterator[Records]:
 
 def _numbers(record: tuple[bytes, bytes]) -> Array | None:
     kind, content = record
-    if kind not in _DTYPES or kind == b"c":
+    if kind not in _DTYPES:
         return None
     dtype = np.dtype(_DTYPES[kind])
     return np.frombuffer(content[: len(content) // dtype.itemsize * dtype.itemsize], dtype).astype(np.float64)

@@ -16,7 +16,7 @@ from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import LimbSearch, chains_of, colours_from, with_usual_limits
-from bodycam_ros.static_cameras.region_settings import LINES_ALIKE, RegionSettings
+from bodycam_ros.static_cameras.region_settings import LINES_ALIKE, MIN_LINES, RegionSettings
 from bodycam_ros.static_cameras.segment_support import (
     CONFIRMED,
     CameraSupport,
@@ -39,7 +39,6 @@ _VAGUE = 1.0
 
 _ROUNDS = 4  # of lines and steps for an image; the first are coarse
 _COARSE_STRIDE = 4  # [px] of a sample in the first round, half as many in the next: a line then reaches 24 px
-_MIN_LINES = 4  # that measure something; a segment with fewer is unobserved by a camera
 _START_ROUNDS = 6  # of updating colours and fitting in the first image
 _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their joints about the placed ones
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
@@ -281,7 +280,7 @@ class RegionTracker:
         self._cameras.update(fit.measured)
         misplaced = self._cameras.misplaced
         seen = {
-            name: (regions.lines >= _MIN_LINES)
+            name: (regions.lines >= MIN_LINES)
             & (regions.confidence >= self._settings.least_confidence)
             & ~self._support.unconfirmed
             & (name not in misplaced)

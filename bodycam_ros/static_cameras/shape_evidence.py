@@ -14,7 +14,7 @@ from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, Predict
 from bodycam_ros.static_cameras.body_shape import BodyShape
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
-from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX, LINES_ALIKE, RegionSettings
+from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX, LINES_ALIKE, MIN_LINES, RegionSettings
 from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
@@ -22,7 +22,6 @@ BULGES = 9
 """Of each segment: three ways to lean, a taper, three to bend, flat rather than round, and thick in the middle."""
 
 _SHARE = 1e-6  # by which a length is changed to measure how the surface moves
-_MIN_LINES = 4  # that measure something of a segment
 _LOOSE_ROOT, _LOOSE_JOINT = np.repeat([0.1, 0.05], 3), 0.15
 """[rad], [m]; [rad] of a pose that was found with a body that is about right."""
 
@@ -76,7 +75,7 @@ class ShapeEvidence:
             measured = views[name].measure(image, contour, 1)
             weights = 1.0 / (measured.variances + LEAST_SIGMA_PX**2) / LINES_ALIKE
             for row in np.unique(contour.segments):
-                if measured.lines[row] < max(_MIN_LINES, self._settings.least_confidence * measured.asked[row]):
+                if measured.lines[row] < max(MIN_LINES, self._settings.least_confidence * measured.asked[row]):
                     continue
                 lines = np.flatnonzero((contour.segments == row) & np.isfinite(measured.shifts))
                 points = contour.points[lines]
