@@ -1,7 +1,7 @@
 """Handles in the scene, and a panel of numbers, by which a person moves one part of a body or of a start at a time."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from viser import GuiFolderHandle, TransformControlsEvent, TransformControlsHandle
@@ -17,14 +17,24 @@ _STILL = 1e-9  # [m], and of a rotation matrix: handles that were not moved
 _DECIMALS, _STEP_M = 4, 0.0001  # of the numbers
 
 
-class Editor:
+class Edited(Protocol):
+    """What has parts, as ``Correction`` and ``Placement`` have."""
+
+    def moved_to(self, part: Any, pose: Array, /) -> Self:
+        """The same with a part at a pose (4, 4) [m]."""
+
+
+E = TypeVar("E", bound=Edited)
+
+
+class Editor(Generic[E]):
     """Shows and takes the pose of one chosen part, and keeps all steps, to be undone.
 
     Args:
         server: whose page has the handles and the panel.
         title, text: of the panel.
         parts: name -> part to choose from; None: no part.
-        edited: that the parts are of; its ``moved_to`` makes the same with a part at a pose (4, 4) [m].
+        edited: that the parts are of.
         file_name: of what is written.
         select: called with the part that is chosen in the panel.
         changed: called when ``edited`` is another; calls ``show`` with the pose that the chosen part then has.
@@ -40,7 +50,7 @@ class Editor:
         title: str,
         text: str,
         parts: Mapping[str, Any],
-        edited: Any,
+        edited: E,
         file_name: str,
         *,
         select: Callable[[Any], None],
@@ -66,15 +76,15 @@ class Editor:
         self._write.on_click(server.when_pressed(write))
 
     @property
-    def edited(self) -> Any:
+    def edited(self) -> E:
         """What is edited, as it is now."""
         return self._steps[-1]
 
-    def restart(self, edited: Any) -> None:
+    def restart(self, edited: E) -> None:
         """Edit another, without a step to be undone."""
         self._take_steps([edited])
 
-    def change(self, edited: Any) -> None:
+    def change(self, edited: E) -> None:
         """Take one more step."""
         self._take_steps([*self._steps, edited])
 
@@ -86,10 +96,10 @@ class Editor:
         """Move the chosen part to a pose (4, 4) [m]; ``continues``: in place of the last step, as in a drag."""
         part = self._parts[self._chosen]
         if part is not None:
-            kept = self._steps[:-1] if continues else self._steps
+            kept = (self._steps[:-1] if continues else []) or self._steps
             self._take_steps([*kept, kept[-1].moved_to(part, parent_T_part)])
 
-    def _take_steps(self, steps: list[Any]) -> None:
+    def _take_steps(self, steps: list[E]) -> None:
         self._steps = steps
         self._changed()
 

@@ -154,8 +154,7 @@ class PlacingSession(Page):
 
     @property
     def _placement(self) -> Placement:
-        placement: Placement = self._editor.edited
-        return placement
+        return self._editor.edited
 
     @property
     def unwritten(self) -> str:

@@ -72,3 +72,10 @@ def test_nothing_is_moved_while_nothing_is_chosen(editor: Editor) -> None:
     editor.show("nothing")
     editor.move(at(1.0))
     assert editor.edited == Path()
+
+
+def test_a_drag_goes_on_where_what_it_moved_was_written_meanwhile(editor: Editor) -> None:
+    editor.move(at(1.0))
+    editor.restart(Path())
+    editor.move(at(2.0), continues=True)
+    assert editor.edited == Path((2.0,))
