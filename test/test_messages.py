@@ -102,8 +102,7 @@ def random_matches(rng: np.random.Generator, count: int, registered: bool) -> La
         current_R_previous=random_pose(rng)[:3, :3],
         rotation_inliers=7,
         shifts=rng.normal(size=(count, 2)).astype(np.float32) if registered else None,
-        readout_time=0.0123,
-        readout_sigma=0.0004,
+        readout=Readout(0.0123, 0.0004),
         grown=1,
     )
 

@@ -1,9 +1,12 @@
 """Messages between the stages: feature tracks, landmark matches, camera poses, map points."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.model import optical_frame
+from bodycam_ros.camera.readout import readout_of
 from bodycam_ros.messages.factory import (
     MAP_FRAME,
     Message,
@@ -93,8 +96,8 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
         pose=pose_with_covariance_message(make, world_T_camera, matches.pose_covariance),
         current_r_previous=quaternion_message(make, matches.current_R_previous),
         rotation_inliers=int(matches.rotation_inliers),
-        readout_time=float(matches.readout_time),
-        readout_sigma=float(matches.readout_sigma),
+        readout_time=math.nan if matches.readout is None else matches.readout.seconds,
+        readout_sigma=math.nan if matches.readout is None else matches.readout.sigma,
         grown=int(matches.grown),
     )
 
@@ -122,8 +125,7 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
         current_R_previous=rotation_from_message(message.current_r_previous),
         rotation_inliers=int(message.rotation_inliers),
         shifts=numbers(message.shifts, np.float32, count, 2) if len(message.shifts) else None,
-        readout_time=float(message.readout_time),
-        readout_sigma=float(message.readout_sigma),
+        readout=readout_of(message.readout_time, message.readout_sigma),
         grown=int(message.grown),
     )
 

@@ -1,13 +1,12 @@
 """The registration of one image."""
 
-import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.readout import Readout, readout_of
+from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import log_so3
 
 
@@ -28,8 +27,7 @@ class LandmarkMatches:
         current_R_previous: (3, 3) rotation of the camera between the two frames (A eq. 2).
         rotation_inliers: tracks that agree with that rotation; 0 if it is unknown.
         shifts: (N, 2) float32, how far the read-out of the rows moved them; None if it did not.
-        readout_time: of the camera, as far as it is known by now [s].
-        readout_sigma: its standard deviation [s]; 0 if it was given.
+        readout: how long the camera's rows are read out, as far as it is known by now; None: not at all.
         grown: how many of the landmarks body cameras added.
     """
 
@@ -45,8 +43,7 @@ class LandmarkMatches:
     current_R_previous: NDArray[np.float64]
     rotation_inliers: int
     shifts: NDArray[np.float32] | None = None
-    readout_time: float = 0.0
-    readout_sigma: float = math.nan
+    readout: Readout | None = None
     grown: int = 0
 
     def bare(self) -> "LandmarkMatches":
@@ -66,11 +63,6 @@ class LandmarkMatches:
     def shown(self) -> NDArray[np.float32]:
         """(N, 2) their places in the image itself [px]."""
         return self.pixels if self.shifts is None else self.pixels + self.shifts
-
-    @property
-    def readout(self) -> Readout | None:
-        """How long the camera's rows are read out, as far as it is known by now."""
-        return readout_of(self.readout_time, self.readout_sigma)
 
     @property
     def readout_in_use(self) -> float:

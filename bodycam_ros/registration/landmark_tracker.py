@@ -9,13 +9,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.camera.readout import Readout, readout_of
+from bodycam_ros.camera.readout import UNKNOWN_READOUT, Readout
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings, DirectView
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
-from bodycam_ros.registration.readout_time import ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.camera_motion import CameraMotion
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
@@ -51,7 +50,7 @@ class LandmarkTracker:
             self._direct = DirectRegistration(
                 features.camera, reference_map, reference_map.photographs, settings, pose_fit
             )
-        self._readout = ReadoutTime(readout)
+        self._readout = readout or UNKNOWN_READOUT
         self._motion = CameraMotion()
         self._before: DirectView | None = None
         self._located_ns = 0
@@ -103,8 +102,7 @@ class LandmarkTracker:
             self._features.mark_registered()
         if self._direct is None:
             return
-        if (known := readout_of(matches.readout_time, matches.readout_sigma)) is not None:
-            self._readout = ReadoutTime(known)
+        self._readout = matches.readout or self._readout
         if matches.world_T_camera is None:
             if self._before is not None and matches.stamp_ns > self._located_ns:
                 # These landmarks were rejected, and descriptors are needed, which only features have.

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.readout import Readout
+from bodycam_ros.camera.readout import UNKNOWN_READOUT, Readout
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import RADIUS_PX, WIDE_RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, steady_pixels
-from bodycam_ros.registration.readout_time import EVERY, LEAST_TURN, ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.track_landmarks import NO_TRACKS, TrackLandmarks, rematched, tracks_in_frame
 from bodycam_ros.settings import setting
@@ -31,6 +30,8 @@ _MAX_STRIKES = 2  # consecutive frames of disagreement after which a track loses
 _MAX_PREDICTED_FRAMES = 15  # of a lost camera, by its rotation, before the whole map is searched
 _DEGENERATE = 1e10  # condition of a pose's information: its landmarks leave a direction open, such as all on one spot
 _FEW = 0.15  # share of the described tracks; a pose that fewer agree with is compared with one found in the whole map
+_EVERY = 3  # images of which one gives the read-out time, for all: neighbours are correlated, and each costs a fit
+_LEAST_TURN = 0.5  # [rad/s] images of a camera that turns more slowly carry too little information for a fit
 _REFIT_ITERATIONS = 2  # of a fit that starts at the result of another
 
 
@@ -82,7 +83,7 @@ class Registrar:
         self.map = reference_map
         self.settings = settings or RegistrarSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self.readout = ReadoutTime(readout)
+        self.readout = readout or UNKNOWN_READOUT
         self._motion = CameraMotion()
         self._image_motion: ImageMotion | None = None
         self._tracks = NO_TRACKS
@@ -95,7 +96,7 @@ class Registrar:
     def set_readout(self, readout: Readout) -> None:
         """Take a read-out time from another source, if it is better known than the present one."""
         if readout.sigma <= self.readout.sigma:
-            self.readout = ReadoutTime(readout)
+            self.readout = readout
 
     def register(self, frame: TrackFrame) -> LandmarkMatches:
         """Find the camera's pose and the landmarks of its tracks."""
@@ -209,13 +210,13 @@ class Registrar:
         if self._until_readout > 0 or len(self._recent) < 2:
             return
         motion = self._motion.in_middle_image(self.readout.seconds, self.readout.sigma)
-        if motion is None or np.linalg.norm(motion.turning) < LEAST_TURN:
+        if motion is None or np.linalg.norm(motion.turning) < _LEAST_TURN:
             return
-        self._until_readout = EVERY
+        self._until_readout = _EVERY
         pose, points_world, pixels = self._recent[0]
         fit = fit_pose(self.camera, points_world, pixels, pose, self._pose_fit, motion, iterations=_REFIT_ITERATIONS)
         if fit.inliers.sum() >= self.settings.min_inliers:
-            self.readout.add(fit.readout_time, EVERY * fit.readout_information)
+            self.readout = self.readout.updated(fit.readout_time, _EVERY * fit.readout_information)
 
     def _reject_outliers(
         self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None
@@ -248,8 +249,7 @@ class Registrar:
             current_R_previous=frame.current_R_previous,
             rotation_inliers=frame.rotation_inliers,
             shifts=shifts.astype(np.float32) if shifts.any() else None,
-            readout_time=self.readout.seconds,
-            readout_sigma=self.readout.sigma,
+            readout=self.readout,
             grown=int((tracks["landmark"] >= self.map.first_grown).sum()),
         )
 

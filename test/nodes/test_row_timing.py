@@ -42,7 +42,7 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
         _START_S,
         "both nodes are there",
     )
-    heard: dict[str, tuple[float, float]] = {}
+    heard: dict[str, Readout | None] = {}
     number = 0
 
     def told() -> bool:
@@ -55,8 +55,8 @@ def test_body_and_camera_tell_the_registration(graph: Any, tmp_path: Path) -> No
             said[camera, "tracks"].publish(tracks_message(make, _nothing_seen(camera, number)))
             for message in graph.messages(f"/{camera}/landmarks")[-1:]:
                 matches = landmark_matches(message, camera)
-                heard[camera] = (matches.readout_time, matches.readout_sigma)
-        return {c: (s, round(sigma, 6)) for c, (s, sigma) in heard.items()} == STARTS_S
+                heard[camera] = matches.readout
+        return {c: each and (each.seconds, round(each.sigma, 6)) for c, each in heard.items()} == STARTS_S
 
     graph.until(told, _SOON_S, "the registration knows how long the rows of both are read out")
 

@@ -4,7 +4,6 @@ import pytest
 
 from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.readout_time import ReadoutTime
 
 GLOBAL, ROLLING = Readout(0.0, 0.00013), Readout(0.0122, 0.00015)
 INFORMATION = 0.002**-2
@@ -21,11 +20,11 @@ cameras:
 """
 
 
-def filtered(start: Readout, seconds: float, images: int) -> ReadoutTime:
-    readout = ReadoutTime(start.as_start)
+def filtered(start: Readout, seconds: float, images: int) -> Readout:
+    readout = start.as_start
     for _ in range(images):
         if not readout.is_known:
-            readout.add(seconds, INFORMATION)
+            readout = readout.updated(seconds, INFORMATION)
     return readout
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.readout_time import ReadoutTime, pooled
+from bodycam_ros.camera.readout import UNKNOWN_READOUT, Readout
+from bodycam_ros.registration.readout_time import pooled
 
-FIRST_SIGMA = 0.015
+IMAGES_ALIKE = 6.0
 SIZE = (640, 480)
 
 
@@ -18,10 +18,10 @@ def test_the_filter_is_the_weighted_mean_of_what_images_say() -> None:
     random = np.random.default_rng(1)
     sigmas = random.uniform(0.001, 0.004, 50)
     said = 0.012 + sigmas * random.standard_normal(50)
-    filtered = ReadoutTime(images_alike=1.0)
+    filtered = UNKNOWN_READOUT
     for value, sigma in zip(said, sigmas, strict=True):
-        filtered.add(value, sigma**-2)
-    weights = np.append(sigmas**-2, FIRST_SIGMA**-2)
+        filtered = filtered.updated(value, sigma**-2)
+    weights = np.append(sigmas**-2 / IMAGES_ALIKE, 0.015**-2)
     assert filtered.seconds == pytest.approx(np.average(np.append(said, 0.0), weights=weights))
     assert filtered.sigma == pytest.approx(weights.sum() ** -0.5)
     assert abs(filtered.seconds - 0.012) < 3.0 * filtered.sigma

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from rolling_camera import START_NS, landmarks_ahead, map_of, swinging, track_frames, wide_camera
 
+from bodycam_ros.camera import readout
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.readout_time import ReadoutTime
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 
@@ -24,11 +24,12 @@ def around() -> ReferenceMap:
 def registered(
     around: ReferenceMap, true_s: float, known: Readout | None = None
 ) -> tuple[Registrar, list[LandmarkMatches]]:
-    # Every image has errors of its own here, so that each counts in full.
     registrar = Registrar(CAMERA, around, readout=known)
-    registrar.readout = ReadoutTime(known, images_alike=1.0)
     frames = track_frames(CAMERA, around, np.random.default_rng(4), true_s, IMAGES)
-    return registrar, [registrar.register(frame) for frame in frames]
+    with pytest.MonkeyPatch.context() as patch:
+        # Every image has errors of its own here, so that each counts in full.
+        patch.setattr(readout, "_IMAGES_ALIKE", 1.0)
+        return registrar, [registrar.register(frame) for frame in frames]
 
 
 def error_m(matches: list[LandmarkMatches]) -> float:
@@ -46,7 +47,7 @@ def test_the_readout_time_is_found(around: ReferenceMap, true_s: float) -> None:
     registrar, matches = registered(around, true_s)
     assert registrar.readout.seconds == pytest.approx(true_s, abs=3e-4)
     assert abs(registrar.readout.seconds - true_s) < 4.0 * registrar.readout.sigma
-    assert matches[-1].readout == Readout(registrar.readout.seconds, registrar.readout.sigma)
+    assert matches[-1].readout == registrar.readout
     ideal = error_m(registered(around, 0.0, Readout(0.0, 0.0))[1])
     assert error_m(matches) < 1.5 * ideal + 2e-4
     if true_s == 0.0:
@@ -59,5 +60,5 @@ def test_the_readout_time_is_found(around: ReferenceMap, true_s: float) -> None:
 def test_what_is_given_is_used_from_the_first_image_and_never_changed(around: ReferenceMap) -> None:
     registrar, matches = registered(around, 0.012, Readout(0.0115, 0.0))
     assert registrar.readout.seconds == 0.0115
-    assert {(one.readout_time, one.readout_sigma) for one in matches} == {(0.0115, 0.0)}
+    assert {one.readout for one in matches} == {Readout(0.0115, 0.0)}
     assert matches[2].shifts is not None and np.abs(matches[2].shifts).max() > 0.3
