@@ -106,8 +106,14 @@ def add_coverage(
     reference_map: ReferenceMap, name: str, progress: ProgressBars
 ) -> tuple[ReferenceMap, Callable[[Path], None], list[str]]:
     """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
+    from bodycam_ros.evaluate.coverage import (
+        COVERAGE_FILE,
+        coverage_lines,
+        measure_coverage,
+        upright_map,
+        with_coverage,
+    )
     from bodycam_ros.evaluate.coverage_picture import draw_coverage
-    from bodycam_ros.mapping.coverage import COVERAGE_FILE, coverage_lines, measure_coverage, upright_map, with_coverage
 
     upright = upright_map(reference_map)
     coverage = measure_coverage(upright, progress)

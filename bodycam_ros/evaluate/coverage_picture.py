@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from bodycam_ros.mapping.coverage import Coverage, Gap, find_gaps
+from bodycam_ros.evaluate.coverage import Coverage, Gap, find_gaps
 from bodycam_ros.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.shown import printable

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from unshown_progress import Unshown
 
-from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.coverage import (
+from bodycam_ros.evaluate.coverage import (
     BODY_CAMERA,
     Coverage,
     coverage_lines,
@@ -16,6 +15,7 @@ from bodycam_ros.mapping.coverage import (
     upright_map,
     with_coverage,
 )
+from bodycam_ros.geometry import exp_so3
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 RADIUS_M = 6.0
