@@ -142,19 +142,12 @@ def detect_tags(
         min_breadth_px: of a tag.
         tolerance_px: median distance of an edge's points from its line.
     """
-    from scipy.ndimage import spline_filter
-
     views: dict[int, TagView] = {}
-    spline = None
     for tag, rough in find_tags(gray, camera, family):
         breadths = breadths_of(rough)
         if tag in views or breadths.min() < min_breadth_px:
             continue
-        if spline is None:
-            # Cubic, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their
-            # middle.
-            spline = spline_filter(gray.astype(np.float32), order=3, output=np.float32)
-        corners = corners_of_edges(spline, rough, breadths, camera, tolerance_px)
+        corners = corners_of_edges(gray, rough, breadths, camera, tolerance_px)
         if corners is not None:
             views[tag] = TagView(tag, corners, breadths)
     return list(views.values())
@@ -169,7 +162,7 @@ def breadths_of(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def corners_of_edges(
-    spline: NDArray[np.float32],
+    gray: NDArray[np.uint8],
     rough: NDArray[np.float64],
     breadths: NDArray[np.float64],
     camera: CameraModel,
@@ -178,17 +171,17 @@ def corners_of_edges(
     """Where the four edge lines of a tag meet: pixels (4, 2), or None when an edge is not a clean line.
 
     Args:
-        spline: coefficients of the picture (H, W), of ``scipy.ndimage.spline_filter``.
+        gray: picture (H, W).
         rough: (4, 2) about where the corners are, dark on the right of who goes from each to the next.
         breadths: (2,) of the tag.
         camera: the lens.
         tolerance: median distance of an edge's points from its line that is clean [px].
     """
-    lines = []
+    lines, picture = [], gray.astype(np.float32)
     # Upper and lower edges are looked for across the tag's height, the others across its width.
     reaches = np.maximum(_MIN_REACH, _REACH_OF_BREADTH * breadths[[1, 0, 1, 0]])
     for start, end, reach in zip(rough, np.roll(rough, -1, axis=0), reaches.tolist(), strict=True):
-        points = _edge_points(spline, camera, start, end, reach)
+        points = _edge_points(picture, camera, start, end, reach)
         bearings, valid = camera.unproject(points)
         bearings = bearings[valid]
         # Straight in space is a plane through the camera, whatever the lens does.
@@ -206,7 +199,7 @@ def corners_of_edges(
 
 
 def _edge_points(
-    spline: NDArray[np.float32],
+    picture: NDArray[np.float32],
     camera: CameraModel,
     start: NDArray[np.float64],
     end: NDArray[np.float64],
@@ -217,7 +210,7 @@ def _edge_points(
     Corners run clockwise in the image, so that the inside, which is black, lies to the right of an edge. The edge is
     looked for along what the lens makes of a straight line; there are none where it shows none.
     """
-    from scipy.ndimage import gaussian_filter1d, map_coordinates
+    from scipy.ndimage import gaussian_filter1d
 
     stations = np.linspace(_EDGE_MARGIN, 1.0 - _EDGE_MARGIN, max(_MIN_LINE_POINTS, int(np.linalg.norm(end - start))))
     chord, _ = camera.unproject(start + stations[:, None] * (end - start))
@@ -231,7 +224,10 @@ def _edge_points(
         return np.zeros((0, 2))
     offsets = np.arange(-reach, reach + 1e-9, 1.0 / _STEPS_PER_PIXEL)
     grid = line[:, None] + offsets[:, None] * outward[:, None]
-    profiles = map_coordinates(spline, [grid[..., 1], grid[..., 0]], order=3, mode="nearest", prefilter=False)
+    # A wide kernel, so that the steepest point may lie anywhere between pixels; linear interpolation pulls it to their
+    # middle.
+    columns, rows = np.moveaxis(grid.astype(np.float32), -1, 0)
+    profiles = cv2.remap(picture, columns, rows, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
     slope = gaussian_filter1d(
         profiles, _EDGE_BLUR * _STEPS_PER_PIXEL, axis=1, order=1, mode="nearest", truncate=_BLUR_REACH
     )
