@@ -1,7 +1,7 @@
 """Arrays of an npz file of which nothing is used before it is checked against the file's size.
 
-What compresses badly is stored as it is: such arrays of bytes are mapped, and shared by all processes that read the
-file; wider numbers are copied to where a processor can reach them.
+``np.savez`` stores arrays as they are: those of bytes are mapped, and shared by all processes that read the file; wider
+numbers are copied to where a processor can reach them. Maps of older versions are compressed in part.
 """
 
 import io
@@ -25,7 +25,6 @@ from bodycam_ros.errors import MapError
 _MOST_INFLATED = 100  # times its compressed size; descriptors shrink by a fifth, names of photographs by nine tenths
 _SMALL = 10_000_000  # [bytes] what needs no such check
 _LONGEST_HEADER = 100_000  # [bytes] of an array; numpy's own limit is below it
-_WORTH_COMPRESSING = 0.7  # of its size
 _LOCAL_HEADER = struct.Struct("<26xHH")  # of a zip file: lengths of name and extra field
 
 
@@ -38,7 +37,7 @@ def read_arrays(
     """Read arrays without pickle, with their checksums, and without allocating more than the file can hold.
 
     Args:
-        path: an npz file, by ``write_arrays`` or any other.
+        path: an npz file.
         wanted: name of an array -> its dtype without byte order ("u4", "f8"; "U" for text of any length), and its
             shape, as in "f8 L 3": a letter is a size that is the same wherever it stands. Without one any is taken.
         optional: the same of arrays that the file may lack.
@@ -70,20 +69,6 @@ def read_arrays(
         problem = getattr(error, "strerror", None) or str(error).strip("'\"") or repr(error)
         place = f"{name}: " if name else ""
         raise MapError(f"{path}: damaged or incomplete ({place}{problem}); build the map again") from error
-
-
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write an npz file, as ``np.savez_compressed`` does but for what is stored; raises OSError."""
-    with path.open("wb") as file, zipfile.ZipFile(file, "w") as archive:
-        for name, array in arrays.items():
-            stream = io.BytesIO()
-            np.save(stream, array, allow_pickle=False)
-            content = stream.getvalue()
-            entry = zipfile.ZipInfo(f"{name}.npy")
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            if len(zlib.compress(content)) > _WORTH_COMPRESSING * len(content):
-                entry.compress_type = zipfile.ZIP_STORED
-            archive.writestr(entry, content)
 
 
 def _array(archive: zipfile.ZipFile, mapped: memoryview, member: str, wanted: str) -> NDArray[Any]:

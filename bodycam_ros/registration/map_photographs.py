@@ -18,7 +18,7 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import LensError, MapError
-from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
+from bodycam_ros.registration.checked_npz import read_arrays
 
 
 def camera_arrays(cameras: Sequence[CameraModel], camera_of_view: NDArray[np.uint16]) -> dict[str, NDArray[Any]]:
@@ -180,7 +180,7 @@ class MapPhotographs:
 
     def save(self, folder: Path) -> None:
         """Write them into a map folder."""
-        arrays: dict[str, NDArray[Any]] = dict(
+        arrays: dict[str, Any] = dict(
             jpegs=np.frombuffer(b"".join(self.jpegs), np.uint8),
             jpeg_ends=np.cumsum([len(jpeg) for jpeg in self.jpegs], dtype=np.int64),
             observation_landmark=self.observation_landmark,
@@ -188,7 +188,7 @@ class MapPhotographs:
             normals=self.normals,
             **camera_arrays(self.cameras, self.camera_of_view),
         )
-        write_arrays(folder / PHOTOGRAPHS_FILE, arrays)
+        np.savez(folder / PHOTOGRAPHS_FILE, **arrays)
 
     @cached_property
     def lenses(self) -> NDArray[np.float64]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.output_place import check_folder
-from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
+from bodycam_ros.registration.checked_npz import read_arrays
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, choose_words
 from bodycam_ros.tracking.track_frame import find_rows
@@ -167,14 +167,14 @@ class ReferenceMap:
         Raises:
             OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
         """
-        arrays = {name: np.asarray(getattr(self, name), form.split()[0]) for name, form in _ARRAYS.items()}
         words = self.index_words(len(self.descriptors))
-        arrays |= dict(zip(_WORDS, (words.centres, words.word_of_descriptor), strict=True))
+        arrays: dict[str, Any] = dict(zip(_WORDS, (words.centres, words.word_of_descriptor), strict=True))
+        arrays |= {name: np.asarray(getattr(self, name), form.split()[0]) for name, form in _ARRAYS.items()}
         header = msgspec.to_builtins(_Header(VERSION, self.metric, self.gravity_aligned, self.grown))
         document = header | {name: value for name, value in self.summary.items() if name not in header}
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):
             folder.mkdir()
-            write_arrays(folder / _ARRAYS_FILE, arrays)
+            np.savez(folder / _ARRAYS_FILE, **arrays)
             if self.photographs is not None:
                 self.photographs.save(folder)
             (folder / _SUMMARY_FILE).write_text(yaml.safe_dump(document, sort_keys=False, width=120))

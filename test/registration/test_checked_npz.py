@@ -8,20 +8,17 @@ import numpy as np
 import pytest
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.registration.checked_npz import read_arrays, write_arrays
+from bodycam_ros.registration.checked_npz import read_arrays
 
 DTYPES = {"places": "f8", "names": "U"}
 PLACES = np.random.default_rng(0).random((40, 3))
 NAMES = np.array(["a.jpg", "ä.png"] + 20 * ["and so on"])
 
 
-@pytest.fixture(params=["numpy", "ours"])
+@pytest.fixture(params=[np.savez_compressed, np.savez])
 def file(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    """Written as maps once were, and as they are now: what is random is stored, what repeats is compressed."""
-    if request.param == "numpy":
-        np.savez_compressed(tmp_path / "arrays.npz", places=PLACES, names=NAMES)
-    else:
-        write_arrays(tmp_path / "arrays.npz", {"places": PLACES, "names": NAMES})
+    """Written as maps once were, and as they are now."""
+    request.param(tmp_path / "arrays.npz", places=PLACES, names=NAMES)
     return tmp_path / "arrays.npz"
 
 
