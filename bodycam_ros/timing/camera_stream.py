@@ -102,17 +102,10 @@ class CameraStream:
             return None
         if nearest.stamp_ns == stamp_ns:
             return self._restamped(nearest, stamp_ns)
-        known = [
-            (image.stamp_ns, image.world_T_camera)
-            for image in images
-            if image.world_T_camera is not None and 1e-9 * abs(image.stamp_ns - stamp_ns) <= 2.0 * MAX_GAP_S
-        ]
-        # Two on either side make the curve.
-        before, wanted = sum(own_ns <= stamp_ns for own_ns, _ in known), np.array([stamp_ns])
-        known = known[max(0, before - 2) : before + 2]
         if nearest.world_T_camera is not None:
+            known = [(image.stamp_ns, image.world_T_camera) for image in images if image.world_T_camera is not None]
             own_ns, poses = map(np.array, zip(*known, strict=True))
-            point = path_points(own_ns, poses, wanted, MAX_GAP_S)
+            point = path_points(own_ns, poses, np.array([stamp_ns]), MAX_GAP_S)
             if len(point.rows):
                 covariance = nearest.pose_covariance + np.diag(point.variances[0])
                 return self._restamped(nearest, stamp_ns, world_T_camera=point.poses[0], pose_covariance=covariance)
