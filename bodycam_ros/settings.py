@@ -79,7 +79,8 @@ def setting(
         reason: what it does; what raising it does.
         live: a running node takes another value.
     """
-    metadata = {"unit": unit, "limits": limits, "words": words, "reason": reason, "live": live}
+    low, high = limits or (None, None)
+    metadata = {"unit": unit, "low": low, "high": high, "words": words, "reason": reason, "is_live": live}
     return field(default=default, metadata=metadata)
 
 
@@ -88,11 +89,7 @@ def describe(settings_type: type) -> Iterator[SettingDescription]:
     for f in fields(settings_type):
         if f.default is MISSING:
             raise TypeError(f"{settings_type.__name__}.{f.name} has no default")
-        low, high = f.metadata["limits"] or (None, None)
-        of = f.metadata
-        yield SettingDescription(
-            f.name, type(f.default), f.default, of["unit"], low, high, of["words"], of["reason"], of["live"]
-        )
+        yield SettingDescription(f.name, type(f.default), f.default, **f.metadata)
 
 
 def settings_from_mapping(

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 import cv2
@@ -87,17 +88,12 @@ def _of_video(path: Path, name: str) -> Iterator[LensImage]:
     facts = video.facts
     most = max(2, min(_MOST_PICTURES, _MOST_BYTES // (facts.width * facts.height)))
     length = max(1, -(-facts.about_frames // most))
-    best: tuple[float, LensImage] | None = None
-    for number, (seconds, frame) in enumerate(video.frames()):
-        if number % length == 0 and best is not None:
-            yield best[1]
-            best = None
-        grey = DecodedFrame(frame, facts.rotation_deg).grey()
-        score = sharpness(grey)
-        if best is None or score > best[0]:
-            best = score, LensImage(f"{name} at {seconds:.2f} s", grey)
-    if best is not None:
-        yield best[1]
+    pictures = (
+        LensImage(f"{name} at {seconds:.2f} s", DecodedFrame(frame, facts.rotation_deg).grey())
+        for seconds, frame in video.frames()
+    )
+    for _, part in groupby(enumerate(pictures), lambda numbered: numbered[0] // length):
+        yield max((picture for _, picture in part), key=lambda picture: sharpness(picture.grey))
 
 
 def _describe(picture: LensImage) -> str:
