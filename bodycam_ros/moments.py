@@ -37,15 +37,6 @@ class Instant(NamedTuple):
     cpu_ns: int
 
 
-class Noted(NamedTuple):
-    """A line of the file; ``camera`` is empty where all are concerned."""
-
-    moment: Moment
-    camera: str
-    stamp_ns: int
-    at: Instant
-
-
 class Moments:
     """Notes moments, if it is asked to.
 
@@ -55,16 +46,16 @@ class Moments:
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
-        self._noted: list[Noted] = []
+        self._rows: list[tuple[str | int, ...]] = []
 
     def now(self) -> Instant | None:
         """The time now; None where none is written."""
         return None if self._path is None else Instant(time.monotonic_ns(), time.process_time_ns())
 
     def note(self, moment: Moment, camera: str, stamp_ns: int, at: Instant | None = None) -> None:
-        """Note what has happened to a frame, now unless it was before."""
+        """Note what has happened to a frame, now unless it was before; ``camera`` is empty where all are concerned."""
         if (instant := at or self.now()) is not None:
-            self._noted.append(Noted(moment, camera, stamp_ns, instant))
+            self._rows.append((moment.value, camera, stamp_ns, *instant))
 
     def write(self) -> None:
         """Write the file, if there is to be one.
@@ -77,4 +68,4 @@ class Moments:
         with failure_named(self._path), self._path.open("w", newline="", encoding="utf-8") as file:
             lines = csv.writer(file)
             lines.writerow(COLUMNS)
-            lines.writerows((n.moment.value, n.camera, n.stamp_ns, *n.at) for n in self._noted)
+            lines.writerows(self._rows)

@@ -41,7 +41,7 @@ class GrueblerCount:
 
 
 @dataclass(frozen=True)
-class Contradiction:
+class Conflict:
     """A loop that does not close.
 
     Attributes:
@@ -67,7 +67,7 @@ class Mobility:
         as_a_whole: degrees of freedom that move everything in the world together.
         coupled: joint of the equipment -> joints that move with it, those that move most first.
         stuck: joints of the equipment that cannot move.
-        contradictions: loops that do not close; the rest is found without them.
+        conflicts: loops that do not close; the rest is found without them.
     """
 
     count: GrueblerCount
@@ -77,7 +77,7 @@ class Mobility:
     as_a_whole: int
     coupled: Mapping[str, tuple[str, ...]]
     stuck: tuple[str, ...]
-    contradictions: tuple[Contradiction, ...]
+    conflicts: tuple[Conflict, ...]
 
 
 def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
@@ -113,7 +113,7 @@ def mobility(body: BodyModel, equipment: Equipment | None = None) -> Mobility:
         as_a_whole=6 - _rank(unit[:, columns[mechanism.body.root]]),
         coupled={name: _partners(projector, columns, name) for name in beside if name not in stuck},
         stuck=stuck,
-        contradictions=tuple(Contradiction(name, *mechanism.gap(stretched, name)) for name in sorted(left_open)),
+        conflicts=tuple(Conflict(name, *mechanism.gap(stretched, name)) for name in sorted(left_open)),
     )
 
 

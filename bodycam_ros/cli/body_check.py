@@ -15,7 +15,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import held_equipment
 from bodycam_ros.body.equipment import Equipment
-from bodycam_ros.body.mobility import Contradiction, Mobility, mobility
+from bodycam_ros.body.mobility import Conflict, Mobility, mobility
 from bodycam_ros.cli.options import add_equipment
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.verdict import WRONG_RESULT
@@ -36,12 +36,12 @@ def run(arguments: argparse.Namespace) -> int:
     found = mobility(body, equipment)
     terminal = Terminal()
     terminal.print("\n".join(_lines(found, body, equipment)))
-    for contradiction in found.contradictions:
-        terminal.print(Text.assemble(("conflict: ", "bold red"), _conflict(contradiction)))
-    if not found.contradictions:
+    for conflict in found.conflicts:
+        terminal.print(Text.assemble(("conflict: ", "bold red"), _conflict(conflict)))
+    if not found.conflicts:
         terminal.print(Text("verdict: all constraints can be satisfied", "green"))
         return 0
-    names = ", ".join(contradiction.name for contradiction in found.contradictions)
+    names = ", ".join(conflict.name for conflict in found.conflicts)
     verdict = f"verdict: constraints conflict; measure the points of all attachments again, or leave {names} out"
     terminal.print(Text(verdict, "bold red"))
     return WRONG_RESULT
@@ -59,7 +59,7 @@ def _lines(found: Mobility, body: BodyModel, equipment: Equipment | None) -> Ite
     if found.rows:
         yield f"loops and ground: {found.rows} rows, {found.rank} of them independent"
     whole = f", {found.as_a_whole} of them as a whole in the world" if found.as_a_whole else ""
-    without = " without the conflicting constraints" if found.contradictions else ""
+    without = " without the conflicting constraints" if found.conflicts else ""
     yield f"by rank: {found.freedoms} degrees of freedom{without}{whole}"
     for joint, others in found.coupled.items():
         yield f"{joint} moves {', '.join(others) or 'alone'}"
@@ -67,8 +67,8 @@ def _lines(found: Mobility, body: BodyModel, equipment: Equipment | None) -> Ite
         yield f"cannot move: {joint}"
 
 
-def _conflict(contradiction: Contradiction) -> str:
-    text = f"{contradiction.name} stays {1e3 * contradiction.apart_m:.0f} mm apart"
-    if contradiction.turned_rad > np.radians(1.0):
-        text += f" and turned by {np.degrees(contradiction.turned_rad):.0f} deg"
+def _conflict(conflict: Conflict) -> str:
+    text = f"{conflict.name} stays {1e3 * conflict.apart_m:.0f} mm apart"
+    if conflict.turned_rad > np.radians(1.0):
+        text += f" and turned by {np.degrees(conflict.turned_rad):.0f} deg"
     return f"{text} while all other constraints hold"

@@ -67,16 +67,15 @@ def run(arguments: argparse.Namespace) -> int:
     options = AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
-        progress.show("reading and measuring", 0.0)
-        evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
-        progress.show("reading and measuring", 1.0)
-        progress.show("drawing", 0.0)
-        overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
-        views: tuple[ImageView, ...] = ()
-        if arguments.stations is not None:
-            files = StaticCameraFiles(arguments.stations, arguments.surface, None)
-            views = static_camera_views(evaluation.solved, recording, files, arguments.map)
-        write_report(evaluation, folder, overlay, views)
+        with progress.step("reading and measuring", 1):
+            evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
+        with progress.step("drawing", 1):
+            overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
+            views: tuple[ImageView, ...] = ()
+            if arguments.stations is not None:
+                files = StaticCameraFiles(arguments.stations, arguments.surface, None)
+                views = static_camera_views(evaluation.solved, recording, files, arguments.map)
+            write_report(evaluation, folder, overlay, views)
     terminal = Terminal()
     print_sections(terminal, report_sections(evaluation.figures))
     terminal.print("\n".join([*report_lines(evaluation), f"written to {folder}"]))

@@ -37,7 +37,7 @@ def test_a_plane_ring_moves_though_gruebler_says_that_it_cannot() -> None:
     assert found.count.freedoms == 4
     assert (found.freedoms, found.as_a_whole) == (7, 6)
     assert (found.rows, found.rank) == (5, 2)
-    assert not found.contradictions
+    assert not found.conflicts
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_what_an_athlete_holds_takes_the_freedoms_that_gruebler_counts(
     assert found.count.freedoms == found.freedoms == freedoms
     assert found.as_a_whole == as_a_whole
     assert found.rows == found.rank
-    assert not found.contradictions and not found.stuck
+    assert not found.conflicts and not found.stuck
 
 
 def test_a_crank_moves_the_legs_and_leaves_the_arms(ridden: Mobility) -> None:
