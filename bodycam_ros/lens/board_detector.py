@@ -179,18 +179,14 @@ def _tag_corners(gray: Grey, board: BoardLayout, camera: CameraModel | None) -> 
 
 
 def _checkerboard(gray: Grey, layout: BoardLayout) -> Found | None:
-    """All inner corners: by OpenCV's finder of quadrilaterals, else by that of sectors, which survives more blur."""
+    """All inner corners, by OpenCV's finder of sectors, which survives blur and is quick where there is no board."""
     size = (layout.columns - 1, layout.rows - 1)
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    found, corners = cv2.findChessboardCorners(gray, size, flags=flags)
+    scale = min(1.0, _SEARCH_PX / gray.shape[1])
+    small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    found, corners = cv2.findChessboardCornersSB(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not found:
-        scale = min(1.0, _SEARCH_PX / gray.shape[1])
-        small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        found, corners = cv2.findChessboardCornersSB(small, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-        if not found:
-            return None
-        corners = (np.asarray(corners, np.float64) + 0.5) / scale - 0.5
-    rough = np.asarray(corners, np.float64).reshape(-1, 2)
+        return None
+    rough = (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) / scale - 0.5
     pixels, good = _refined(gray, rough, _spacing(layout, np.arange(len(rough)), rough), _WINDOW_OF_SQUARE)
     return layout.inner_corners[good], pixels[good], np.ones(int(good.sum()))
 
