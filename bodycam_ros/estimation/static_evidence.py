@@ -171,8 +171,10 @@ class StaticEvidence:
 
     def joints(self) -> JointRotations:
         """Joints that static cameras observe and body cameras do not."""
+        if not self.rows.any():
+            return JointRotations.nothing()
         both, on_body = (mask[self._ends].all(axis=1) for mask in (self._on_body | self.rows, self._on_body))
-        rows = np.flatnonzero(both & ~on_body & self.rows.any())
+        rows = np.flatnonzero(both & ~on_body)
         rotations = self._body.joint_rotations(self._measured.world_T_segment)[rows]
         return JointRotations(rows, rotations, np.full((len(rows), 3), _JOINT_RAD))
 
