@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,7 +191,9 @@ def _is_beyond_chance(gains: Array, sigmas: float) -> bool:
 def _find(
     pictures: Sequence[LensImage], board: LensBoard, camera: CameraModel | None, step: str, progress: Progress
 ) -> list[BoardView]:
-    find: Callable[[LensImage], BoardView | None] = lambda p: find_board(p.grey, p.name, board, camera)  # noqa: E731
+    def find(picture: LensImage) -> BoardView | None:
+        return find_board(picture.grey, picture.name, board, camera)
+
     with progress.step(step, len(pictures)) as advance:
         found = list(in_parallel(find, pictures, os.cpu_count() or 1, advance))
     return [view for view in found if view is not None]
