@@ -8,7 +8,6 @@ solver predicts.
 import time
 from collections import deque
 from dataclasses import replace
-from math import inf
 from statistics import median
 from typing import Any
 
@@ -28,20 +27,24 @@ _KEPT_NS = round(2e9 * MAX_GAP_S)  # of images before the latest frame, for the 
 class CameraStream:
     """Messages of one camera, which is waited for from now on.
 
+    Args:
+        tolerance_ns: by which stamps of one frame differ [ns].
+
     Attributes:
         is_free: whether it takes its images at times of its own.
         messages: those that wait for their frames, in the body's time; of a free-running camera older ones too.
         latest_ns: latest stamp in the body's time [ns]; -1 before the first.
+        within_ns: how far after a frame's stamp the camera's image is of the same state [ns].
         came_s: when the latest message came, on the steady clock.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tolerance_ns: int) -> None:
         self.is_free = False
         self.messages = deque[Message]()
         self.latest_ns = -1
+        self.within_ns = self._tolerance_ns = tolerance_ns
         self.came_s = time.monotonic()
         self._intervals_ns: deque[int] = deque(maxlen=_INTERVALS)
-        self._frame_ns: float = inf
         self._previous: tuple[int, int] | None = None
 
     def set_free(self, is_free: bool, assembled_ns: int) -> None:
@@ -58,7 +61,7 @@ class CameraStream:
         """Add the next message, its stamp in the body's time; late ones are for interpolation alone."""
         if self.latest_ns >= 0:
             self._intervals_ns.append(message.stamp_ns - self.latest_ns)
-            self._frame_ns = median(self._intervals_ns)
+            self.within_ns = round(min(self._tolerance_ns, _SAME_FRAME * median(self._intervals_ns)))
         self.latest_ns = message.stamp_ns
         if self.messages and message.stamp_ns <= self.messages[-1].stamp_ns:
             # Its clock was corrected backwards.
@@ -67,31 +70,26 @@ class CameraStream:
         if self.is_free or not is_late:
             self.messages.append(message)
 
-    def within_ns(self, tolerance_ns: int) -> int:
-        """How far after a frame's stamp [ns] the camera's image is of the same state."""
-        return round(min(tolerance_ns, _SAME_FRAME * self._frame_ns))
-
-    def has_passed(self, stamp_ns: int, common_ns: int | None, tolerance_ns: int) -> bool:
+    def has_passed(self, stamp_ns: int, common_ns: int | None) -> bool:
         """Whether later messages change nothing of a frame, see ``take``."""
         if not self.is_free:
-            return bool(self.messages) or self.latest_ns > stamp_ns + self.within_ns(tolerance_ns)
-        wanted_ns = stamp_ns + self.within_ns(tolerance_ns) if common_ns is None else common_ns
+            return bool(self.messages) or self.latest_ns > stamp_ns + self.within_ns
+        wanted_ns = stamp_ns + self.within_ns if common_ns is None else common_ns
         # The image after the next one gives the twist at the next.
         is_enclosed = len(self.messages) > 1 and self.messages[-2].stamp_ns >= wanted_ns
         return is_enclosed or any(image.stamp_ns == common_ns for image in self.messages)
 
-    def take(self, stamp_ns: int, common_ns: int | None, tolerance_ns: int) -> Message | None:
+    def take(self, stamp_ns: int, common_ns: int | None) -> Message | None:
         """What the camera has of a frame.
 
         Args:
             stamp_ns: of the frame [ns].
             common_ns: stamp that free-running cameras are interpolated to [ns]; None: they take no part.
-            tolerance_ns: by which stamps of one frame differ [ns].
         """
         if self.is_free:
             self._drop(stamp_ns - _KEPT_NS)
             return None if common_ns is None else self.interpolate(common_ns)
-        is_there = self.messages and self.messages[0].stamp_ns <= stamp_ns + self.within_ns(tolerance_ns)
+        is_there = self.messages and self.messages[0].stamp_ns <= stamp_ns + self.within_ns
         return self.messages.popleft() if is_there else None
 
     def interpolate(self, stamp_ns: int) -> LandmarkMatches | None:

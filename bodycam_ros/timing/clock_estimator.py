@@ -16,7 +16,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_evidence import MARGIN_NS, clock_evidence
 from bodycam_ros.timing.clock_filter import DRIFT_SIGMA, ClockFilter
-from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockHistory, ClockSettings, ClockState, correct_stamps
+from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockHistory, ClockSettings, ClockState, clock_at
 from bodycam_ros.timing.stamps import SharedStamps, Stamps, find_break, find_shared_stamps, share_stamps
 
 LOOKAHEAD_S = 8.0
@@ -229,11 +229,19 @@ class ClockEstimator:
             own[-1] = ClockState(own[-1].since_ns, to_ns + round(1e9 * estimate[0]), *estimate)
 
     def corrected(self, matches: LandmarkMatches) -> LandmarkMatches:
-        """The next image of a camera, with stamps of the body's time."""
-        camera = self._cameras.get(matches.camera)
+        """The next image of a camera, with stamps of the body's time by the clock that was valid then."""
+        camera, image = self._cameras.get(matches.camera), matches
         if camera is None:
             return matches
         # Triggered cameras stay together: the estimates of their clocks are noise.
-        image = correct_stamps(matches, [] if matches.camera in self.sharing else camera.clocks, camera.passed)
+        if camera.clocks and matches.camera not in self.sharing:
+            clock, previous_ns = clock_at(camera.clocks, matches.stamp_ns), matches.previous_stamp_ns
+            given_ns, passed_ns = camera.passed
+            if previous_ns == given_ns:
+                previous_ns = passed_ns  # the very stamp that was passed on, whatever is known of the clock by now
+            elif previous_ns:
+                previous_ns -= clock.offset_ns(previous_ns)
+            stamp_ns = matches.stamp_ns - clock.offset_ns(matches.stamp_ns)
+            image = replace(matches, stamp_ns=stamp_ns, previous_stamp_ns=previous_ns)
         camera.passed = matches.stamp_ns, image.stamp_ns
         return image

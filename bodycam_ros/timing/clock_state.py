@@ -1,13 +1,12 @@
 """Offset and drift of one camera's clock, now and over a recording."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 
 TRIGGER_SIGMA_S = 2e-4
@@ -60,27 +59,6 @@ class ClockState:
 def clock_at(clocks: Sequence[ClockState], stamp_ns: int) -> ClockState:
     """The clock of some, in order of time, that is valid at a stamp [ns]; the first one extends backwards."""
     return next((clock for clock in reversed(clocks) if clock.since_ns <= stamp_ns), clocks[0])
-
-
-def correct_stamps(
-    matches: LandmarkMatches, clocks: Sequence[ClockState], previous: tuple[int, int]
-) -> LandmarkMatches:
-    """An image with stamps of the recording's time, by the clock that was valid then.
-
-    Args:
-        matches: of one image.
-        clocks: of its camera, in order of time.
-        previous: the stamp of its image before, as given and as corrected [ns].
-    """
-    if not clocks:
-        return matches
-    clock, previous_ns = clock_at(clocks, matches.stamp_ns), matches.previous_stamp_ns
-    if previous_ns == previous[0]:
-        previous_ns = previous[1]  # the very stamp that was passed on, whatever is known of the clock by now
-    elif previous_ns:
-        previous_ns -= clock.offset_ns(previous_ns)
-    stamp_ns = matches.stamp_ns - clock.offset_ns(matches.stamp_ns)
-    return replace(matches, stamp_ns=stamp_ns, previous_stamp_ns=previous_ns)
 
 
 @dataclass(frozen=True)

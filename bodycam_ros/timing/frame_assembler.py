@@ -89,7 +89,7 @@ class FrameAssembler:
         self._begin(cameras)
 
     def _begin(self, cameras: Iterable[str]) -> None:
-        self._streams = {camera: CameraStream() for camera in cameras}
+        self._streams = {camera: CameraStream(self._tolerance_ns) for camera in cameras}
         self._free: frozenset[str] | None = None
         self._waiting: list[Message] = []  # for the clocks, by their own stamps
         self._came_ns = self._first_ns = self._twice_ns = self._assembled_ns = self._common_ns = self._shared_ns = -1
@@ -218,20 +218,20 @@ class FrameAssembler:
 
     def _common_at(self, stamp_ns: int) -> int | None:
         """The stamp that free-running cameras are interpolated to in a frame."""
-        within_ns = min((s.within_ns(self._tolerance_ns) for s in self._streams.values() if s.is_free), default=0)
+        within_ns = min((s.within_ns for s in self._streams.values() if s.is_free), default=0)
         return self._common[0] if self._common and self._common[0] <= stamp_ns + within_ns else None
 
     def _is_complete(self, stamp_ns: int) -> bool:
         """Whether no camera is to be waited for in the frame at a stamp."""
-        common_ns, tolerance_ns = self._common_at(stamp_ns), self._tolerance_ns
+        common_ns = self._common_at(stamp_ns)
         all_there, latest_ns = True, stamp_ns
         for stream in self._streams.values():
             latest_ns = max(latest_ns, stream.latest_ns)
-            if not stream.has_passed(stamp_ns, common_ns, tolerance_ns):
+            if not stream.has_passed(stamp_ns, common_ns):
                 if not self._has_stopped(stream):
                     return False
                 all_there = False
-        return all_there or self._live or latest_ns > stamp_ns + tolerance_ns
+        return all_there or self._live or latest_ns > stamp_ns + self._tolerance_ns
 
     def _has_stopped(self, stream: CameraStream) -> bool:
         """Whether a camera is not waited for: another has two stamps that are later by ``max_wait``."""
@@ -243,7 +243,7 @@ class FrameAssembler:
     def _take(self, stamp_ns: int) -> list[BodyFrame]:
         """The frame at a stamp; none where free-running cameras have no image near it, and there are no others."""
         common_ns = self._common_at(stamp_ns)
-        given = {name: s.take(stamp_ns, common_ns, self._tolerance_ns) for name, s in self._streams.items()}
+        given = {name: s.take(stamp_ns, common_ns) for name, s in self._streams.items()}
         taken = {name: each for name, each in given.items() if each is not None}
         self._assembled_ns = max(self._assembled_ns, stamp_ns, *(each.stamp_ns for each in taken.values()))
         if not taken:

@@ -41,13 +41,13 @@ def image(number: int, known: bool = True, offset_px: float = 0.0) -> LandmarkMa
 
 
 def said_of(instants_ns: list[int], images: list[LandmarkMatches]) -> list[LandmarkMatches]:
-    stream, said, waiting = CameraStream(), [], sorted(instants_ns)
+    stream, said, waiting = CameraStream(0), [], sorted(instants_ns)
     stream.set_free(True, -1)
     for each in images:
         stream.add(each)
-        while waiting and stream.has_passed(waiting[0], waiting[0], 0):
-            said.append(stream.take(waiting[0], waiting.pop(0), 0))
-    said += [stream.take(instant_ns, instant_ns, 0) for instant_ns in waiting]
+        while waiting and stream.has_passed(waiting[0], waiting[0]):
+            said.append(stream.take(waiting[0], waiting.pop(0)))
+    said += [stream.take(instant_ns, instant_ns) for instant_ns in waiting]
     return [each for each in said if each is not None]
 
 
