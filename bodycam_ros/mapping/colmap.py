@@ -254,8 +254,10 @@ def write_verified(database: Path, pairs: Sequence[tuple[str, str]], matches: Se
             opened.write_two_view_geometry(ids[first], ids[second], geometry)
 
 
-_OUTLIER_PX = 0.5  # of the kernel: features agree to a third of a pixel, and some matches along one line are wrong
-_TOLERANCE = 1e-4  # relative decrease at which it stops; more moves nothing by 0.01 mm
+_JOINING_OUTLIER_PX = 1.0  # of the kernel; features agree to a third of a pixel
+_FINAL_OUTLIER_PX = 0.5
+_WRONG_PX = 2.0  # what errs by more once nothing pulls is no observation
+_JOINING_TOLERANCE, _FINAL_TOLERANCE = 1e-3, 1e-4  # relative decrease at which it stops; more moves nothing by 0.01 mm
 
 
 def complete(
@@ -263,6 +265,7 @@ def complete(
     photographs: Path,
     coarse: pycolmap.Reconstruction,
     min_views: int,
+    min_angle_deg: float,
     workers: int,
     advance: Callable[[], None],
 ) -> pycolmap.Reconstruction:
@@ -273,6 +276,7 @@ def complete(
         photographs: folder of these, which give the points their colours.
         coarse: has their poses, by their names.
         min_views: of a point; others are dropped.
+        min_angle_deg: least angle between two rays of a point.
         workers: threads.
         advance: called twice.
     """
@@ -284,6 +288,9 @@ def complete(
     for point_id in [i for i, point in model.points3D.items() if point.track.length() < min_views]:
         model.delete_point3D(point_id)
     advance()
-    adjust(model, workers, _OUTLIER_PX, _TOLERANCE)
+    # Some of what was matched along one line is wrong, so outliers must not pull before they are known.
+    adjust(model, workers, _JOINING_OUTLIER_PX, _JOINING_TOLERANCE)
+    keep_good_points(model, _WRONG_PX, min_angle_deg)
+    adjust(model, workers, _FINAL_OUTLIER_PX, _FINAL_TOLERANCE)
     advance()
     return model

@@ -85,7 +85,7 @@ def reconstruct(
         _check_fits(coarse, distinct(list(camera_of_name.values()))[0], workers)
         database = _match_in_full(features, camera_of_name, coarse, pairs, scratch, workers, progress)
         with progress.step("adjusting the bundle", 3) as advance:
-            model = colmap.complete(database, pictures, coarse, _MIN_VIEWS, workers, advance)
+            model = colmap.complete(database, pictures, coarse, _MIN_VIEWS, _MIN_ANGLE_DEG, workers, advance)
             # A 4.1
             colmap.keep_good_points(model, _MAX_ERROR_PX, _MIN_ANGLE_DEG)
             structure = colmap.structure_from(model, camera_of_name)
