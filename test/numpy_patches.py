@@ -30,7 +30,8 @@ def project_moving_in_numpy(
     pixels, valid = project_in_numpy(camera, points)
     for _ in range(rounds if readout_time else 0):
         times_s = readout_time * (pixels[:, 1] / (camera.height - 1) - 0.5)
-        pixels, still = project_in_numpy(camera, seen_later(points, twist, times_s))
+        moved = points - times_s[:, None] * (np.cross(twist[:3], points) + twist[3:])
+        pixels, still = project_in_numpy(camera, moved)
         valid &= still
     return pixels, valid
 

@@ -63,7 +63,7 @@ def choose_landmarks(
         u, v = _project_by_table(lens, gains, x, y, z)
         if readout_time != 0.0:
             time_s = readout_time * (v / (height - 1.0) - 0.5)
-            u, v = _project_by_table(lens, gains, *moved(x, y, z, twist, time_s))
+            u, v = _project_by_table(lens, gains, *_moved(x, y, z, twist, time_s))
         if not (u > _BORDER and v > _BORDER and u < width - 1 - _BORDER and v < height - 1 - _BORDER):
             continue
         cell = int(v * CELLS / height) * CELLS + int(u * CELLS / width)
@@ -198,26 +198,19 @@ def project_moving(
         return u, v, valid
     for _ in range(2):
         time_s = readout_time * (v / (lens[2] - 1.0) - 0.5)
-        u, v, valid = project_point(lens, *moved(x, y, z, twist, time_s))
+        u, v, valid = project_point(lens, *_moved(x, y, z, twist, time_s))
         if not valid:
             break
     return u, v, valid
 
 
 @kernel()
-def moved(x: float, y: float, z: float, twist: Array, time_s: float) -> tuple[float, float, float]:
-    """A point in the axes of a camera that has moved on with its twist [rad/s, m/s] for a time [s].
-
-    The exponential's series up to its second term: 10 rad/s over 6 ms leave 0.01 px.
-    """
-    a, b, c = twist[0], twist[1], twist[2]
-    moved_x = time_s * (y * c - z * b - twist[3])
-    moved_y = time_s * (z * a - x * c - twist[4])
-    moved_z = time_s * (x * b - y * a - twist[5])
+def _moved(x: float, y: float, z: float, twist: Array, time_s: float) -> tuple[float, float, float]:
+    """A point in the axes of a camera that has moved on, to the first order."""
     return (
-        x + moved_x + 0.5 * time_s * (moved_y * c - moved_z * b),
-        y + moved_y + 0.5 * time_s * (moved_z * a - moved_x * c),
-        z + moved_z + 0.5 * time_s * (moved_x * b - moved_y * a),
+        x + time_s * (y * twist[2] - z * twist[1] - twist[3]),
+        y + time_s * (z * twist[0] - x * twist[2] - twist[4]),
+        z + time_s * (x * twist[1] - y * twist[0] - twist[5]),
     )
 
 

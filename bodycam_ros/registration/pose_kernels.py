@@ -13,7 +13,6 @@ from bodycam_ros.camera.lens_kernels import project_point, project_point_with_ja
 from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3, solve_positive
 from bodycam_ros.kernels import kernel
-from bodycam_ros.registration.landmark_choice_kernels import in_camera, moved
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -194,11 +193,11 @@ def _linearise(
     unknowns, by_u, by_v = len(gradient), np.empty(len(gradient)), np.empty(len(gradient))
     hessian[:], gradient[:] = 0.0, 0.0
     for i in range(len(pixels)):
-        x, y, z, _, _, _ = in_camera(pose, points_world[i, 0], points_world[i, 1], points_world[i, 2])
+        x, y, z = _in_camera(pose, points_world, i)
         time_s = 0.0
         if len(motion):
             time_s = readout_time * shares[i]
-            x, y, z = moved(x, y, z, twist, time_s)
+            x, y, z = _move_point(x, y, z, twist, time_s)
         u, v, valid, u_x, u_y, u_z, v_x, v_y, v_z = project_point_with_jacobian(lens, x, y, z)
         if not valid:
             errors_px[i] = math.inf
@@ -254,6 +253,33 @@ def _twist(pose: Array, bend: Array, motion: Array, world_T_previous: Array) -> 
 
 
 @kernel()
+def _in_camera(pose: Array, points_world: Array, i: int) -> tuple[float, float, float]:
+    x, y, z = points_world[i, 0] - pose[0, 3], points_world[i, 1] - pose[1, 3], points_world[i, 2] - pose[2, 3]
+    return (
+        pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z,
+        pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z,
+        pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z,
+    )
+
+
+@kernel()
+def _move_point(x: float, y: float, z: float, twist: Array, time_s: float) -> tuple[float, float, float]:
+    """A point of the camera's frame after a time [s] of the camera's twist.
+
+    The exponential's series up to its second term: 10 rad/s over 6 ms leave 0.01 px.
+    """
+    a, b, c = twist[0], twist[1], twist[2]
+    moved_x = time_s * (y * c - z * b - twist[3])
+    moved_y = time_s * (z * a - x * c - twist[4])
+    moved_z = time_s * (x * b - y * a - twist[5])
+    return (
+        x + moved_x + 0.5 * time_s * (moved_y * c - moved_z * b),
+        y + moved_y + 0.5 * time_s * (moved_z * a - moved_x * c),
+        z + moved_z + 0.5 * time_s * (moved_x * b - moved_y * a),
+    )
+
+
+@kernel()
 def _gauss_newton_step(hessian: Array, gradient: Array) -> tuple[Array, bool]:
     damped, of_pose = hessian.copy(), 0.0
     for i in range(6):
@@ -301,9 +327,9 @@ def _measure_shifts(
 ) -> None:
     """How far (N, 2) the read-out of the rows moves the landmarks in the image [px]."""
     for i in range(len(points_world)):
-        x, y, z, _, _, _ = in_camera(pose, points_world[i, 0], points_world[i, 1], points_world[i, 2])
+        x, y, z = _in_camera(pose, points_world, i)
         u, v, valid = project_point(lens, x, y, z)
-        x, y, z = moved(x, y, z, twist, readout_time * shares[i])
+        x, y, z = _move_point(x, y, z, twist, readout_time * shares[i])
         u_moved, v_moved, valid_moved = project_point(lens, x, y, z)
         if valid and valid_moved:
             shifts[i, 0], shifts[i, 1] = u_moved - u, v_moved - v
