@@ -75,7 +75,7 @@ class Readout:
         return f"{1e3 * self.seconds:.1f} ms, given" if self.is_given else f"{self.milliseconds} ms"
 
 
-UNKNOWN_READOUT = Readout(0.0, 0.015)
+UNKNOWN_READOUT = Readout(0.0, _START_S)
 """Before any image, around zero; cameras take 0 (global shutter) to 30 ms."""
 
 

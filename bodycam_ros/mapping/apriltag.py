@@ -143,11 +143,12 @@ def detect_tags(
         tolerance_px: median distance of an edge's points from its line.
     """
     views: dict[int, TagView] = {}
+    picture = gray.astype(np.float32)
     for tag, rough in find_tags(gray, camera, family):
         breadths = breadths_of(rough)
         if tag in views or breadths.min() < min_breadth_px:
             continue
-        corners = corners_of_edges(gray, rough, breadths, camera, tolerance_px)
+        corners = corners_of_edges(picture, rough, breadths, camera, tolerance_px)
         if corners is not None:
             views[tag] = TagView(tag, corners, breadths)
     return list(views.values())
@@ -162,7 +163,7 @@ def breadths_of(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def corners_of_edges(
-    gray: NDArray[np.uint8],
+    picture: NDArray[np.float32],
     rough: NDArray[np.float64],
     breadths: NDArray[np.float64],
     camera: CameraModel,
@@ -171,13 +172,13 @@ def corners_of_edges(
     """Where the four edge lines of a tag meet: pixels (4, 2), or None when an edge is not a clean line.
 
     Args:
-        gray: picture (H, W).
+        picture: grey (H, W).
         rough: (4, 2) about where the corners are, dark on the right of who goes from each to the next.
         breadths: (2,) of the tag.
         camera: the lens.
         tolerance: median distance of an edge's points from its line that is clean [px].
     """
-    lines, picture = [], gray.astype(np.float32)
+    lines = []
     # Upper and lower edges are looked for across the tag's height, the others across its width.
     reaches = np.maximum(_MIN_REACH, _REACH_OF_BREADTH * breadths[[1, 0, 1, 0]])
     for start, end, reach in zip(rough, np.roll(rough, -1, axis=0), reaches.tolist(), strict=True):

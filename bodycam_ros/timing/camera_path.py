@@ -60,7 +60,7 @@ def points_on_curve(
     images_ns: NDArray[np.int64], world_T_camera: Array, stamps_ns: NDArray[np.int64], max_gap_s: float
 ) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.int64]]:
     """The fields of ``PathPoints`` by two images or more; as ``path_points`` otherwise."""
-    gaps_s, steps, means, by_image = _between_images(images_ns, world_T_camera)
+    gaps_s, means, by_image = _between_images(images_ns, world_T_camera)
     wanted, last = len(stamps_ns), len(gaps_s) - 1
     rows, nearest, count = np.empty(wanted, np.int64), np.empty(wanted, np.int64), 0
     poses, variances, twists = np.empty((wanted, 4, 4)), np.zeros((wanted, 6)), np.empty((wanted, 6))
@@ -72,7 +72,7 @@ def points_on_curve(
             continue
         curve = np.empty(6)
         for i in range(6):
-            step, start, end = steps[k, i], gap_s * by_image[k, i], gap_s * by_image[k + 1, i]
+            step, start, end = gap_s * means[k, i], gap_s * by_image[k, i], gap_s * by_image[k + 1, i]
             curve[i] = s * (start + s * (3.0 * step - 2.0 * start - end + s * (start + end - 2.0 * step)))
             # The curve's own slope shares its errors with the curve: clock offsets by it are off by milliseconds.
             twists[count, i] = (1.0 - s) * by_image[k, i] + s * by_image[k + 1, i]
@@ -89,24 +89,19 @@ def points_on_curve(
 
 
 @kernel()
-def _between_images(images_ns: NDArray[np.int64], world_T_camera: Array) -> tuple[Array, Array, Array, Array]:
-    """Of the intervals their length (N-1) [s], step and mean twist (N-1, 6); twists (N, 6) at the images.
+def _between_images(images_ns: NDArray[np.int64], world_T_camera: Array) -> tuple[Array, Array, Array]:
+    """Of the intervals their lengths (N-1) [s] and mean twists (N-1, 6); the twists at the images (N, 6).
 
-    At the ends those are of the outer intervals.
+    At the ends these are those of the outer intervals.
     """
     count = len(images_ns) - 1
-    gaps_s, steps, means, by_image = (
-        np.empty(count),
-        np.empty((count, 6)),
-        np.empty((count, 6)),
-        np.empty((count + 1, 6)),
-    )
+    gaps_s, means = np.empty(count), np.empty((count, 6))
     for k in range(count):
         gaps_s[k] = 1e-9 * (images_ns[k + 1] - images_ns[k])
-        steps[k] = log_se3(compose(inverse(world_T_camera[k]), world_T_camera[k + 1]))
-        means[k] = steps[k] / gaps_s[k]
+        means[k] = log_se3(compose(inverse(world_T_camera[k]), world_T_camera[k + 1])) / gaps_s[k]
+    by_image = np.empty((count + 1, 6))
     by_image[0], by_image[count] = means[0], means[count - 1]
     for k in range(1, count):
         first, second = gaps_s[k - 1], gaps_s[k]
         by_image[k] = (second * means[k - 1] + first * means[k]) / (first + second)
-    return gaps_s, steps, means, by_image
+    return gaps_s, means, by_image
