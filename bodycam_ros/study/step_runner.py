@@ -21,6 +21,7 @@ from bodycam_ros.whole_file import failure_named
 
 LOCK = ".bodycam-study"
 _MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption
+_POLL_S = 0.5  # a signal that comes just before a thread sleeps does not wake it
 _ERROR = "bodycam: error: "
 _MAX_LOG_TAIL = 20_000  # [bytes]
 
@@ -78,7 +79,7 @@ class StepRunner:
                     waiting.remove(step)
                     yield step
                     running[pool.submit(self._run, step, cores)] = step, cores
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                for future in wait(running, _POLL_S, return_when=FIRST_COMPLETED).done:
                     step, _ = running.pop(future)
                     end = future.result()
                     if end.failure is not None:
