@@ -43,7 +43,7 @@ def generate_launch_description() -> LaunchDescription:
                     *(_declared(each) for each in describe(GraphArguments)),
                     DeclareLaunchArgument(
                         "params_file",
-                        default_value=str(SHARE / "config/bodycam.yaml"),
+                        default_value=str(SHARE / "config/all_settings.yaml"),
                         description="settings, a ROS parameter file; the other arguments win over it",
                     ),
                     DeclareLaunchArgument(

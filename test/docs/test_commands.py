@@ -7,6 +7,7 @@ import pytest
 from doc_blocks import DocBlock, doc_blocks
 
 from bodycam_ros.cli import main as command_line
+from bodycam_ros.cli.settings import all_settings_yaml
 from bodycam_ros.live.graph import GraphArguments
 from bodycam_ros.live.node_parameters import OF_NODES
 from bodycam_ros.settings import describe
@@ -69,6 +70,17 @@ def test_launch_arguments_are_known() -> None:
     assert {"stations", "urdf"} <= used
     of_ros = {"__ns", "__node"}
     assert used <= declared | of_nodes | of_ros
+
+
+def test_the_file_of_all_settings_has_the_defaults_of_now() -> None:
+    assert (REPOSITORY / "config/all_settings.yaml").read_text() == all_settings_yaml()
+
+
+def test_configurations_that_are_named_exist() -> None:
+    sources = [*(REPOSITORY / "launch").glob("*.py"), *DOCS.glob("*.md"), REPOSITORY / "README.md"]
+    named = {name for source in sources for name in re.findall(r"\bconfig/\w[\w/.-]*\w", source.read_text())}
+    assert {"config/all_settings.yaml", "config/fastdds-shm.xml"} <= named
+    assert {name for name in named if not (REPOSITORY / name).exists()} == set()
 
 
 def test_every_command_has_its_place_in_the_pages() -> None:
