@@ -8,9 +8,10 @@ thousand, aliases that multiply, numbers of thousands of digits.
 import os
 import re
 import stat
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
@@ -21,6 +22,18 @@ MOST_BYTES = 16_000_000
 MOST_NODES = 200_000  # a body has a thousand, the map of a thousand photographs six thousand
 DEEPEST = 50
 _LONGEST_NUMBER = 300  # characters; the largest float has 309 digits
+
+_KINDS: Final[Mapping[str, Callable[[dict[Any, Any]], bool]]] = {
+    "body file": lambda table: isinstance(table.get("segments"), list) and "joints" in table,
+    "rig file": lambda table: set(table) == {"cameras", "segments"} and isinstance(table["segments"], dict),
+    "equipment file": lambda table: "attachments" in table,
+    "camera_info YAML": lambda table: "camera_matrix" in table,
+    "board description": lambda table: "corners_in_board" in table or "square_size_m" in table,
+    "settings file": lambda table: "/**" in table,
+    "study file": lambda table: {"recordings", "subjects"} <= set(table),
+    "summary of a map": lambda table: "gravity_aligned" in table,
+}
+"""Kind -> whether a document is of it. No two kinds share what they are recognised by."""
 
 _BaseLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, some ten times faster
 
@@ -34,8 +47,8 @@ def read_yaml(path: Path | str, what: str, error_type: type[BodycamError]) -> An
         error_type: of what is raised.
 
     Raises:
-        BodycamError: of ``error_type``: the file cannot be read, is not YAML, or is not of a size that a person's file
-            could have; the message names the file and the line.
+        BodycamError: of ``error_type``: the file cannot be read, is not YAML, is of another kind than ``what``, or not
+            of a size that a person's file could have; the message names the file and the line.
     """
     text = read_text(path, what, error_type)
     try:
@@ -69,6 +82,8 @@ def read_bytes(path: Path | str, what: str, error_type: type[BodycamError], most
                 raise error_type(f"{path}: cannot read this {what}: it is a folder, pipe or device, not a file")
             # Python makes room for all that is asked for before it reads.
             content = file.read(min(most_bytes, status.st_size) + 1)
+    except IsADirectoryError as error:
+        raise error_type(f"{path}: cannot read this {what}: it is a folder, not a file") from error
     except (OSError, ValueError) as error:  # ValueError: a name with a null character
         raise error_type(f"{path}: cannot read this {what}: {getattr(error, 'strerror', None) or error}") from error
     if len(content) > most_bytes:
@@ -80,9 +95,18 @@ def yaml_document(text: str, what: str, error_type: type[BodycamError]) -> Any:
     """The document in a YAML text; raises as ``read_yaml`` does, without the file's name."""
     try:
         _Inspection().inspect(text)
-        return yaml.load(text, Loader=_Loader)
+        document = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise error_type(f"this {what} is not YAML: {_told(error)}") from error
+    if isinstance(document, dict):
+        kind = next((kind for kind, is_of_it in _KINDS.items() if is_of_it(document)), what)
+        if kind != what:
+            raise error_type(f"expected {_one(what)}, but this is {_one(kind)}")
+    return document
+
+
+def _one(kind: str) -> str:
+    return f"an {kind}" if kind[0] in "aeiou" else f"a {kind}"
 
 
 class _Loader(_BaseLoader):  # type: ignore[misc]

@@ -18,6 +18,17 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import read_settings_file
 from bodycam_ros.yaml_file import MOST_NODES, read_yaml, yaml_document
 
+KINDS = {
+    "body.yaml": "body file",
+    "rom/rig.yaml": "rig file",
+    "reference/camera.yaml": "camera_info YAML",
+    "reference/board.yaml": "board description",
+    "map/map.yaml": "summary of a map",
+    "study.yaml": "study file",
+    "../config/all_settings.yaml": "settings file",
+    "../config/equipment/bicycle.yaml": "equipment file",
+}
+
 
 def bomb(first: str, again: str) -> str:
     """A kilobyte that stands for nine to the ninth power of what its first line holds."""
@@ -28,9 +39,9 @@ def bomb(first: str, again: str) -> str:
 
 
 def test_plain_values_are_as_pyyaml_has_them(sample: Path) -> None:
-    for name in ("body.yaml", "map/map.yaml", "rom/rig.yaml", "reference/camera.yaml", "reference/board.yaml"):
+    for name, kind in KINDS.items():
         expected = yaml.safe_load((sample / name).read_text())
-        assert read_yaml(sample / name, "file", MapError) == expected
+        assert read_yaml(sample / name, kind, MapError) == expected
     with_exponents = "{a: 1e-4, b: -2E5, c: '1e-4', d: 1e, e: x1e4}"
     expected = {"a": 1e-4, "b": -2e5, "c": "1e-4", "d": "1e", "e": "x1e4"}
     assert yaml_document(with_exponents, "file", MapError) == expected
@@ -75,6 +86,13 @@ def test_many_names_in_a_table_take_no_time() -> None:
     started = time.process_time()
     assert len(yaml_document("\n".join(f"k{n}: 1" for n in range(names)), "body", MapError)) == names
     assert time.process_time() - started < 10.0
+
+
+@pytest.mark.parametrize(("name", "kind"), KINDS.items())
+def test_a_file_of_another_kind_is_named_for_what_it_is(sample: Path, name: str, kind: str) -> None:
+    assert read_yaml(sample / name, kind, MapError)
+    with pytest.raises(MapError, match=f"{name}: expected a file of offsets, but this is an? {kind}"):
+        read_yaml(sample / name, "file of offsets", MapError)
 
 
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:

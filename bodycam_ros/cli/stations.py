@@ -50,6 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
         Terminal().print(f"{len(converted)} cameras written to {arguments.output}")
         return 0
     if arguments.map is None:
+        if not arguments.recording.exists():
+            raise StationError(f"{arguments.recording}: does not exist; give a recording, or a file of static cameras")
         raise StationError("give with --map the map in which the cameras stand")
     reference_map = load_map(arguments.map)
     found: list[RegisteredStation] = []

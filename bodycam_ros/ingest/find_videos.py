@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.image_folder import IMAGE_SUFFIXES
 from bodycam_ros.recording.video_file import SUFFIXES
 
@@ -65,8 +66,11 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
         that a topic cannot have.
 
     Raises:
-        RecordingError: something given does not exist, or has no video.
+        RecordingError: something given does not exist, is a bag, or has no video.
     """
+    for path in given:
+        if is_bag(path):
+            raise RecordingError(f"{path}: is a bag already, which needs no ingest")
     recordings: Recordings = []
     files = [path for path in given if not path.is_dir()]
     for folder in dict.fromkeys(path.parent for path in files):

@@ -245,4 +245,4 @@ def help_text(name: str) -> str:
     lines = [f"usage: ros2 run bodycam_ros {name} --ros-args [-p PARAMETER:=VALUE ...] [--params-file FILE]", ""]
     for each in describe(OF_NODES[name]):
         lines += [f"  {each.name} ({each.type.__name__}, {each.default!r})", f"      {each.text()}"]
-    return "\n".join([*lines, "", "Settings of the stages, such as tracker.keyframe_interval: bodycam settings"])
+    return "\n".join([*lines, "", "Settings of the stages, such as registrar.min_inliers: bodycam settings"])

@@ -69,8 +69,9 @@ def read_board(path: Path) -> Board:
         corners = {int(tag): np.array(c, dtype=np.float64) for tag, c in document["corners_in_board"].items()}
         placement = str(document.get("placement", ""))
     except (TypeError, KeyError, ValueError, AttributeError, OverflowError) as error:
+        problem = f"{error} is missing" if isinstance(error, KeyError) else shown(str(error))
         raise MapError(
-            f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {shown(str(error))}"
+            f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {problem}"
         ) from error
     if family not in FAMILIES:
         raise MapError(f"{path}: there is no AprilTag family {shown(family)}; known are {', '.join(FAMILIES)}")

@@ -63,7 +63,9 @@ def fault_of(path: Path) -> str | None:
     if not (path / METADATA).exists():
         if files:
             return f"has no metadata.yaml; give the file itself ({files[0].name}), or run 'ros2 bag reindex'"
-        return "is not a ros2 bag folder: it has neither metadata.yaml nor an .mcap file"
+        inside = min((each.name for each in path.iterdir() if is_bag(each)), default=None)
+        meant = "'bodycam ingest' makes one of videos" if inside is None else f"is {path / inside} meant?"
+        return f"is not a ros2 bag folder: it has neither metadata.yaml nor an .mcap file; {meant}"
     for file in files:
         fault = _mcap_fault(file) if file.suffix == ".mcap" else None
         if fault:

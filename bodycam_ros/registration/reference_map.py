@@ -132,8 +132,11 @@ class ReferenceMap:
             MapError: there is no map, it is of another version, damaged or empty.
         """
         path = Path(path)
-        if not path.is_dir():
+        if not path.exists():
             raise MapError(f"{path}: there is no map folder; make one with 'bodycam map REFERENCE_DIR -o {path}'")
+        if not (path / _SUMMARY_FILE).exists():
+            what = f"has no {_SUMMARY_FILE}" if path.is_dir() else "is a file"
+            raise MapError(f"{path}: {what}; expected a map, a folder that 'bodycam map' wrote")
         header, summary = _read_header(path / _SUMMARY_FILE)
         if header.version != VERSION:
             raise MapError(
@@ -232,11 +235,11 @@ class _Header(msgspec.Struct):
 
 def _read_header(path: Path) -> tuple[_Header, dict[str, Any]]:
     """The header of a map, and all of its summary."""
+    summary = read_yaml(path, "summary of a map", MapError)
     try:
-        summary = read_yaml(path, "summary of a map", MapError)
         return msgspec.convert(summary, _Header), summary
-    except (MapError, msgspec.ValidationError) as error:
-        raise MapError(f"{path.parent}: not a map: {path.name}: {error}") from error
+    except msgspec.ValidationError as error:
+        raise MapError(f"{path}: no summary of a map: {error}") from error
 
 
 ASSUMED_VERTICAL = (

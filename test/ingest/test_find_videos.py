@@ -82,6 +82,9 @@ def test_what_is_not_there_is_named(tmp_path: Path) -> None:
         find_videos([tmp_path / "odd.mp4"])
     with pytest.raises(RecordingError, match="has no video"):
         find_videos([tmp_path])
+    touch(tmp_path, "bag/metadata.yaml")
+    with pytest.raises(RecordingError, match="bag: is a bag already"):
+        find_videos([tmp_path / "bag"])
 
 
 @pytest.mark.parametrize("form", ["yaml", "toml"])

@@ -26,7 +26,7 @@ def test_the_upward_axis_turns_to_z(tmp_path, placement, up):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"family": None}, "family"),
+        ({"family": None}, r"\[m\]\): 'family' is missing"),
         ({"family": "49h3"}, "49h3"),
         ({"corners_in_board": {0: [[0, 0, 0]]}}, "b.yaml"),
         ({"corners_in_board": {0: [[float("nan"), 0, 0]] * 4}}, "b.yaml"),

@@ -192,11 +192,14 @@ def refused(path: Path) -> str:
 
 def test_what_is_no_bag(tmp_path: Path) -> None:
     assert "does not exist" in refused(tmp_path / "nothing")
-    assert "neither metadata.yaml nor" in refused(tmp_path)
+    assert "neither metadata.yaml nor an .mcap file; 'bodycam ingest' makes one" in refused(tmp_path)
     (tmp_path / "film.mp4").write_bytes(b"film")
     assert "is not a bag" in refused(tmp_path / "film.mp4")
     (tmp_path / "empty.mcap").write_bytes(b"")
     assert "is empty" in refused(tmp_path / "empty.mcap")
+    (tmp_path / "takes/walk").mkdir(parents=True)
+    (tmp_path / "takes/walk/metadata.yaml").write_text("")
+    assert f"is {tmp_path / 'takes/walk'} meant?" in refused(tmp_path / "takes")
     (tmp_path / "text.mcap").write_bytes(b"hello, I am not MCAP at all" * 10)
     assert "is not an MCAP file" in refused(tmp_path / "text.mcap")
 

@@ -86,6 +86,18 @@ def test_a_damaged_file_is_an_error(tmp_path, small_map, content):
         ReferenceMap.load(tmp_path / "map")
 
 
+def test_what_is_no_map_is_named(tmp_path, small_map):
+    (tmp_path / "photographs").mkdir()
+    (tmp_path / "body.yaml").write_text("{}")
+    for name, what in (("nothing", "there is no map"), ("photographs", "has no map.yaml"), ("body.yaml", "is a file")):
+        with pytest.raises(MapError, match=f"{name}: {what}.*'bodycam map"):
+            ReferenceMap.load(tmp_path / name)
+    small_map.save(tmp_path / "map")
+    (tmp_path / "map/map.yaml").write_text("{gravity_aligned: true}")
+    with pytest.raises(MapError, match=r"map\.yaml: no summary of a map"):
+        ReferenceMap.load(tmp_path / "map")
+
+
 def test_another_version_is_an_error(tmp_path, small_map):
     small_map.save(tmp_path / "map")
     summary = yaml.safe_load((tmp_path / "map" / "map.yaml").read_text())
