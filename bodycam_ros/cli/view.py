@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     out_help = "bag that 'bodycam replay' wrote (without it: the body in its N-pose)"
     add_option(parser, "solved", nargs="?", metavar="OUT", help=out_help)
     add_option(parser, "--map")
-    body_help = "body, which corrections are written to; a video takes that of OUT"
+    body_help = "body, which corrections are written to (default: that of OUT, and none are)"
     add_option(parser, "--body", metavar="BODY.yaml", help=body_help)
     add_option(parser, "--recording", metavar="BAG", help="bag that OUT was solved from: shows its images")
     add_option(parser, "--stations", help="where static cameras are: shows them and their images")
@@ -56,8 +56,6 @@ def run(arguments: argparse.Namespace) -> int:
         _place(arguments)
     elif arguments.output is not None:
         _write_video(arguments)
-    elif arguments.body is None:
-        arguments.usage_error("the following arguments are required: --body")
     else:
         # The web server takes half a second to load; the other commands and --help do without.
         from bodycam_ros.viewer.server import LocalServer

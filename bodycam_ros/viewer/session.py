@@ -1,5 +1,8 @@
 """The view of a solved recording: what happens when a person uses it."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from bodycam_ros.geometry import inverse, log_so3
@@ -22,17 +25,19 @@ class Session(Page):
     """The page of one body."""
 
     def __init__(self, server: LocalServer, sources: Sources) -> None:
-        """Show what is read; its body is from a file.
+        """Show what is read; corrections can be written where the body is from a file.
 
         Raises:
             BodyError: the surface cannot be used.
         """
         super().__init__(server)
-        assert sources.body_file is not None
         self._body_file, self._sources, motion = sources.body_file, sources, sources.motion
         self._selected: Part | None = None
         self._camera: str | None = None
-        surfaces = surface_reader(sources.body, self._body_file.path, sources.surface)
+        if self._body_file is None:  # beside which the meshes would be that the body names
+            surfaces = surface_reader(replace(sources.body, surface=None), Path(), sources.surface)
+        else:
+            surfaces = surface_reader(sources.body, self._body_file.path, sources.surface)
         self._scene = Scene(
             server, sources.body, sources.reference_map, motion, self._select, sources.stations, surfaces
         )
@@ -44,7 +49,7 @@ class Session(Page):
             "Choose a part, or click a camera or joint, and drag its arrows.",
             {_NO_PART: None} | {str(part): part for part in correction.parts()},
             correction,
-            self._body_file.path.name,
+            self._body_file.path.name if self._body_file else "(needs --body)",
             select=self._select,
             changed=self._show_correction,
             write=self._write,
@@ -67,7 +72,7 @@ class Session(Page):
     def unwritten(self) -> str:
         """The body's file, and parts that are corrected but not in it yet."""
         parts = ", ".join(str(part) for part, _ in self._editor.edited.moves())
-        return parts and f"{self._body_file.path}: {parts}"
+        return f"{self._body_file.path}: {parts}" if parts and self._body_file else ""
 
     @property
     def _index(self) -> int:
@@ -122,7 +127,8 @@ class Session(Page):
             can_turn_part = can_turn(correction.body, part)
             self._editor.show(str(part), segment_name(segment), segment_T_part, can_turn=can_turn_part)
         moves = [f"{part}: {move}" for part, move in correction.moves()]
-        self._editor.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=bool(moves))
+        can_write = bool(moves and self._body_file)
+        self._editor.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=can_write)
 
     def _select(self, part: Part | None) -> None:
         self._selected = part
@@ -133,6 +139,7 @@ class Session(Page):
 
     def _write(self) -> None:
         file = self._body_file
+        assert file is not None
         written = file.write(self._editor.edited)
         self._editor.restart(Correction(written, written))
         self.server.notify("Written", f"{file.path}; as it was first: {file.original_path.name}", "green")

@@ -28,8 +28,16 @@ def bodycam_view(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
 def test_it_prints_its_address_and_ends_cleanly(
     sample: Path, body_file: Path, signal_number: int, exit_code: int
 ) -> None:
-    command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", "--map", str(sample / "map")]
-    command += ["--body", str(body_file), "--port", "0"]
+    shown_until(signal_number, exit_code, "--map", sample / "map", "--body", body_file)
+
+
+@pytest.mark.long
+def test_out_alone_is_shown(sample_out: Path) -> None:
+    shown_until(signal.SIGINT, 130, sample_out)
+
+
+def shown_until(signal_number: int, exit_code: int, *arguments: str | Path) -> None:
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "view", *map(str, arguments), "--port", "0"]
     pipe = subprocess.PIPE
     with subprocess.Popen(
         ended_with_us(command), stdout=pipe, stderr=pipe, text=True, cwd=REPOSITORY, process_group=0
