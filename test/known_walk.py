@@ -154,7 +154,7 @@ def write_solved(
     return path
 
 
-def write_images(path: Path, cameras: tuple[str, ...]) -> Path:
+def write_images(path: Path, cameras: tuple[str, ...], begin_ns: int = START_NS) -> Path:
     """Write a recording of these cameras: intrinsics, and plain grey images."""
     make = recorded_messages()
     grey = cv2.imencode(".jpg", np.full((480, 640), 90, np.uint8))[1].reshape(-1)
@@ -167,7 +167,7 @@ def write_images(path: Path, cameras: tuple[str, ...]) -> Path:
                 distortion_model="equidistant", d=np.zeros(4), k=k,
             )  # fmt: skip
             writer.write(f"/{camera}/camera_info", START_NS, info)
-            for stamp_ns in range(START_NS, START_NS + FRAMES * FRAME_NS, FRAME_NS):
+            for stamp_ns in range(begin_ns, begin_ns + FRAMES * FRAME_NS, FRAME_NS):
                 header = header_message(make, stamp_ns, optical_frame(camera))
                 image = make("sensor_msgs/msg/CompressedImage", header=header, format="jpeg", data=grey)
                 writer.write(f"/{camera}/image_raw/compressed", stamp_ns, image)

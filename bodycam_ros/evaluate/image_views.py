@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import RecordingError, StationError
 from bodycam_ros.geometry import Array
 from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -32,6 +32,7 @@ Key = Sequence[tuple[str, str]]
 """Meaning and colour of what is painted."""
 
 _CAMERAS = 6  # that are shown, evenly picked
+_LEAST_SHARE = 0.5  # of the images of OUT that a recording has which it was solved from
 _COLOURS_S = 0.5  # of images before the one shown, which the colour models are updated by
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
@@ -82,12 +83,18 @@ def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[Imag
         recording: the bag that it was solved from.
 
     Raises:
-        RecordingError: not a recording, or an image that cannot be decoded.
+        RecordingError: not a recording, not that of ``solved``, or an image that cannot be decoded.
         LensError: the recording's intrinsics cannot be used.
     """
     at_ns = middle_stamp(solved)
     with closing(Footage(recording, solved.path)) as footage:
         known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in footage.cameras]
+        has = [np.isin(record.stamps_ns, footage.times_ns(record.camera)) for record, _ in known]
+        there, of = sum(int(each.sum()) for each in has), sum(map(len, has))
+        if there < _LEAST_SHARE * of:
+            raise RecordingError(
+                f"{recording}: is not what {solved.path} was solved from: it has {there} of its {of} images"
+            )
         for record, poses in _pick_evenly(known):
             image = footage.image_at(record.camera, at_ns, solved.frame_ns // 2)
             if image is None or (matches := footage.matches_of(image)) is None:

@@ -79,6 +79,14 @@ def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
     ]
 
 
+def test_another_recording_of_the_same_cameras_is_refused(solved: Path, tmp_path: Path) -> None:
+    other = write_images(tmp_path / "other", ("waist", "shin"), START_NS + 3_600_000_000_000)
+    result = bodycam("evaluate", solved, "--recording", other, "-o", tmp_path / "report")
+    assert result.returncode == 1
+    assert f"{other}: is not what {solved} was solved from" in result.stderr
+    assert not (tmp_path / "report").exists()
+
+
 def test_errors_are_one_line(tmp_path: Path) -> None:
     result = bodycam("evaluate", tmp_path / "nowhere", "-o", tmp_path / "report")
     assert result.returncode == 1
