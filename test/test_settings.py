@@ -168,7 +168,8 @@ def test_flags_of_other_commands_and_without_value_are_a_usage_error(
     with pytest.raises(SystemExit) as caught:
         settings_of(*flags)
     assert caught.value.code == 2
-    assert flags[0] in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert flags[0] in said and "[options]" in said.splitlines()[0]
 
 
 @pytest.mark.parametrize("key", ["1", "null", "2001-02-03", "true", "1.5"])

@@ -32,9 +32,9 @@ class CommandParser(argparse.ArgumentParser):
         """
         words = list(sys.argv[1:] if args is None else args)
         settings: dict[str, dict[str, str]] = {}
+        self.usage = self.usage or " ".join(("%(prog)s", *self._required()))
         if self.read_groups is not None:
             words, settings = self._split_settings(words, self.read_groups)
-        self.usage = self.usage or " ".join(("%(prog)s", *self._required()))
         arguments, rest = super().parse_known_args(words, namespace)
         if self.read_groups is not None:
             arguments.settings = settings

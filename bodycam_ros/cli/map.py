@@ -51,7 +51,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="lens, as camera_info YAML (default: REFERENCE_DIR/camera.yaml, or VIDEO with the suffix .yaml)",
     )
     body = parser.add_argument_group("a map from body cameras")
-    add_option(body, "--from-bag", metavar="BAG", help="instead of SOURCE: a recording, as of a range of motion")
+    add_option(
+        body,
+        "--from-bag",
+        metavar="BAG",
+        help="instead of photographs or a video: a recording, as of a range of motion",
+    )
     add_option(body, "--rig", needs="from_bag", help="the body cameras (default: all in the bag)")
     add_option(
         body,

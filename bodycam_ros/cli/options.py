@@ -87,7 +87,7 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, re
         replaced: what --force replaces, if not just the output.
     """
     parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
-    parser.add_argument("--force", action="store_true", help=f"replace {replaced or metavar} if it exists already")
+    parser.add_argument("--force", action="store_true", help=f"replace {replaced or metavar}, if already there")
 
 
 def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help=video_help)
     over_help = "with -o and --recording: over the images of this camera, not from outside"
     add_option(parser, "--over", type=str, metavar="CAMERA", needs="output", help=over_help)
-    parser.add_argument("--force", action="store_true", help="replace the output if it exists already")
+    parser.add_argument("--force", action="store_true", help="replace the output, if already there")
     place_help = "place the body by hand in the first images of --stations, and write the START.yaml that -o names"
     add_option(parser, "--place", metavar="BAG", help=place_help)
     add_option(parser, "--start", needs="place", help="with --place: where the body is at first")

@@ -147,6 +147,10 @@ def export(
     chosen = FORMATS[format_name]
     _check_options(format_name, options)
     outputs, folder = {output: sources[0]}, output.parent
+    if len(sources) == 1 and (named := output.suffix.lower().removeprefix(".")) in FORMATS and named != format_name:
+        raise OutputError(
+            f"{output}: is named as {named}, but would be {format_name}; give another name, or --to {named}"
+        )
     if len(sources) > 1:
         if output.exists() and not output.is_dir():
             raise OutputError(f"{output}: is a file; several recordings are written into a folder")

@@ -60,7 +60,7 @@ def _as(parameters_type: type, name: str) -> Any:
 class GraphArguments:
     """Arguments of the launch file and of the executable ``graph``."""
 
-    map: str = _as(TrackerParameters, "map")
+    map: str = _as(RegistrationParameters, "map")
     body: str = _as(SolverParameters, "body")
     rig: str = _as(SolverParameters, "rig")
     overwrite_body: bool = _as(SolverParameters, "overwrite_body")
@@ -182,8 +182,9 @@ def from_command_line(words: Sequence[str]) -> list[GraphNode]:
     )
     for each in describe(GraphArguments):
         flag = f"--{each.name.replace('_', '-')}"
+        default = f" (default: {each.default})" if each.default else ""
         switch: dict[str, Any] = {"nargs": "?", "const": "true", "metavar": "true|false"} if each.type is bool else {}
-        parser.add_argument(flag, default="", help=each.text().replace("%", "%%"), **switch)
+        parser.add_argument(flag, default="", help=f"{each.text()}{default}".replace("%", "%%"), **switch)
     own = words[: words.index("--ros-args")] if "--ros-args" in words else words
     given = {name: text for name, text in vars(parser.parse_args(own)).items() if text}
     try:

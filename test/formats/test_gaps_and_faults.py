@@ -186,6 +186,8 @@ def test_a_recording_given_twice_and_a_file_for_a_folder_are_refused(
     other = str(gappy.out / "out.mcap")
     assert main(["export", source, other, "--to", "bvh", "-o", str(tmp_path / "file")]) == 1
     assert "is a file; several recordings are written into a folder" in capsys.readouterr().err
+    assert main(["export", source, "--to", "bvh", "-o", str(tmp_path / "walk.trc")]) == 1
+    assert "walk.trc: is named as trc, but would be bvh; give another name, or --to trc" in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
