@@ -20,6 +20,7 @@ from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
+from bodycam_ros.shown import few
 
 logger = logging.getLogger(__name__)
 
@@ -66,10 +67,11 @@ class Recording:
                 self._image_topic.setdefault(camera, topic)
         self.cameras = tuple(sorted(self._image_topic))
         if not self.cameras:
-            there = ", ".join(f"{topic} ({kind})" for topic, kind in bag.topics.items()) or "none at all"
+            there = few((f"{topic} ({kind})" for topic, kind in bag.topics.items()), 8) or "none at all"
+            solved = "; it is the solved bag of a recording: give the recording" if "/skeleton" in bag.topics else ""
             raise RecordingError(
                 f"{bag.path}: no camera; expected topics /<camera>/image_raw/compressed, /<camera>/image_raw or "
-                f"/<camera>/image_raw/compressed_video, there are: {there}"
+                f"/<camera>/image_raw/compressed_video, there are: {there}{solved}"
             )
 
     @property

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from bodycam_ros.body.average_person import with_hands
+from bodycam_ros.body.body_file import URDF_SUFFIX
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.errors import RecordingError, ViewError
@@ -54,6 +55,8 @@ class Sources:
             raise ViewError("no place: give its reference map with --map, or its static cameras with --stations")
         published: BodyModel | None = None
         if solved is not None:
+            if solved.suffix.lower() in (".yaml", ".yml", URDF_SUFFIX):
+                raise ViewError(f"{solved}: is not a solved bag; give a body's file with --body")
             with BagFile(solved) as bag:
                 published = published_body(bag)
         self.solved, self.recording, self.surface = solved, recording, surface

@@ -190,6 +190,16 @@ def refused(path: Path) -> str:
     return str(caught.value)
 
 
+def test_a_solved_bag_is_not_taken_for_a_recording(tmp_path: Path) -> None:
+    make = recorded_messages()
+    with write_recording(tmp_path / "out") as writer:
+        writer.write("/skeleton", 1, make("visualization_msgs/msg/MarkerArray", markers=[]))
+        for number in range(30):
+            writer.write(f"/topic_{number}", 1, make("std_msgs/msg/Empty"))
+    said = refused(tmp_path / "out")
+    assert "and 23 more; it is the solved bag of a recording: give the recording" in said
+
+
 def test_what_is_no_bag(tmp_path: Path) -> None:
     assert "does not exist" in refused(tmp_path / "nothing")
     assert "neither metadata.yaml nor an .mcap file; 'bodycam ingest' makes one" in refused(tmp_path)

@@ -124,6 +124,7 @@ def test_the_body_of_out_is_that_of_its_file(sample: Path, sample_out: Path, tmp
         (["--place", "BAG", "--stations", "C.yaml", "-o", "start.yaml"], "either --body BODY.yaml or --height METRES"),
         (["--place", "BAG", "OUT"], "leave out OUT"),
         (["--start", "start.yaml"], "--start needs --place"),
+        (["body.yaml"], "body.yaml: is not a solved bag; give a body's file with --body"),
         (["--map", "MAP", "-o", "walk.mp4"], "the body is unknown: give its file with --body"),
         (
             ["--place", "BAG", "--stations", "C.yaml", "--height", "1.8", "-o", "start.yaml"],
