@@ -2,6 +2,7 @@
 
 import ast
 import re
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -101,6 +102,19 @@ def test_ros_is_imported_by_nodes_alone() -> None:
     assert set(found) == {"nodes"}, found
     manifest = ElementTree.parse(PACKAGE.parent / "package.xml").getroot()
     assert found["nodes"] <= {each.text for each in manifest if each.tag.endswith("depend")} | {"bodycam_msgs"}
+
+
+def test_ubuntu_has_every_package_from_apt_or_from_pypi() -> None:
+    """As docs/install.md and the Dockerfile install them: by package.xml, and by the group ``ubuntu``."""
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())
+    needed = {re.split("[<>=]", each)[0].lower() for each in project["project"]["dependencies"]} - {"setuptools"}
+    manifest = ElementTree.parse(PACKAGE.parent / "package.xml").getroot()
+    other_names = {"yaml": "pyyaml", "opencv": "opencv-python-headless"}
+    of_apt = {str(each.text).removeprefix("python3-") for each in manifest if str(each.text).startswith("python3-")}
+    of_pypi = {*project["dependency-groups"]["ubuntu"]}
+    assert needed == ({other_names.get(each, each) for each in of_apt} - {"pytest"}) | of_pypi
+    page = (PACKAGE.parent / "docs/install.md").read_text()
+    assert {each for each in of_pypi if f"`{each}`" not in page} == set()
 
 
 def test_the_pipeline_knows_nothing_of_verdicts_and_messages_nothing_of_the_estimator() -> None:

@@ -1,5 +1,6 @@
-"""What pages name of the code exists: functions of equations, files and folders, checks of a verdict."""
+"""What pages name of the code exists: functions of equations, files and folders, checks of a verdict, messages."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -44,6 +45,25 @@ def test_files_and_folders_of_the_architecture_exist() -> None:
     }
     assert len(named) > 30
     assert not missing
+
+
+def test_messages_of_troubleshooting_are_in_the_code() -> None:
+    sources = [ast.parse(path.read_text()) for path in PACKAGE.rglob("*.py")]
+    texts = [
+        "".join(part.value if isinstance(part, ast.Constant) else "…" for part in node.values)  # type: ignore[misc]
+        if isinstance(node, ast.JoinedStr)
+        else str(node.value)
+        for source in sources
+        for node in ast.walk(source)
+        if isinstance(node, ast.Constant | ast.JoinedStr)
+    ]
+    code = "\n".join(texts)
+    page = (REPOSITORY / "docs/troubleshooting.md").read_text()
+    named = [
+        word for line in re.findall(r"^\| (`.*?) \|", page, re.MULTILINE) for word in re.findall("`([^`]+)`", line)
+    ]
+    assert len(named) > 60
+    assert {word for word in named if word not in code} == set()
 
 
 def test_checks_of_a_result_are_on_the_page_for_programs() -> None:
