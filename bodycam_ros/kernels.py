@@ -147,7 +147,7 @@ def as_rows(values: NDArray[Any]) -> NDArray[np.float64]:
     """An array as the kernels are compiled for it: float64, row by row, writable; itself if it is that already."""
     if isinstance(values, np.ndarray) and values.dtype == np.float64 and values.flags.carray:
         return values
-    return np.require(values, np.float64, ("C", "A", "W", "E"))
+    return np.array(values, np.float64, order="C")
 
 
 def as_bytes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:

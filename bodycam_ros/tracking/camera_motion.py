@@ -83,16 +83,11 @@ class CameraMotion:
     def __init__(self) -> None:
         self.world_T_camera: Array | None = None
         self._poses: deque[tuple[int, Array]] = deque(maxlen=3)  # of consecutive registered images
-        self._twists: deque[Array] = deque(maxlen=2)  # mean twists between these
 
     def add(self, stamp_ns: int, world_T_camera: Array, previous_stamp_ns: int) -> None:
         """The pose of a registered image, and the stamp of the image before it, registered or not [ns]."""
         if self._poses and self._poses[-1][0] != previous_stamp_ns:
             self._poses.clear()
-            self._twists.clear()
-        if self._poses:
-            before_ns, before = self._poses[-1]
-            self._twists.append(camera_velocity(before, world_T_camera, stamp_ns - before_ns))
         self._poses.append((stamp_ns, world_T_camera))
         self.world_T_camera = world_T_camera
 
@@ -107,7 +102,7 @@ class CameraMotion:
         """The pose (4, 4) some time after the latest [ns]; a measured rotation since (3, 3) is used (A eq. 2)."""
         if self.world_T_camera is None:
             return None
-        velocity = self._twists[-1] if self._twists else np.zeros(6)
+        velocity = self._mean_twist(-1) if len(self._poses) > 1 else np.zeros(6)
         camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
         if later_R_camera is not None:
             camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
@@ -132,7 +127,7 @@ class CameraMotion:
             return None
         dt_s = 1e-9 * (stamp_ns - previous_stamp_ns)
         poses = list(self._poses) if self._poses and self._poses[-1][0] == previous_stamp_ns else []
-        before = self._twists[-1] if len(poses) > 1 else None
+        before = self._mean_twist(-1) if len(poses) > 1 else None
         turning = np.zeros(3) if before is None else before[:3]
         if later_R_camera is not None:
             turning = log_so3(later_R_camera.T) / dt_s
@@ -162,7 +157,12 @@ class CameraMotion:
         before_ns, middle_ns, after_ns = (stamp_ns for stamp_ns, _ in self._poses)
         first_s, second_s = 1e-9 * (middle_ns - before_ns), 1e-9 * (after_ns - middle_ns)
         # The parabola through all three; the image's own error cancels where the steps are equally long.
-        first, second = self._twists
+        first, second = self._mean_twist(-2), self._mean_twist(-1)
         twist = (second_s * first + first_s * second) / (first_s + second_s)
         sigmas = _BOTH_SIDES * TWIST_SIGMAS + _UNEVEN * np.abs(second - first)
         return ImageMotion(readout_time, readout_sigma, np.eye(4), np.zeros(6), twist, sigmas, twist[:3])
+
+    def _mean_twist(self, step: int) -> Array:
+        """(6,) twist in camera axes between two consecutive images [rad/s, m/s]: -1 is the latest step."""
+        (earlier_ns, earlier), (later_ns, later) = self._poses[step - 1], self._poses[step]
+        return camera_velocity(earlier, later, later_ns - earlier_ns)
