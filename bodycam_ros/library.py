@@ -28,6 +28,7 @@ from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.image_rate import ImageRateLimit
 
 __all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]
 
@@ -110,8 +111,9 @@ def replay(
             for camera, model in cameras.items()
             if camera in body.mounts
         }
+        limit = ImageRateLimit(settings.images.max_rate)
         for image in images:
-            if image.camera not in pipelines:
+            if image.camera not in pipelines or not limit.is_due(image.camera, image.stamp_ns):
                 continue
             if source is not None and replica is not None:
                 source.advance(image.stamp_ns)

@@ -16,6 +16,7 @@ from bodycam_ros.settings import SettingsGroups
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.frame_assembler import AssemblerSettings
+from bodycam_ros.tracking.image_rate import ImageSettings
 from bodycam_ros.tracking.keypoints import KeypointSettings
 
 
@@ -23,6 +24,7 @@ from bodycam_ros.tracking.keypoints import KeypointSettings
 class PipelineSettings(SettingsGroups):
     """Settings of all stages between an image and the body."""
 
+    images: ImageSettings = ImageSettings()
     keypoints: KeypointSettings = KeypointSettings()
     registrar: RegistrarSettings = RegistrarSettings()
     growth: GrowthSettings = GrowthSettings()

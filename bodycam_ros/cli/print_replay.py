@@ -13,11 +13,11 @@ from bodycam_ros.terminal import Terminal
 
 _COLUMNS = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),
-    ("missing", "missing", "d"), ("read-out [ms]", "readout", ""),
+    ("missing", "missing", "d"), ("left out", "left_out", "d"), ("read-out [ms]", "readout", ""),
 )  # fmt: skip
 _NOTE = (
-    "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; read-out: "
-    "time of all rows, 0 for a global shutter"
+    "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; left "
+    "out: by images.max_rate; read-out: time of all rows, 0 for a global shutter"
 )
 
 
@@ -32,6 +32,7 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path) -> int:
             "registered": summary.registered[camera] / images,
             "dropped": summary.skipped[camera] or None,
             "missing": summary.lost[camera] or None,
+            "left_out": summary.left_out[camera] or None,
             "readout": summary.readouts[camera].milliseconds if camera in summary.readouts else None,
         }
         for camera, images in sorted((summary.images + summary.lost).items())

@@ -2,7 +2,6 @@
 
 import ctypes
 import logging
-import math
 import multiprocessing
 import os
 import signal
@@ -34,6 +33,7 @@ from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.image_rate import ImageRateLimit
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 logger = logging.getLogger(__name__)
@@ -42,32 +42,6 @@ BATCH = 8
 """Results that are sent together: waking the other process costs as much as a result."""
 
 _PR_SET_PDEATHSIG = 1
-_HEAD_START = 0.13
-"""In periods: the first image is well within its period, and jitter of later stamps does not separate the cameras."""
-
-
-class FrameRateLimit:
-    """Selects the first image of each camera in every period.
-
-    Args:
-        max_rate: periods per second [Hz]; infinite to select every image.
-        start_ns: where the periods start, the same for all processes: which images are used depends on it [ns].
-    """
-
-    def __init__(self, max_rate: float, start_ns: int) -> None:
-        self._max_rate = max_rate
-        self._start_ns = start_ns
-        self._latest: dict[str, int] = {}
-
-    def is_due(self, camera: str, stamp_ns: int) -> bool:
-        """Whether a camera's next image is the first in its period."""
-        if math.isinf(self._max_rate):
-            return True
-        number = math.floor(1e-9 * (stamp_ns - self._start_ns) * self._max_rate + _HEAD_START)
-        if number == self._latest.get(camera):
-            return False
-        self._latest[camera] = number
-        return True
 
 
 @dataclass(frozen=True)
@@ -90,41 +64,44 @@ class AwaitedUpdate:
 
 @dataclass(frozen=True)
 class UnusableImages:
-    """Images that could not be used.
+    """Images that could not be used, or were not asked for.
 
     Attributes:
         camera: its name.
         stamp_ns: of the image, or of the latest one read [ns].
-        kind: undecodable, unordered by their stamps, or missing: counted by the bag's metadata, but not in it.
-        reason: why, for the user.
+        kind: undecodable, unordered by their stamps, missing: counted by the bag's metadata, but not in it, or left
+            out: more a second than are asked for.
+        reason: why, for the user; none where images are left out.
         count: how many.
     """
 
     camera: str
     stamp_ns: int
-    kind: Literal["undecodable", "unordered", "missing"]
+    kind: Literal["undecodable", "unordered", "missing", "left out"]
     reason: str
     count: int = 1
 
 
 class UnusableCount:
-    """Counts images that could not be used, by camera, and warns of the first of each kind.
+    """Counts images that were not used, by camera, and warns of the first of each kind of unusable ones.
 
     Attributes:
         skipped: images that are in the recording.
         lost: images that are not in it.
+        left_out: images that were not asked for.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
         self._reported: set[tuple[str, str]] = set()
 
     def add(self, item: UnusableImages) -> None:
         """Count an item."""
-        counts = self.lost if item.kind == "missing" else self.skipped
+        counts = {"missing": self.lost, "left out": self.left_out}.get(item.kind, self.skipped)
         counts[item.camera] += item.count
-        if (item.camera, item.kind) not in self._reported:
+        if item.reason and (item.camera, item.kind) not in self._reported:
             self._reported.add((item.camera, item.kind))
             logger.warning("%s", item.reason)
 
@@ -150,7 +127,7 @@ class RegistrationTask:
     Attributes:
         recording_path, map_path: recording and map.
         settings: of the pipeline.
-        max_rate: images per second and camera; of a faster recording those nearest to a regular grid [Hz].
+        max_rate: most images per second and camera, beside that of the settings; 0: all [Hz].
         with_messages: serialise the messages that a bag keeps of each image.
         slim: of these no tracks, and of the landmarks the pose alone.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
@@ -161,7 +138,7 @@ class RegistrationTask:
     recording_path: Path
     map_path: Path
     settings: PipelineSettings
-    max_rate: float = math.inf
+    max_rate: float = 0.0
     with_messages: bool = True
     slim: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
@@ -243,7 +220,8 @@ def register_images(
             )
             for camera in cameras
         }
-        limit = FrameRateLimit(task.max_rate, recording.start_ns)
+        rates = [rate for rate in (task.max_rate, task.settings.images.max_rate) if rate]
+        limit = ImageRateLimit(min(rates, default=0.0), recording.start_ns)
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns
@@ -261,6 +239,8 @@ def register_images(
                 continue
             messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
+        for camera, count in sorted(limit.left_out.items()):
+            yield UnusableImages(camera, stamp_ns, "left out", "", count)
         for camera, count in sorted((+recording.dropped).items()):
             text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)

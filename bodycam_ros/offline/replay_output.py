@@ -127,7 +127,8 @@ class ReplayOutput:
         summary, skeleton = self._summary, self._skeleton
         summary.equipment = self._coupled.record()
         self._write_robot(summary.equipment)
-        summary.skipped, summary.lost = self._unusable.skipped, self._unusable.lost
+        unusable = self._unusable
+        summary.skipped, summary.lost, summary.left_out = unusable.skipped, unusable.lost, unusable.left_out
         summary.images += summary.skipped
         summary.readouts = self._readouts.readouts()
         summary.timings = {

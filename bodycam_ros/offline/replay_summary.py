@@ -30,6 +30,7 @@ class ReplaySummary:
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
         lost: camera -> images that the recording counts, but that are not in it; not among ``images``.
+        left_out: camera -> images that ``images.max_rate`` did not ask for; not among ``images``.
         readouts: camera -> how long its rows are read out, as far as is known in the end.
         remarks: what a person should know of a camera's stamps, rows and images, a line each.
         timings: camera -> how its clock went, as its stamps were corrected.
@@ -52,6 +53,7 @@ class ReplaySummary:
     registered: Counter[str] = field(default_factory=Counter)
     skipped: Counter[str] = field(default_factory=Counter)
     lost: Counter[str] = field(default_factory=Counter)
+    left_out: Counter[str] = field(default_factory=Counter)
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     timings: Mapping[str, ClockHistory] = field(default_factory=dict)

@@ -1,0 +1,52 @@
+"""How many images a second of a camera are used: at high rates neighbours show nearly the same."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+
+from bodycam_ros.settings import setting
+
+_HEAD_START = 0.13
+"""In periods: the first image is well within its period, and jitter of later stamps does not separate the cameras."""
+
+
+@dataclass(frozen=True)
+class ImageSettings:
+    """Which images are used."""
+
+    max_rate: float = setting(
+        0.0,
+        unit="Hz",
+        limits=(0.0, 1000.0),
+        reason="most images a second of each body camera that are used, and so most states; 0: all. 30 do for cameras "
+        "of 60 or more; fewer differ so much from each other that each costs more",
+    )
+
+
+class ImageRateLimit:
+    """Selects the first image of each camera in every period.
+
+    Args:
+        max_rate: periods per second [Hz]; 0 to select every image.
+        start_ns: where the periods start, the same for all processes: which images are used depends on it [ns].
+
+    Attributes:
+        left_out: camera -> images that were not selected.
+    """
+
+    def __init__(self, max_rate: float, start_ns: int = 0) -> None:
+        self._max_rate = max_rate
+        self._start_ns = start_ns
+        self._latest: dict[str, int] = {}
+        self.left_out: Counter[str] = Counter()
+
+    def is_due(self, camera: str, stamp_ns: int) -> bool:
+        """Whether a camera's next image is the first in its period."""
+        if not self._max_rate:
+            return True
+        number = math.floor(1e-9 * (stamp_ns - self._start_ns) * self._max_rate + _HEAD_START)
+        if number == self._latest.get(camera):
+            self.left_out[camera] += 1
+            return False
+        self._latest[camera] = number
+        return True
