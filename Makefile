@@ -28,8 +28,11 @@ READERS := .venv-readers
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH VIRTUAL_ENV
 export PYTHONNOUSERSITE := 1
 
-.PHONY: demo test test-all test-ros figures readers faults lint docs bench latency endure clean
+.PHONY: help demo test test-all test-ros figures readers faults lint docs bench latency endure clean
 .DELETE_ON_ERROR:
+
+help:
+	@sed -n 's/^#   make/make/p' $(MAKEFILE_LIST)
 
 demo: $(VENV)/runtime.stamp
 	mkdir -p $(dir $(DEMO))

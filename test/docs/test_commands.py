@@ -1,6 +1,7 @@
 """Commands in the documentation are understood, and those that are marked so do what they should on the sample."""
 
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,13 @@ def test_what_is_marked_runs(
         assert command_line.main(words[1:]) == 0, f"{' '.join(words)}\n{capfd.readouterr().err}"
         if "-o" in words:
             assert Path(words[words.index("-o") + 1]).exists()
+
+
+def test_make_alone_lists_what_there_is() -> None:
+    listed = subprocess.run(["make", "-s", "-C", REPOSITORY], capture_output=True, text=True, check=True).stdout
+    targets = re.search(r"^\.PHONY: (.*)$", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
+    assert targets is not None
+    assert {*re.findall(r"^make (\S+)", listed, re.MULTILINE)} == {*targets[1].split()} - {"help"}
 
 
 def test_launch_arguments_are_known() -> None:
