@@ -73,9 +73,15 @@ def find_cameras(
         scale: see ``IngestCamera``.
 
     Raises:
-        RecordingError: something given does not exist, or no camera can be used.
+        RecordingError: something given does not exist, a rate is given for videos, or no camera can be used.
     """
     found, faults = find_videos(given, lenses)
+    if lenses is not None and not lenses.exists():
+        raise RecordingError(
+            f"{lenses}: does not exist; expected the folder of the lens YAMLs, or a file of static cameras"
+        )
+    if rate_hz is not None and found and not any(files.are_images for files in found):
+        raise RecordingError("--rate is for folders with images; videos have the times of their frames: leave it out")
     cameras: list[IngestCamera] = []
     for files in found:
         try:

@@ -259,6 +259,15 @@ def test_synchronous_cameras_and_given_offsets(videos: Path, capsys: pytest.Capt
     assert "start_s of camera head must be a number" in said(capsys)
 
 
+def test_a_rate_of_videos_and_lenses_that_are_not_there_are_refused(
+    videos: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ingest(videos, "--rate", "25")[0] == 1
+    assert "--rate is for folders with images" in said(capsys)
+    assert ingest(videos, "--lenses", str(videos / "nowhere"))[0] == 1
+    assert "nowhere: does not exist; expected the folder of the lens YAMLs" in said(capsys)
+
+
 def test_folders_of_images(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for camera in ("left", "right"):
         (tmp_path / "in" / camera).mkdir(parents=True)
