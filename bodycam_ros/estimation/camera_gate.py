@@ -33,10 +33,10 @@ def gate_cameras(
     while accepted.any():
         kept = np.flatnonzero(accepted)
         spread = cameras.covariances[kept] + np.diag(_GROSS**2)
-        at = predicted.at
+        at, information = predicted.at, np.linalg.inv(spread)
         for _ in range(STEPS):
             J, r = at.jacobians[cameras.rows[kept]], cameras.residuals(at.poses)[kept]
-            weighted = np.swapaxes(J, 1, 2) @ np.linalg.inv(spread)
+            weighted = np.swapaxes(J, 1, 2) @ information
             C = np.linalg.inv(prior + (weighted @ J).sum(axis=0))
             b = (weighted @ r[..., None])[..., 0].sum(axis=0)
             step = C @ (b - prior @ predicted.at.step_to(at)[:K])
