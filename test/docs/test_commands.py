@@ -8,9 +8,9 @@ import pytest
 from doc_blocks import DocBlock, doc_blocks
 
 from bodycam_ros.cli import main as command_line
-from bodycam_ros.cli.settings import all_settings_yaml
+from bodycam_ros.cli.settings import all_groups, all_settings_yaml
 from bodycam_ros.live.graph import GraphArguments
-from bodycam_ros.live.node_parameters import OF_NODES
+from bodycam_ros.live.node_parameters import OF_NODES, help_text
 from bodycam_ros.settings import describe
 
 REPOSITORY = Path(__file__).parents[2]
@@ -82,6 +82,16 @@ def test_launch_arguments_are_known() -> None:
 
 def test_the_file_of_all_settings_has_the_defaults_of_now() -> None:
     assert (REPOSITORY / "config/all_settings.yaml").read_text() == all_settings_yaml()
+
+
+def test_settings_that_are_named_exist() -> None:
+    texts = [*(path.read_text() for path in DOCS.glob("*.md")), *map(help_text, OF_NODES)]
+    known = {f"{group}.{each.name}" for group, kind in all_groups().items() for each in describe(kind)}
+    flags = {name for text in texts for name in re.findall(r"--(\w+\.\w+)", text)}
+    groups = "|".join(all_groups())
+    named = {name for text in texts for name in re.findall(rf"(?<![\w/])(?:{groups}|tracker)\.(?!py|md|yaml)\w+", text)}
+    assert len(flags | named) > 5
+    assert (flags | named) - known == set()
 
 
 def test_configurations_that_are_named_exist() -> None:
