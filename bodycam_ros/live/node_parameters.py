@@ -5,7 +5,7 @@ from typing import Final
 
 from bodycam_ros.settings import describe, setting
 
-TRACKER_GROUPS: Final = ("images", "keypoints", "direct", "pose_fit", "inertial")
+TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit", "inertial")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
 SOLVER_GROUPS: Final = (
     *("clock", "assembler", "smoother", "motion", "contact", "evidence"),

@@ -23,7 +23,6 @@ from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.tracking.image_rate import ImageRateLimit
 
 
 class TrackerStage(Stage[TrackerParameters]):
@@ -43,7 +42,6 @@ class TrackerStage(Stage[TrackerParameters]):
         self._tracker: LandmarkTracker | None = None
         self._readers = self._track_count = self._keyframes = 0
         self.unanswered = UnansweredFrames()
-        self._limit = ImageRateLimit(self.settings.images.max_rate)
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
         answer = LANDMARKS_TYPE, f"{self.camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH)
         self.subscription(*answer, partial(landmark_matches, camera=self.camera), "landmarks dropped")
@@ -86,10 +84,8 @@ class TrackerStage(Stage[TrackerParameters]):
         return self.unanswered.answered_since_s or time.monotonic()
 
     def _track(self, image: CameraImage) -> bool:
-        """Track an image; whether it was used."""
+        """Track an image; whether it could be used."""
         assert self._tracker is not None
-        if not self._limit.is_due(self.camera, image.stamp_ns):
-            return False
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
             frame = self._tracker.track(decode_grey(image), image.stamp_ns)
@@ -156,7 +152,6 @@ class TrackerStage(Stage[TrackerParameters]):
         values: dict[str, object] = {
             "tracks per image": self._images.tally.mean(self._track_count),
             "keyframes": self._keyframes,
-            "left out by images.max_rate": self._limit.left_out[self.camera],
             "camera_info changed": self._models.changes,
             "inertial sensor": self._sensor_state,
         }

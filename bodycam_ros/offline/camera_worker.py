@@ -64,13 +64,13 @@ class AwaitedUpdate:
 
 @dataclass(frozen=True)
 class UnusableImages:
-    """Images that could not be used, or were not asked for.
+    """Images that could not be used, or are beyond ``images.max_rate``.
 
     Attributes:
         camera: its name.
         stamp_ns: of the image, or of the latest one read [ns].
         kind: undecodable, unordered by their stamps, missing: counted by the bag's metadata, but not in it, or left
-            out: more a second than are asked for.
+            out: beyond ``images.max_rate``.
         reason: why, for the user; none where images are left out.
         count: how many.
     """
@@ -88,7 +88,7 @@ class UnusableCount:
     Attributes:
         skipped: images that are in the recording.
         lost: images that are not in it.
-        left_out: images that were not asked for.
+        left_out: images beyond ``images.max_rate``.
     """
 
     def __init__(self) -> None:
@@ -221,7 +221,8 @@ def register_images(
             for camera in cameras
         }
         rates = [rate for rate in (task.max_rate, task.settings.images.max_rate) if rate]
-        limit = ImageRateLimit(min(rates, default=0.0), recording.start_ns)
+        first_ns = next((image.stamp_ns for image in recording.images()), 0) if rates else 0
+        limit = ImageRateLimit(min(rates, default=0.0), first_ns)
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns

@@ -30,7 +30,7 @@ class ReplaySummary:
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
         lost: camera -> images that the recording counts, but that are not in it; not among ``images``.
-        left_out: camera -> images that ``images.max_rate`` did not ask for; not among ``images``.
+        left_out: camera -> images beyond ``images.max_rate``; not among ``images``.
         readouts: camera -> how long its rows are read out, as far as is known in the end.
         remarks: what a person should know of a camera's stamps, rows and images, a line each.
         timings: camera -> how its clock went, as its stamps were corrected.

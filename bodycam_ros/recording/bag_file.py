@@ -3,7 +3,7 @@
 import logging
 import struct
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -63,7 +63,9 @@ def fault_of(path: Path) -> str | None:
     if not (path / METADATA).exists():
         if files:
             return f"has no metadata.yaml; give the file itself ({files[0].name}), or run 'ros2 bag reindex'"
-        inside = min((each.name for each in path.iterdir() if is_bag(each)), default=None)
+        inside = None
+        with suppress(OSError):  # a folder that cannot be read
+            inside = min((each.name for each in path.iterdir() if is_bag(each)), default=None)
         meant = "'bodycam ingest' makes one of videos" if inside is None else f"is {path / inside} meant?"
         return f"is not a ros2 bag folder: it has neither metadata.yaml nor an .mcap file; {meant}"
     for file in files:

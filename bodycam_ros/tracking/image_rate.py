@@ -18,8 +18,9 @@ class ImageSettings:
         0.0,
         unit="Hz",
         limits=(0.0, 1000.0),
-        reason="most images a second of each body camera that are used, and so most states; 0: all. 30 do for cameras "
-        "of 60 or more; fewer differ so much from each other that each costs more",
+        reason="most images a second of each body camera of a recording that are used, and so most states; 0: all. 30 "
+        "do for cameras of 60 or 120; fewer differ so much that each costs more, and what is no whole part of their "
+        "rate leaves uneven steps, which count as gaps",
     )
 
 
@@ -28,13 +29,14 @@ class ImageRateLimit:
 
     Args:
         max_rate: periods per second [Hz]; 0 to select every image.
-        start_ns: where the periods start, the same for all processes: which images are used depends on it [ns].
+        start_ns: stamp where the periods start, the same for all processes: which images are used depends on it [ns].
+            None: that of the first image.
 
     Attributes:
         left_out: camera -> images that were not selected.
     """
 
-    def __init__(self, max_rate: float, start_ns: int = 0) -> None:
+    def __init__(self, max_rate: float, start_ns: int | None = None) -> None:
         self._max_rate = max_rate
         self._start_ns = start_ns
         self._latest: dict[str, int] = {}
@@ -44,6 +46,8 @@ class ImageRateLimit:
         """Whether a camera's next image is the first in its period."""
         if not self._max_rate:
             return True
+        if self._start_ns is None:
+            self._start_ns = stamp_ns
         number = math.floor(1e-9 * (stamp_ns - self._start_ns) * self._max_rate + _HEAD_START)
         if number == self._latest.get(camera):
             self.left_out[camera] += 1

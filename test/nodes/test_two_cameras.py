@@ -1,6 +1,5 @@
 """The graph over a small bag with faults in it: what arrives, what is left out, and what is said about it."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,23 +80,3 @@ def test_faulty_input_is_left_out_and_told(graph: Any, tmp_path: Path) -> None:
     assert graph.messages("/robot_description")[0].data == urdf_text(read_body(body))
 
     assert graph.end() == {name: 2 * (name == "tracker_odd") for name in started}, graph.report()
-
-
-def test_a_tracker_leaves_out_what_is_more_than_its_rate(graph: Any, tmp_path: Path) -> None:
-    body, bag = write_body(tmp_path / "body.yaml"), write_tiny_bag(tmp_path / "bag", FRAMES)
-    nodes = [
-        replace(node, parameters={**node.parameters, "images.max_rate": 15.0}) if node.executable == "tracker" else node
-        for node in live_graph(write_map(tmp_path / "map"), body)
-    ]
-    graph.listen(_landmarks(*CAMERAS) | _DIAGNOSTICS)
-    graph.run(*nodes, player(bag, rate=2.0))
-    for camera in CAMERAS:
-        name = f"tracker_{camera}: camera {camera}"
-        graph.until(
-            lambda name=name: any(
-                report["left out by images.max_rate"] == str(FRAMES // 2) for report in graph.all_diagnostics(name)
-            ),
-            _START_S,
-            f"half of the images of {camera} are left out",
-        )
-        assert len(graph.heard[f"/{camera}/landmarks"]) == FRAMES // 2

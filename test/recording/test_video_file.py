@@ -3,6 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from av import VideoFrame
 from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
@@ -48,6 +49,13 @@ def test_b_frames_are_noticed_and_compressed_away(tmp_path: Path, codec: str) ->
     for (_, grey), (_, frame) in zip(decoded(anew), frames(path), strict=True):
         assert np.abs(grey.astype(int) - DecodedFrame(frame).grey()).mean() < 1.5
     assert [number_in(grey) for _, grey in decoded(anew)] == list(range(40))
+
+
+def test_light_with_head_and_foot_room_is_stretched() -> None:
+    luma = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    frame = VideoFrame.from_ndarray(np.vstack([luma, np.full((8, 16), 128, np.uint8)]), format="yuv420p")
+    expected = np.clip(np.round((luma.astype(np.float64) - 16.0) * 255.0 / 219.0), 0.0, 255.0)
+    np.testing.assert_array_equal(DecodedFrame(frame).grey(), expected)
 
 
 @pytest.mark.parametrize("clockwise", [90, 180, 270])
