@@ -88,7 +88,7 @@ def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[Imag
     at_ns = middle_stamp(solved)
     with closing(Footage(recording, solved.path)) as footage:
         known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in footage.cameras]
-        if not any(np.isin(record.stamps_ns, footage.times_ns(record.camera)).any() for record, _ in known):
+        if known and not any(np.isin(record.stamps_ns, footage.times_ns(record.camera)).any() for record, _ in known):
             raise RecordingError(f"{recording}: is not what {solved.path} was solved from: it has none of its images")
         for record, poses in _pick_evenly(known):
             image = footage.image_at(record.camera, at_ns, solved.frame_ns // 2)
