@@ -221,8 +221,7 @@ def register_images(
             for camera in cameras
         }
         rates = [rate for rate in (task.max_rate, task.settings.images.max_rate) if rate]
-        first_ns = next((image.stamp_ns for image in recording.images()), 0) if rates else 0
-        limit = ImageRateLimit(min(rates, default=0.0), first_ns)
+        limit = ImageRateLimit(min(rates, default=0.0), recording.first_stamp_ns if rates else 0)
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns

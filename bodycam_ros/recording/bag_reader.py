@@ -80,6 +80,11 @@ class Recording:
         return self._bag.start_ns
 
     @property
+    def first_stamp_ns(self) -> int:
+        """Stamp of the first image in the bag that has one, of whatever camera [ns]; 0 if none has."""
+        return next((image.stamp_ns for image in self._messages(self.cameras) if image.stamp_ns > 0), 0)
+
+    @property
     def duration_s(self) -> float:
         """From the first recorded message to the last [s]."""
         return self._bag.duration_s
