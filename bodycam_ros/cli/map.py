@@ -1,6 +1,7 @@
 """bodycam map: photographs of a place in, or a video of a walk through it, a reference map out."""
 
 import argparse
+import logging
 import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,6 +30,8 @@ from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.terminal import Terminal
 from bodycam_ros.whole_file import scratch_folder
+
+logger = logging.getLogger(__name__)
 
 _FEW_LANDMARKS = 50
 """Of a photograph: usual ones have a thousand; where two places look alike some dozen fit the wrong one."""
@@ -88,8 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
     settings = read_settings(arguments, MapSettings)
     check_output(output, input_paths(arguments))
     check_replaceable(output, arguments.force)
-    with shown_progress() as progress, _opened_source(arguments, settings, progress) as (photographs, known, imus):
-        board_path = None if arguments.no_board else arguments.board or photographs.board_path
+    with shown_progress() as progress, _opened_source(arguments, settings, progress) as source:
+        photographs, board_path, known, imus = source
         register = partial(registered_poses, recording_path=arguments.from_bag, jobs=arguments.jobs)
         built = build_map(photographs, board_path, settings, arguments.jobs, progress, known, imus, register)
         reference_map, draw, coverage = add_coverage(built.reference_map, output.name, progress)
@@ -181,8 +184,8 @@ def _vertical_line(built: BuiltMap) -> str:
 @contextmanager
 def _opened_source(
     arguments: argparse.Namespace, settings: MapSettings, progress: Progress
-) -> Iterator[tuple[Photographs, Sequence[KnownDistance], Mapping[str, ImuSamples]]]:
-    """The photographs, what --known-distance measures, and samples of the inertial sensors of body cameras.
+) -> Iterator[tuple[Photographs, Path | None, Sequence[KnownDistance], Mapping[str, ImuSamples]]]:
+    """The photographs, the board's description, what --known-distance measures, and samples of inertial sensors.
 
     Frames of a recording are removed when the block ends.
 
@@ -193,7 +196,8 @@ def _opened_source(
     source: Path | None = arguments.source
     bag: Path | None = arguments.from_bag
     known: list[KnownDistance] = []
-    cameras: Mapping[str, MovingCamera]
+    imus: Mapping[str, ImuSamples] = {}
+    cameras: Mapping[str, MovingCamera] = {}
     if bag is not None:
         if source is not None:
             raise MapError(f"give either {source} or --from-bag {bag}: a map is made of one of them")
@@ -203,21 +207,27 @@ def _opened_source(
         known = [_known_distance(a, b, text, rig, arguments.rig) for a, b, text in arguments.known_distance]
         needed = [camera for each in known for camera in (each.first, each.second)]
         cameras = open_body_cameras(bag, None if rig is None else tuple(rig.cameras), needed)
+        imus = read_imus((bag, *arguments.imu), sorted(cameras))
         path, name = bag, bag.resolve().name
-    else:
-        path = _existing(source)
-        if not path.is_file():
-            yield find_photographs(path, arguments.camera), (), {}
-            return
+    elif (path := _existing(source)).is_file():
         camera = video_camera(path, arguments.camera)
         warn_of_mismatch(camera)
         cameras, name = {camera.name: camera}, camera.name
-    board = path.resolve().parent / BOARD_FILE
+    board = (path.resolve().parent if cameras else path) / BOARD_FILE
+    board_path = None if arguments.no_board else arguments.board or (board if board.is_file() else None)
+    # Before minutes of work, not after them.
+    if not (board_path or known or imus):
+        ways = "" if bag is None else ", --known-distance, or inertial sensors of its cameras (--imu BAG)"
+        logger.warning(
+            "the map will not be metric, so no body has a size in it: give a board in view (--board)%s", ways
+        )
+    if not cameras:
+        yield find_photographs(path, arguments.camera), board_path, known, imus
+        return
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
-        at_most, beside = settings.frames.most, board if board.is_file() else None
-        photographs = keep_sharp_frames(cameras, scratch, name, at_most, arguments.jobs, progress, beside)
-        used = sorted({camera.name for camera in photographs.camera_of_name.values()})
-        yield photographs, known, {} if bag is None else read_imus((bag, *arguments.imu), used)
+        at_most = settings.frames.most
+        photographs = keep_sharp_frames(cameras, scratch, name, at_most, arguments.jobs, progress)
+        yield photographs, board_path, known, imus
 
 
 def _existing(source: Path | None) -> Path:

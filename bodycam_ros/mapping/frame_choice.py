@@ -36,7 +36,6 @@ def keep_sharp_frames(
     most: int,
     workers: int,
     progress: Progress,
-    board_path: Path | None = None,
 ) -> Photographs:
     """Write the sharpest frame of each of some equal parts of every recording into a folder.
 
@@ -49,7 +48,6 @@ def keep_sharp_frames(
         most: frames of all cameras together.
         workers: threads.
         progress: shows the step.
-        board_path: description of the board, if there is one.
 
     Raises:
         MapError: no frame of a recording shows anything, or there are fewer than two parts.
@@ -78,9 +76,7 @@ def keep_sharp_frames(
         }
     if len(camera_of_name) < 2:
         raise MapError(f"{name}: lasts for one photograph; a map needs a walk through the place, or a range of motion")
-    return Photographs(
-        folder, name, tuple(folder / file for file in sorted(camera_of_name)), camera_of_name, board_path
-    )
+    return Photographs(folder, name, tuple(folder / file for file in sorted(camera_of_name)), camera_of_name)
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,12 @@ class Photographs:
         name: of the folder, or of the recording that its photographs were taken from.
         paths: image files in order of name.
         camera_of_name: file name -> the camera that took it.
-        board_path: description of the board, if there is one.
     """
 
     folder: Path
     name: str
     paths: tuple[Path, ...]
     camera_of_name: Mapping[str, CameraModel]
-    board_path: Path | None
 
     @property
     def where(self) -> str:
@@ -58,14 +56,7 @@ def find_photographs(folder: Path, camera_path: Path | None = None) -> Photograp
             "its path with --camera"
         )
     camera = camera_from_yaml(camera_path or folder / CAMERA_FILE)
-    board_path = folder / BOARD_FILE
-    return Photographs(
-        folder,
-        folder.resolve().name,
-        paths,
-        {path.name: camera for path in paths},
-        board_path if board_path.is_file() else None,
-    )
+    return Photographs(folder, folder.resolve().name, paths, {path.name: camera for path in paths})
 
 
 def wrong_camera(*cameras: CameraModel) -> str:

@@ -131,7 +131,7 @@ def test_a_map_is_not_replaced_by_accident(built, sample, capsys):
     assert "--force" in capsys.readouterr().err
 
 
-def test_without_a_board_the_map_says_that_it_has_no_scale(few, tmp_path, capsys):
+def test_without_a_board_the_map_says_that_it_has_no_scale(few, tmp_path, capsys, caplog):
     (few / "board.yaml").unlink()
     assert main(["map", str(few), "-o", str(tmp_path / "map"), *QUICK]) == 0
     reference_map = ReferenceMap.load(tmp_path / "map")
@@ -139,6 +139,7 @@ def test_without_a_board_the_map_says_that_it_has_no_scale(few, tmp_path, capsys
     assert reference_map.summary["map_R_board"] is None
     assert yaml.safe_load((tmp_path / "map" / "map.yaml").read_text())["metric"] is False
     assert "NOT metric" in capsys.readouterr().out
+    assert caplog.messages[0].startswith("the map will not be metric") and "--board" in caplog.messages[0]
 
 
 def test_unusable_photographs_are_skipped_with_a_warning(few, tmp_path, caplog, capsys):

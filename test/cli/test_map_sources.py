@@ -90,10 +90,19 @@ def test_a_source_that_is_missing_or_a_bag_is_refused(
 
 
 def test_a_video_that_stands_still_or_is_none_makes_no_map(
-    video: Path, sample: Path, tiny_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    video: Path,
+    sample: Path,
+    tiny_bag: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     (tmp_path / "torn.mp4").write_bytes(video.read_bytes()[:3000])
     lens = sample / "reference" / "camera.yaml"
     expect_error([tmp_path / "torn.mp4", "--camera", lens, "-o", tmp_path / "map"], capsys, "torn.mp4", "cut-off")
+    assert not caplog.messages
+    # What a map without scale lacks is warned of before the work that fails here.
     expect_error(["--from-bag", tiny_bag, "-o", tmp_path / "map"], capsys, "shows anything")
+    (warned,) = caplog.messages
+    assert all(way in warned for way in ("not be metric", "--board", "--known-distance", "--imu"))
     assert not (tmp_path / "map").exists()
