@@ -8,34 +8,40 @@ segment the one that fits the body is kept. ``quality/judge.py`` judges a bag, i
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.estimation.estimate import LINEAR, STEPS, UNKNOWN, Coordinates, Estimate
+from bodycam_ros.estimation.estimate import LINEAR, STEPS, UNKNOWN, Coordinates, Transition
 from bodycam_ros.estimation.measurements import SegmentPoses
+from bodycam_ros.geometry import inverse, log_se3
 
 _GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
+_UNEVEN = 0.25  # share of the motion since the state before that may be missed, as of a foot that lands in a run
 
 
 def gate_cameras(
-    predicted: Estimate, cameras: SegmentPoses, unobserved: NDArray[np.bool_]
+    link: Transition, cameras: SegmentPoses, unobserved: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], Coordinates]:
     """Which (N,) of N cameras are accepted, and the coordinates that fit these.
 
     Args:
-        predicted: without the cameras.
+        link: to the state that they measure, without them.
         cameras: their poses.
         unobserved: (K,) predicted coordinates that had no measurement: no reason to reject a camera.
     """
+    predicted, rows = link.after, cameras.rows
     K, at, accepted = len(unobserved), predicted.at, np.ones(len(cameras), bool)
+    moved = log_se3(inverse(link.before.at.poses[rows]) @ at.poses[rows]).reshape(-1, 2, 3)
+    missed = _UNEVEN * np.linalg.norm(moved, axis=2).repeat(3, axis=1)
+    gross = (_GROSS**2 + missed**2)[:, :, None] * np.eye(6)
     prior = predicted.information
     if unobserved.any():
         covariance = predicted.covariance[:K, :K] + np.diag(UNKNOWN**2 * unobserved)
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
     while accepted.any():
         kept = np.flatnonzero(accepted)
-        spread = cameras.covariances[kept] + np.diag(_GROSS**2)
+        spread = cameras.covariances[kept] + gross[kept]
         at, information = predicted.at, np.linalg.inv(spread)
         for _ in range(STEPS):
-            J, r = at.jacobians[cameras.rows[kept]], cameras.residuals(at.poses)[kept]
+            J, r = at.jacobians[rows[kept]], cameras.residuals(at.poses)[kept]
             weighted = np.swapaxes(J, 1, 2) @ information
             C = np.linalg.inv(prior + (weighted @ J).sum(axis=0))
             b = (weighted @ r[..., None])[..., 0].sum(axis=0)

@@ -21,7 +21,7 @@ from bodycam_ros.estimation.camera_gate import gate_cameras
 from bodycam_ros.estimation.chain import ChainState, first_poses, smooth
 from bodycam_ros.estimation.contact import ContactSettings, Soles
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.estimate import Between, Coordinates, Estimate, Transition, body_uncertainty
+from bodycam_ros.estimation.estimate import Between, Coordinates, Transition, body_uncertainty
 from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.measurements import (
@@ -193,7 +193,7 @@ class BodyEstimator:
     ) -> ChainState:
         """One state: gate the cameras, collect the other measurements, fit, then add contacts."""
         static, ends = self._static, self.body.joint_ends
-        accepted, start = self._gate(registered, link.after)
+        accepted, start = self._gate(registered, link)
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
         link, start = self._add_static_cameras(frame, link, start, known, on_body)
@@ -229,11 +229,11 @@ class BodyEstimator:
         )
 
     def _gate(
-        self, registered: Mapping[str, SegmentPose], predicted: Estimate
+        self, registered: Mapping[str, SegmentPose], link: Transition
     ) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        accepted, at = gate_cameras(predicted, poses, self._unobserved_columns())
+        accepted, at = gate_cameras(link, poses, self._unobserved_columns())
         self.rejected.update(name for name, passes in zip(registered, accepted, strict=True) if not passes)
         return {name: pose for (name, pose), passes in zip(registered.items(), accepted, strict=True) if passes}, at
 

@@ -7,7 +7,7 @@ from moving_body import COVARIANCE, body_with_cameras, true_poses
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.camera_gate import gate_cameras
-from bodycam_ros.estimation.estimate import Coordinates, Estimate
+from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
 from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.tangent import TreeTangent
@@ -19,10 +19,15 @@ CAMERAS = list(BODY.mounts)  # chest and back on the trunk, arm and wrist alone 
 SIGMA = 0.05  # [rad], [m] of the prediction
 
 
-def predicted() -> Estimate:
+def predicted(moved: float = 0.0) -> Transition:
+    """A prediction whose elbow turned by so much since the state before [rad]."""
     poses = true_poses(BODY, 7)
     at = Coordinates(TANGENT, all_motion(poses[0], BODY.joint_poses(poses)), np.zeros(TANGENT.count))
-    return Estimate(at, SIGMA**2 * np.eye(2 * TANGENT.count))
+    step = np.zeros(TANGENT.count)
+    step[TANGENT.columns[BODY.joint_row["elbow"]]] = -moved
+    covariance = SIGMA**2 * np.eye(2 * TANGENT.count)
+    before, after = Estimate(at.moved(step), covariance), Estimate(at, covariance)
+    return Transition(before, after, np.zeros_like(covariance), 0.03)
 
 
 def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses:
@@ -37,9 +42,9 @@ def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses
     return SegmentPoses.from_evidence(body, evidence)
 
 
-def accepted(off: dict[str, np.ndarray], unobserved: np.ndarray | None = None) -> list[str]:
+def accepted(off: dict[str, np.ndarray], unobserved: np.ndarray | None = None, moved: float = 0.0) -> list[str]:
     nothing = np.zeros(TANGENT.count, bool)
-    passes, _ = gate_cameras(predicted(), measured(off), nothing if unobserved is None else unobserved)
+    passes, _ = gate_cameras(predicted(moved), measured(off), nothing if unobserved is None else unobserved)
     return [camera for camera, each in zip(CAMERAS, passes, strict=True) if each]
 
 
@@ -79,6 +84,14 @@ def test_a_limb_that_nothing_measured_may_be_elsewhere() -> None:
     off = {"wrist": np.append(1.0 * axis, np.zeros(3))}
     assert "wrist" not in accepted(off)
     assert "wrist" in accepted(off, forearm)
+
+
+def test_a_limb_that_turns_fast_may_stop_at_once() -> None:
+    """A foot that lands in a run: what a limb at rest may not do, one that turned by 60 deg since may."""
+    axis = BODY.tree_joints[BODY.joint_row["elbow"]].axis
+    off = {"wrist": np.append(-0.6 * axis, np.zeros(3))}
+    assert "wrist" not in accepted(off)
+    assert "wrist" in accepted(off, moved=1.0)
 
 
 def test_coordinates_are_those_without_the_rejected_camera() -> None:
