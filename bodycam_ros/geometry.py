@@ -86,22 +86,14 @@ def adjoint(T: Array) -> Array:
 
 
 def log_jacobian(r: Array) -> Array:
-    """J (..., 3, 3) or (..., 6, 6): log(exp(-d) exp(r)) is r - J d, for small d, r (..., 3) or (..., 6) and d alike.
+    """J (..., 3, 3): log(exp(-d) exp(r)) is r - J d, for small d (..., 3), of a rotation vector r (..., 3).
 
-    It is the inverse of the left Jacobian, of a rotation in closed form, else to the fourth order (Barfoot 2017, eq.
-    7.77b and 7.94b). With the other sign it is that of the right one: log(exp(r) exp(d)) is r + J(-r) d.
+    It is the inverse of the left Jacobian (Barfoot 2017, eq. 7.77b); of transforms see ``log_se3_jacobian`` of
+    ``geometry_kernels``. With the other sign it is that of the right one: log(exp(r) exp(d)) is r + J(-r) d.
     """
-    turn = hat(r[..., :3])
-    if r.shape[-1] == 3:
-        half = 0.5 * np.maximum(np.linalg.norm(r, axis=-1), _SMALL_ANGLE)[..., None, None]
-        of_rotation: Array = _IDENTITY - 0.5 * turn + (1.0 - half / np.tan(half)) / (4.0 * half**2) * (turn @ turn)
-        return of_rotation
-    ad = np.zeros((*r.shape, 6))
-    ad[..., :3, :3] = ad[..., 3:, 3:] = turn
-    ad[..., 3:, :3] = hat(r[..., 3:])
-    ad2 = ad @ ad
-    jacobian: Array = np.eye(6) - 0.5 * ad + ad2 / 12.0 - ad2 @ ad2 / 720.0
-    return jacobian
+    turn, half = hat(r), 0.5 * np.maximum(np.linalg.norm(r, axis=-1), _SMALL_ANGLE)[..., None, None]
+    J: Array = _IDENTITY - 0.5 * turn + (1.0 - half / np.tan(half)) / (4.0 * half**2) * (turn @ turn)
+    return J
 
 
 def nearest_rotation(M: NDArray[np.floating]) -> Array:

@@ -158,6 +158,31 @@ def log_se3(T: Array) -> Array:
     return xi
 
 
+@kernel("(f8[::1],)")
+def log_se3_jacobian(xi: Array) -> Array:
+    """J (6, 6): log_se3(exp_se3(-d) exp_se3(xi)) is xi - J d for small d (6,): the inverse of the left Jacobian.
+
+    To the fourth order in xi (Barfoot 2017, eq. 7.94b).
+    """
+    ad = np.zeros((6, 6))
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        for block in range(2):
+            ad[3 * block + a, 3 * block + b], ad[3 * block + b, 3 * block + a] = -xi[i], xi[i]
+        ad[3 + a, b], ad[3 + b, a] = -xi[3 + i], xi[3 + i]
+    squared, J = np.zeros((6, 6)), np.eye(6)
+    for i in range(6):
+        for k in range(6):
+            for j in range(6):
+                squared[i, j] += ad[i, k] * ad[k, j]
+    for i in range(6):
+        for j in range(6):
+            J[i, j] += squared[i, j] / 12.0 - 0.5 * ad[i, j]
+            for k in range(6):
+                J[i, j] -= squared[i, k] * squared[k, j] / 720.0
+    return J
+
+
 @kernel()
 def solve_positive(A: Array, b: Array) -> tuple[Array, bool]:
     """Solution x (N,) of A x = b by Cholesky, and whether A (N, N) is positive definite; reads its lower half alone."""

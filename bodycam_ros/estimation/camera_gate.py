@@ -31,29 +31,26 @@ def gate_cameras(
     K, at, accepted = len(unobserved), predicted.at, np.ones(len(cameras), bool)
     moved = log_se3(inverse(link.before.at.poses[rows]) @ at.poses[rows]).reshape(-1, 2, 3)
     missed = _UNEVEN * np.linalg.norm(moved, axis=2).repeat(3, axis=1)
-    gross = (_GROSS**2 + missed**2)[:, :, None] * np.eye(6)
+    spread = cameras.covariances + (_GROSS**2 + missed**2)[:, :, None] * np.eye(6)
     prior = predicted.information
     if unobserved.any():
         covariance = predicted.covariance[:K, :K] + np.diag(UNKNOWN**2 * unobserved)
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
+    information = np.linalg.inv(spread)
     while accepted.any():
-        kept = np.flatnonzero(accepted)
-        spread = cameras.covariances[kept] + gross[kept]
-        at, information = predicted.at, np.linalg.inv(spread)
+        at = predicted.at
         for _ in range(STEPS):
-            J, r = at.jacobians[rows[kept]], cameras.residuals(at.poses)[kept]
-            weighted = np.swapaxes(J, 1, 2) @ information
-            C = np.linalg.inv(prior + (weighted @ J).sum(axis=0))
-            b = (weighted @ r[..., None])[..., 0].sum(axis=0)
+            A, b, r, J = cameras.equations(at, accepted[:, None, None] * information)
+            C = np.linalg.inv(prior + A)
             step = C @ (b - prior @ predicted.at.step_to(at)[:K])
             at = at.moved(step)
             if np.abs(step).max() < LINEAR:
                 break
         off, known = r - J @ step, J @ C @ np.swapaxes(J, 1, 2)
-        squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread - known, off[..., None])[..., 0])
+        squared = accepted * np.einsum("ni,ni->n", off, np.linalg.solve(spread - known, off[..., None])[..., 0])
         if squared.max() < _GATE:
             break
-        accepted[kept[int(np.argmax(squared))]] = False
+        accepted[int(np.argmax(squared))] = False
     else:
         at = predicted.at
     return accepted, at

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
+from bodycam_ros.estimation.camera_kernels import camera_equations
 from bodycam_ros.estimation.estimate import LINEAR, SETTLED, STEPS, Coordinates, Transition
 from bodycam_ros.geometry import Array, adjoint, inverse, log_jacobian, log_se3, log_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, TIGHT_M
@@ -68,10 +69,14 @@ class SegmentPoses(_Stacked):
         """(N, 6, 6) inverse covariances."""
         return np.asarray(np.linalg.inv(self.covariances), np.float64)
 
-    def residuals(self, poses: Array) -> Array:
-        """(N, 6) from poses (S, 4, 4) of all segments to the measured ones."""
-        residuals: Array = log_se3(inverse(poses[self.rows]) @ self.world_T_segment)
-        return residuals
+    def equations(
+        self, at: Coordinates, information: Array, sigmas: float = np.inf
+    ) -> tuple[Array, Array, Array, Array]:
+        """Normal equations about coordinates, residuals and Jacobians: as ``camera_equations``, by (N, 6, 6)."""
+        equations: tuple[Array, Array, Array, Array] = camera_equations(
+            at.poses, at.jacobians, self.rows, self.world_T_segment, information, sigmas
+        )
+        return equations
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,18 +168,8 @@ class StateFit:
     def _normal_equations(self, at: Coordinates, measured: Measurements, robust: bool) -> tuple[Array, Array]:
         """Matrix (K, K) and right side (K) of all measurements about coordinates."""
         K = self._tangent.count
-        A, b = np.zeros((K, K)), np.zeros(K)
-        if len(measured.cameras):
-            r = measured.cameras.residuals(at.poses)
-            J = log_jacobian(r) @ at.jacobians[measured.cameras.rows]
-            information = measured.cameras.information
-            if robust:
-                # Cauchy's weight (Black and Rangarajan 1996).
-                squared = np.einsum("ni,nij,nj->n", r, information, r)
-                information = information / (1.0 + squared / KERNEL**2)[:, None, None]
-            of_rows = (information @ J).reshape(-1, K)
-            A += of_rows.T @ J.reshape(-1, K)
-            b += of_rows.T @ r.ravel()
+        cameras = measured.cameras
+        A, b, _, _ = cameras.equations(at, cameras.information, KERNEL if robust else np.inf)
         expected = measured.expected
         for row, rotation, sigmas in zip(expected.rows.tolist(), expected.rotations, expected.sigmas, strict=True):
             columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3]

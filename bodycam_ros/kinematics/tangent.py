@@ -128,8 +128,9 @@ class TreeTangent:
         self.turns = np.asarray(self._of_columns[:, :3].any(axis=1), bool)
         moves = np.concatenate([np.ones((len(tree.segments), 1)), tree.moves], axis=1)
         self._moves = np.ascontiguousarray(moves[:, self._carriers])
-        child_twists = [adjoint(j.child_T_joint) @ xi for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
-        self._child_twists = np.concatenate([np.eye(6), *child_twists], axis=1)
+        child_twists = [(adjoint(j.child_T_joint) @ xi).T for j, xi in zip(tree.tree_joints, self.twists, strict=True)]
+        self._child_twists = np.concatenate([np.eye(6), *child_twists])
+        self._all_rows = np.arange(len(tree.segments))
         self.root = tree.segment_index[tree.root]
         self._child_of_column = np.append(self.root, tree.joint_ends[:, 1])[self._carriers]
 
@@ -149,17 +150,9 @@ class TreeTangent:
         """(K,) columns of some joints (J,) of the tree."""
         return np.concatenate([np.zeros(6, bool), joints[self._carriers[6:] - 1]])
 
-    def world_twists(self, world_T_segment: Array) -> Array:
-        """(..., 6, K) twist of each column in the world's axes about its origin, at poses (..., S, 4, 4)."""
-        world_T_child = world_T_segment[..., self._child_of_column, :, :]
-        twists = (adjoint(world_T_child) @ self._child_twists.T[..., None])[..., 0]
-        return np.swapaxes(twists, -1, -2)
-
     def segment_jacobians(self, world_T_segment: Array, rows: Sequence[int] | None = None) -> Array:
         """(..., S, 6, K) how the poses (..., S, 4, 4) change, or those of some rows: tangents in the segments' axes."""
-        moves, poses = self._moves, world_T_segment
-        if rows is not None:
-            moves, poses = moves[rows], poses[..., rows, :, :]
-        twists = as_rows(self.world_twists(world_T_segment).reshape(-1, 6, self.count))
-        tangents: Array = segment_tangents(as_rows(poses.reshape(-1, len(moves), 4, 4)), twists, moves)
-        return tangents.reshape(*poses.shape[:-2], 6, self.count)
+        poses = as_rows(world_T_segment.reshape(-1, *world_T_segment.shape[-3:]))
+        wanted = self._all_rows if rows is None else np.array(rows, np.int64)
+        tangents: Array = segment_tangents(poses, wanted, self._child_twists, self._child_of_column, self._moves)
+        return tangents.reshape(*world_T_segment.shape[:-3], *tangents.shape[1:])

@@ -58,27 +58,29 @@ def steps_between(motion: Array, to: Array, twists: Array, carriers: Whole) -> A
     return steps
 
 
-@kernel("(f8[:, :, :, ::1], f8[:, :, ::1], f8[:, ::1])")
-def segment_tangents(world_T_segment: Array, world_twists: Array, moves: Array) -> Array:
-    """Tangents (N, S, 6, K) of segments (N, S, 4, 4), in their own axes, that twists (N, 6, K) in the world's make.
+@kernel("(f8[:, :, :, ::1], i8[::1], f8[:, ::1], i8[::1], f8[:, ::1])")
+def segment_tangents(poses: Array, rows: Whole, twists: Array, children: Whole, moves: Array) -> Array:
+    """Tangents (N, R, 6, K) of some segments (R rows) in their own axes, at poses (N, S, 4, 4) of all.
 
-    ``moves`` (S, K) is 1 where a twist moves a segment, 0 elsewhere.
+    Each column is a twist (K, 6) of one of the segments, its child (K), in its axes; ``moves`` (S, K) is 1 where it
+    moves a segment, 0 elsewhere.
     """
-    N, S, K = world_T_segment.shape[0], world_T_segment.shape[1], world_twists.shape[2]
-    tangents = np.zeros((N, S, 6, K))
-    v = np.empty(3)
-    for n in range(N):
-        for s in range(S):
-            T = world_T_segment[n, s]
-            for k in range(K):
-                if moves[s, k] == 0.0:
+    tangents = np.zeros((len(poses), len(rows), 6, len(children)))
+    w, v = np.empty(3), np.empty(3)
+    for n in range(len(poses)):
+        for k in range(len(children)):
+            # In the world's axes, about its origin.
+            C = poses[n, children[k]]
+            for i in range(3):
+                w[i] = C[i, 0] * twists[k, 0] + C[i, 1] * twists[k, 1] + C[i, 2] * twists[k, 2]
+                v[i] = C[i, 0] * twists[k, 3] + C[i, 1] * twists[k, 4] + C[i, 2] * twists[k, 5]
+            for row in range(len(rows)):
+                if moves[rows[row], k] == 0.0:
                     continue
-                w = world_twists[n, :3, k]
+                T = poses[n, rows[row]]
+                x, y, z = T[0, 3] - C[0, 3], T[1, 3] - C[1, 3], T[2, 3] - C[2, 3]
+                u = (v[0] + w[1] * z - w[2] * y, v[1] + w[2] * x - w[0] * z, v[2] + w[0] * y - w[1] * x)
                 for i in range(3):
-                    a, b = (i + 1) % 3, (i + 2) % 3
-                    v[i] = world_twists[n, 3 + i, k] + w[a] * T[b, 3] - w[b] * T[a, 3]
-                for i in range(3):
-                    for j in range(3):
-                        tangents[n, s, i, k] += T[j, i] * w[j]
-                        tangents[n, s, 3 + i, k] += T[j, i] * v[j]
+                    tangents[n, row, i, k] = T[0, i] * w[0] + T[1, i] * w[1] + T[2, i] * w[2]
+                    tangents[n, row, 3 + i, k] = T[0, i] * u[0] + T[1, i] * u[1] + T[2, i] * u[2]
     return tangents
