@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.estimation.estimate import LINEAR, STEPS, UNKNOWN, Coordinates, Transition
 from bodycam_ros.estimation.measurements import SegmentPoses
-from bodycam_ros.geometry import inverse, log_se3
 
 _GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
@@ -27,9 +26,9 @@ def gate_cameras(
         cameras: their poses.
         unobserved: (K,) predicted coordinates that had no measurement: no reason to reject a camera.
     """
-    predicted, rows = link.after, cameras.rows
+    predicted = link.after
     K, at, accepted = len(unobserved), predicted.at, np.ones(len(cameras), bool)
-    moved = log_se3(inverse(link.before.at.poses[rows]) @ at.poses[rows]).reshape(-1, 2, 3)
+    moved = link.dt_s * (at.jacobians[cameras.rows] @ at.velocity).reshape(-1, 2, 3)
     missed = _UNEVEN * np.linalg.norm(moved, axis=2).repeat(3, axis=1)
     spread = cameras.covariances + (_GROSS**2 + missed**2)[:, :, None] * np.eye(6)
     prior = predicted.information

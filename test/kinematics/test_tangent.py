@@ -8,7 +8,7 @@ import pytest
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
+from bodycam_ros.geometry import Array, adjoint, exp_se3, inverse, log_se3
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.kinematics.tangent import LoopGaps, TreeTangent
@@ -83,12 +83,12 @@ def test_poses_are_the_papers_product_of_exponentials(body: BodyModel, random: n
     motion = np.stack([exp_se3(xi @ part) for xi, part in zip(TreeTangent(body).twists, theta, strict=True)])
     world_T_root, at_zero = exp_se3(random.normal(size=6)), body.n_pose(np.eye(4))
     poses = body.forward_kinematics(world_T_root, motion)
-    world_twists = TreeTangent(body).world_twists(at_zero)
+    world_twists = adjoint(at_zero) @ TreeTangent(body).segment_jacobians(at_zero)
     for row in range(len(body.segments)):
         product = world_T_root
         for joint, columns in enumerate(TreeTangent(body).columns):
             if body.moves[row, joint]:
-                product = product @ exp_se3(world_twists[:, columns] @ theta[joint])
+                product = product @ exp_se3(world_twists[row][:, columns] @ theta[joint])
         np.testing.assert_allclose(poses[row], product @ at_zero[row], atol=1e-12)
 
 
