@@ -64,46 +64,52 @@ class AwaitedUpdate:
 
 @dataclass(frozen=True)
 class UnusableImages:
-    """Images that could not be used, or are beyond ``images.max_rate``.
+    """Images that could not be used.
 
     Attributes:
         camera: its name.
         stamp_ns: of the image, or of the latest one read [ns].
-        kind: undecodable, unordered by their stamps, missing: counted by the bag's metadata, but not in it, or left
-            out: beyond ``images.max_rate``.
-        reason: why, for the user; none where images are left out.
+        kind: undecodable, unordered by their stamps, or missing: counted by the bag's metadata, but not in it.
+        reason: why, for the user.
         count: how many.
     """
 
     camera: str
     stamp_ns: int
-    kind: Literal["undecodable", "unordered", "missing", "left out"]
+    kind: Literal["undecodable", "unordered", "missing"]
     reason: str
     count: int = 1
 
 
 class UnusableCount:
-    """Counts images that were not used, by camera, and warns of the first of each kind of unusable ones.
+    """Counts unusable images by camera, and warns of the first of each kind.
 
     Attributes:
         skipped: images that are in the recording.
         lost: images that are not in it.
-        left_out: images beyond ``images.max_rate``.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
-        self.left_out: Counter[str] = Counter()
         self._reported: set[tuple[str, str]] = set()
 
     def add(self, item: UnusableImages) -> None:
         """Count an item."""
-        counts = {"missing": self.lost, "left out": self.left_out}.get(item.kind, self.skipped)
+        counts = self.lost if item.kind == "missing" else self.skipped
         counts[item.camera] += item.count
-        if item.reason and (item.camera, item.kind) not in self._reported:
+        if (item.camera, item.kind) not in self._reported:
             self._reported.add((item.camera, item.kind))
             logger.warning("%s", item.reason)
+
+
+@dataclass(frozen=True)
+class LeftOutImages:
+    """``count`` images of a camera up to a stamp [ns] are beyond ``images.max_rate``."""
+
+    camera: str
+    stamp_ns: int
+    count: int
 
 
 @dataclass(frozen=True)
@@ -113,7 +119,7 @@ class WorkerFailure:
     error: BodycamError
 
 
-Result = RegisteredImage | UnusableImages
+Result = RegisteredImage | UnusableImages | LeftOutImages
 """The result of an image, or of several."""
 
 WorkerItem = Result | AwaitedUpdate | WorkerFailure | None
@@ -240,7 +246,7 @@ def register_images(
             messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
         for camera, count in sorted(limit.left_out.items()):
-            yield UnusableImages(camera, stamp_ns, "left out", "", count)
+            yield LeftOutImages(camera, stamp_ns, count)
         for camera, count in sorted((+recording.dropped).items()):
             text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)

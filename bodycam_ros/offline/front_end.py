@@ -18,6 +18,7 @@ from bodycam_ros.offline.camera_worker import (
     RegistrationTask,
     Result,
     UnusableCount,
+    UnusableImages,
     WorkerFailure,
     WorkerItem,
     run_camera_worker,
@@ -66,7 +67,7 @@ def registered_images(
     for item in register_recording(task, cameras, jobs):
         if isinstance(item, RegisteredImage):
             yield item
-        else:
+        elif isinstance(item, UnusableImages):
             unusable.add(item)
         on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
 

@@ -19,12 +19,7 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.offline.camera_worker import (
-    RegisteredImage,
-    RegistrationTask,
-    Result,
-    UnusableImages,
-)
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
 from bodycam_ros.offline.extend import ExtensionRound, extend_map
 from bodycam_ros.offline.front_end import merged_results, start_workers
 from bodycam_ros.offline.replay_output import ReplayOutput
@@ -141,7 +136,7 @@ def replay(
         images_step = f"replay of {summary.recorded_s:.1f} s"
         for item in _with_images(registered, recording, stations):
             out.write_image(item)
-            if not isinstance(item, UnusableImages):
+            if isinstance(item, (RegisteredImage, CameraImage)):
                 out.write_states(skeleton.add(item.matches if isinstance(item, RegisteredImage) else item))
                 on_step(images_step, 1e-9 * (item.stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9))
         out.write_states(skeleton.flush())

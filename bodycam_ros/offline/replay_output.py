@@ -18,7 +18,7 @@ from bodycam_ros.messages.diagnostics import Status, diagnostics_message, text_m
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
 from bodycam_ros.messages.timing import TIMING, timing_messages
 from bodycam_ros.messages.tracks import map_points_message
-from bodycam_ros.offline.camera_worker import Result, UnusableCount, UnusableImages
+from bodycam_ros.offline.camera_worker import LeftOutImages, Result, UnusableCount, UnusableImages
 from bodycam_ros.offline.replay_remarks import CameraSpans
 from bodycam_ros.offline.replay_summary import ReplaySummary
 from bodycam_ros.pipeline import SkeletonPipeline
@@ -76,6 +76,9 @@ class ReplayOutput:
         if isinstance(item, UnusableImages):
             self._unusable.add(item)
             return
+        if isinstance(item, LeftOutImages):
+            self._summary.left_out[item.camera] += item.count
+            return
         if not self._summary.images:
             self._begin(item.stamp_ns)
         self._latest_ns = item.stamp_ns
@@ -127,8 +130,7 @@ class ReplayOutput:
         summary, skeleton = self._summary, self._skeleton
         summary.equipment = self._coupled.record()
         self._write_robot(summary.equipment)
-        unusable = self._unusable
-        summary.skipped, summary.lost, summary.left_out = unusable.skipped, unusable.lost, unusable.left_out
+        summary.skipped, summary.lost = self._unusable.skipped, self._unusable.lost
         summary.images += summary.skipped
         summary.readouts = self._readouts.readouts()
         summary.timings = {
