@@ -133,7 +133,6 @@ class RegistrationTask:
     Attributes:
         recording_path, map_path: recording and map.
         settings: of the pipeline.
-        max_rate: most images per second and camera, beside that of the settings; 0: all [Hz].
         with_messages: serialise the messages that a bag keeps of each image.
         slim: of these no tracks, and of the landmarks the pose alone.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
@@ -144,7 +143,6 @@ class RegistrationTask:
     recording_path: Path
     map_path: Path
     settings: PipelineSettings
-    max_rate: float = 0.0
     with_messages: bool = True
     slim: bool = False
     readouts: Mapping[str, Readout] = field(default_factory=dict)
@@ -226,8 +224,8 @@ def register_images(
             )
             for camera in cameras
         }
-        rates = [rate for rate in (task.max_rate, task.settings.images.max_rate) if rate]
-        limit = ImageRateLimit(min(rates, default=0.0), recording.first_stamp_ns if rates else 0)
+        rate = task.settings.images.max_rate
+        limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns

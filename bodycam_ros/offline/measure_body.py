@@ -27,6 +27,7 @@ from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, Measure
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.timing.frame_assembler import AssemblerSettings, FrameAssembler
+from bodycam_ros.tracking.image_rate import ImageSettings
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
 _AT_ONCE_S = 0.005
@@ -143,13 +144,8 @@ def calibrate(
         facing_rad,
         pipeline.clock,
     )
-    task = RegistrationTask(
-        recording_path,
-        map_path,
-        pipeline,
-        max_rate=_MAX_RATE_HZ,
-        with_messages=False,
-    )
+    images = ImageSettings(min(pipeline.images.max_rate or _MAX_RATE_HZ, _MAX_RATE_HZ))
+    task = RegistrationTask(recording_path, map_path, replace(pipeline, images=images), with_messages=False)
     sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
     for image in registered_images(task, models, jobs, partial(on_progress, "registration")):
         calibrator.add(image.matches)
