@@ -238,6 +238,7 @@ def register_images(
             try:
                 tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
+                limit.discard(image.camera)
                 text = f"{error}; it is left out, and so will be others like it"
                 yield UnusableImages(image.camera, stamp_ns, "undecodable", text)
                 continue

@@ -54,3 +54,7 @@ class ImageRateLimit:
             return False
         self._latest[camera] = number
         return True
+
+    def discard(self, camera: str) -> None:
+        """Select the next image of the period, for the last one that was selected cannot be used."""
+        self._latest.pop(camera, None)

@@ -1,6 +1,8 @@
 """Fewer images a second than were recorded."""
 
+import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,3 +46,17 @@ def test_cameras_of_one_trigger_leave_out_the_same_images(
     assert left == right
     assert abs(sum(left) - used) <= 1
     assert limit.left_out == {camera: left.count(False) for camera in "lr" if False in left}
+
+
+def test_the_next_image_stands_in_for_one_that_cannot_be_decoded(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def alter(topic: str, number: int, message: Any) -> Any:
+        is_damaged = topic == "/waist_front/image_raw/compressed" and number == 2
+        return dataclasses.replace(message, data=np.frombuffer(b"no picture", np.uint8)) if is_damaged else message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", alter)
+    given = ["replay", str(bag), "--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "--jobs", "1"]
+    assert main([*given, "--images.max_rate", "15", "-o", str(tmp_path / "half")]) == 0
+    row = next(line.split() for line in capfd.readouterr().out.splitlines() if line.split()[:1] == ["waist_front"])
+    assert row[:5] == ["waist_front", "5", "80.0%", "1", "3"]  # the third image is dropped, the fourth used for it
