@@ -26,14 +26,15 @@ _LONGEST_NUMBER = 300  # characters; the largest float has 309 digits
 _KINDS: Final[Mapping[str, Callable[[dict[Any, Any]], bool]]] = {
     "body file": lambda table: isinstance(table.get("segments"), list) and "joints" in table,
     "rig file": lambda table: set(table) == {"cameras", "segments"} and isinstance(table["segments"], dict),
-    "equipment file": lambda table: "attachments" in table,
-    "camera_info YAML": lambda table: "camera_matrix" in table,
-    "board description": lambda table: "corners_in_board" in table or "square_size_m" in table,
+    "equipment file": lambda table: {"segments", "attachments"} <= set(table),
+    "camera_info YAML": lambda table: {"image_width", "camera_matrix"} <= set(table),
+    "board description": lambda t: {"family", "corners_in_board"} <= set(t) or {"columns", "square_size_m"} <= set(t),
     "settings file": lambda table: "/**" in table,
     "study file": lambda table: {"recordings", "subjects"} <= set(table),
-    "summary of a map": lambda table: "gravity_aligned" in table,
+    "summary of a map": lambda table: {"metric", "gravity_aligned"} <= set(table),
 }
-"""Kind -> whether a document is of it. No two kinds share what they are recognised by."""
+"""Kind -> whether a document is of it. No two kinds share what they are recognised by. One key is not enough: cameras,
+segments and points have names of a user's choice."""
 
 _BaseLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml, some ten times faster
 

@@ -13,6 +13,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.errors import BodycamError, MapError
+from bodycam_ros.ingest.timing_file import read_offsets
 from bodycam_ros.mapping.board import read_board
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.settings import read_settings_file
@@ -93,6 +94,15 @@ def test_a_file_of_another_kind_is_named_for_what_it_is(sample: Path, name: str,
     assert read_yaml(sample / name, kind, MapError)
     with pytest.raises(MapError, match=f"{name}: expected a file of offsets, but this is an? {kind}"):
         read_yaml(sample / name, "file of offsets", MapError)
+
+
+@pytest.mark.parametrize(
+    "name", ["attachments", "camera_matrix", "corners_in_board", "square_size_m", "gravity_aligned"]
+)
+def test_names_of_a_users_choice_make_no_file_of_another_kind(tmp_path: Path, name: str) -> None:
+    """Cameras are named as their videos: attachments.mp4."""
+    (tmp_path / "offsets.yaml").write_text(f"{{hand: 0.0, {name}: 1.5}}")
+    assert read_offsets(tmp_path / "offsets.yaml", ["hand", name]).times[name].start_s == 1.5
 
 
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
