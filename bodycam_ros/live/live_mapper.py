@@ -5,7 +5,7 @@ Keyframes are requested, and processed when no image waits; the map that grows i
 
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 
 from bodycam_ros.camera import CameraModel
@@ -93,10 +93,12 @@ class LiveMapper(LocalMapper):
             self._writing = self._writer.submit(self._write, self.map.compact(), self.map.changes)
 
     def close(self) -> None:
-        """Save the changes before the node ends; raises BodycamError."""
-        self._writer.shutdown()
+        """Save the changes before the node ends; raises BodycamError, and may be called again then."""
+        if self._writing is not None:
+            wait([self._writing])
         if self._unsaved and self._folder is not None:
             self.map.compact().save(self._folder, force=True)
+        self._writer.shutdown()
 
     @property
     def _unsaved(self) -> int:

@@ -2,14 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 from known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
 
+from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.live.live_mapper import LiveMapper
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -62,3 +66,21 @@ def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
     matches = live.see(unknown_tracks(6, first=6))
     assert matches.world_T_camera is not None and matches.grown == len(matches.landmark_ids) > 50
     assert np.linalg.norm(log_se3(inverse(place(6)) @ matches.world_T_camera)[3:]) < 5e-3
+
+
+def test_a_map_whose_last_writing_failed_is_written_again(tmp_path: Path) -> None:
+    """A managed node whose cleanup fails stays inactive: its user makes room, and cleans up again."""
+    live, folder = Live(), tmp_path / "grown"
+    small_map().save(tmp_path / "map")
+    live.growth.keep_in(folder, tmp_path / "map")
+    for number in range(5):
+        live.see(all_tracks(number))
+        live.work()
+    folder.mkdir()
+    (folder / "thesis.txt").write_text("precious")
+    with pytest.raises(BodycamError, match="thesis"):
+        live.growth.close()
+    live.growth.poll(0.0)  # its timer goes on
+    (folder / "thesis.txt").unlink()
+    live.growth.close()
+    assert ReferenceMap.load(folder).grown == live.growth.landmarks
