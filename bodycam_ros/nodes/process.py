@@ -88,7 +88,7 @@ def _work(nodes: Sequence[Any], stopped: Callable[[], bool]) -> None:
     threads = [threading.Thread(target=work, args=(node,)) for node in nodes]
     for thread in threads:
         thread.start()
-    while not stopped() and any(thread.is_alive() for thread in threads):
+    while not (stopped() or over.is_set()) and any(thread.is_alive() for thread in threads):
         over.wait(_POLL_S)
     over.set()
     for thread in threads:

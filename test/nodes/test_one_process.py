@@ -1,5 +1,6 @@
 """The whole graph in one process gives what the replay gives, is heard outside, and ends as its nodes do."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from altered_sample import write_altered_sample
 
+from bodycam_ros.errors import MapError
 from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.offline.replay import replay
 from bodycam_ros.pipeline_settings import PipelineSettings
@@ -115,3 +117,19 @@ def test_every_node_reports_under_its_own_name(played: Any) -> None:
 def test_ctrl_c_ends_all_nodes(played: Any) -> None:
     assert played.codes == {"graph": 0}
     assert "Traceback" not in played.printed
+
+
+def test_the_process_idles_while_the_others_end_after_a_failure() -> None:
+    """They may save a map, and need the processor."""
+    pytest.importorskip("rclpy", reason="rclpy is not installed; 'make test' installs it")
+    from bodycam_ros.nodes import process
+
+    def fail(stopped: object) -> None:
+        raise MapError("this map is damaged")
+
+    failing = SimpleNamespace(work=fail, finish=lambda: None)
+    saving = SimpleNamespace(work=lambda stopped: None, finish=lambda: time.sleep(0.5))
+    started_s = time.process_time()
+    with pytest.raises(MapError, match="damaged"):
+        process._work([failing, saving], lambda: False)
+    assert time.process_time() - started_s < 0.1
