@@ -6,8 +6,8 @@ from pathlib import Path
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.camera_worker import RegistrationTask
+from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -24,8 +24,8 @@ def registrations(
     """
     with open_recording(recording_path) as recording:
         cameras = {name: recording.camera_model(name) for name in recording.cameras if name in body.mounts}
-    images = register_recording(RegistrationTask(recording_path, map_path, settings), cameras, jobs)
-    registered = [image.matches for image in images if isinstance(image, RegisteredImage)]
+    images = registered_images(RegistrationTask(recording_path, map_path, settings), cameras, jobs)
+    registered = [image.matches for image in images]
     if not any(matches.world_T_camera is not None for matches in registered):
         raise MapError(f"no image of {recording_path} could be registered in {map_path}; check that they fit")
     return cameras, registered

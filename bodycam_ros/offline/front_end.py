@@ -34,42 +34,35 @@ _QUEUE_LENGTH = 256 // BATCH
 _POLL_S = 1.0
 
 
-def register_recording(task: RegistrationTask, cameras: Collection[str], jobs: int) -> Iterator[Result]:
-    """Register all images of a recording in ``jobs`` processes.
-
-    Args:
-        task: what is to be done.
-        cameras: names.
-        jobs: processes.
-
-    Raises:
-        BodycamError: what went wrong for the user in a worker.
-        RecordingError: a worker was killed.
-    """
-    warm_up()
-    with start_workers(task, cameras, jobs) as workers:
-        yield from merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path))
-
-
 def registered_images(
     task: RegistrationTask,
     cameras: Collection[str],
     jobs: int,
     on_progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[RegisteredImage]:
-    """As ``register_recording``, the registered images alone; of images that cannot be used the first is warned about.
+    """Register all images of a recording in ``jobs`` processes; the first that cannot be used is warned about.
 
-    ``on_progress`` is called with the share that is done.
+    Args:
+        task: what is to be done.
+        cameras: names.
+        jobs: processes.
+        on_progress: called with the share that is done.
+
+    Raises:
+        BodycamError: what went wrong for the user in a worker.
+        RecordingError: a worker was killed.
     """
+    warm_up()
     with open_recording(task.recording_path) as recording:
-        start_ns, duration_s = recording.start_ns, max(recording.duration_s, 1e-9)
+        start_ns, duration_s = recording.first_stamp_ns, max(recording.duration_s, 1e-9)
     unusable = UnusableCount()
-    for item in register_recording(task, cameras, jobs):
-        if isinstance(item, RegisteredImage):
-            yield item
-        elif isinstance(item, UnusableImages):
-            unusable.add(item)
-        on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
+    with start_workers(task, cameras, jobs) as workers:
+        for item in merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path)):
+            if isinstance(item, RegisteredImage):
+                yield item
+            elif isinstance(item, UnusableImages):
+                unusable.add(item)
+            on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
 
 
 def merged_results(
@@ -83,7 +76,7 @@ def merged_results(
         reference_map: in which they are registered.
 
     Raises:
-        BodycamError: as ``register_recording``.
+        BodycamError: as ``registered_images``.
     """
     listening = dict(enumerate(workers))
 
@@ -144,7 +137,7 @@ class Worker:
     received: deque[WorkerItem] = field(default_factory=deque)
 
     def next_result(self) -> Result | AwaitedUpdate | None:
-        """The worker's next result, or None after its last; raises as ``register_recording``."""
+        """The worker's next result, or None after its last; raises as ``registered_images``."""
         if not self.received:
             self.received.extend(self._receive())
         item = self.received.popleft()

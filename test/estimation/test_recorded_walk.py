@@ -14,8 +14,8 @@ from bodycam_ros.body_state import BodyState
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.evaluate.comparison import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, rigid, umeyama
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.camera_worker import RegistrationTask
+from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.pipeline import SkeletonPipeline
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -47,8 +47,7 @@ def walk(shared: Path, sample: Path) -> Walk:
     with open_recording(recorded / "bag") as recording:
         cameras = {camera: recording.camera_model(camera) for camera in recording.cameras}
     task = RegistrationTask(recorded / "bag", sample / "map", PipelineSettings())
-    images = register_recording(task, cameras, jobs=2)
-    matches = [image.matches for image in images if isinstance(image, RegisteredImage)]
+    matches = [image.matches for image in registered_images(task, cameras, jobs=2)]
     return Walk(read_body(sample / "body.yaml"), cameras, matches, read_true_motion(recorded))
 
 

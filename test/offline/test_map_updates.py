@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.mapping.map_settings import GrowthSettings
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result
-from bodycam_ros.offline.front_end import register_recording
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
+from bodycam_ros.offline.front_end import registered_images
 from bodycam_ros.offline.map_updates import EPOCH_NS, MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -126,15 +127,15 @@ def part(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def registered(bag: Path, map_path: Path, jobs: int) -> list[Result]:
+def registered(bag: Path, map_path: Path, jobs: int) -> list[RegisteredImage]:
     with open_recording(bag) as recording:
         models = {camera: recording.camera_model(camera) for camera in recording.cameras}
     task = RegistrationTask(bag, map_path, PipelineSettings(), with_messages=False)
-    return list(register_recording(task, models, jobs))
+    return list(registered_images(task, models, jobs))
 
 
-def by_image(results: list[Result]) -> dict[tuple[str, int], LandmarkMatches]:
-    return {(one.camera, one.stamp_ns): one.matches for one in results if isinstance(one, RegisteredImage)}
+def by_image(results: list[RegisteredImage]) -> dict[tuple[str, int], LandmarkMatches]:
+    return {(one.camera, one.stamp_ns): one.matches for one in results}
 
 
 @pytest.mark.long
@@ -164,7 +165,7 @@ def test_a_worker_that_fails_ends_those_that_wait_for_growth(sample: Path, part:
         models = {camera: recording.camera_model(camera) for camera in recording.cameras}
     task = RegistrationTask(bag, part, PipelineSettings(), with_messages=False)
     with pytest.raises(RecordingError, match="no camera 'nobody'"):
-        list(register_recording(task, {**models, "nobody": models["waist_front"]}, 3))
+        list(registered_images(task, {**models, "nobody": models["waist_front"]}, 3))
 
 
 def test_a_recording_that_is_left_in_the_middle_leaves_no_process(sample: Path, part: Path, tmp_path: Path) -> None:
@@ -172,9 +173,23 @@ def test_a_recording_that_is_left_in_the_middle_leaves_no_process(sample: Path, 
     with open_recording(bag) as recording:
         models = {camera: recording.camera_model(camera) for camera in recording.cameras}
     task = RegistrationTask(bag, part, PipelineSettings(), with_messages=False)
-    results = register_recording(task, models, 2)
+    results = registered_images(task, models, 2)
     assert next(results)
     results.close()
     settings = replace(PipelineSettings(), growth=GrowthSettings(enabled=False))
-    alone = list(register_recording(replace(task, settings=settings), models, 2))
-    assert len(alone) == 60 and all(one.matches.grown == 0 for one in alone if isinstance(one, RegisteredImage))
+    alone = list(registered_images(replace(task, settings=settings), models, 2))
+    assert len(alone) == 60 and all(one.matches.grown == 0 for one in alone)
+
+
+def test_the_share_that_is_done_is_of_the_stamps_whatever_the_clock_of_the_recorder(
+    sample: Path, part: Path, tmp_path: Path
+) -> None:
+    def later(topic: str, number: int, message: Any) -> Any:
+        stamp = replace(message.header.stamp, sec=message.header.stamp.sec + 1000)
+        return replace(message, header=replace(message.header, stamp=stamp))
+
+    bag = write_altered_sample(sample, tmp_path / "bag", later, ["waist_front"])
+    shares: list[float] = []
+    task = RegistrationTask(bag, part, PipelineSettings(), with_messages=False)
+    assert len(list(registered_images(task, ["waist_front"], 1, shares.append))) == len(shares)
+    assert min(shares) == 0.0 and 0.0 < max(shares) <= 1.0
