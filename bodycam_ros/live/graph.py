@@ -137,7 +137,7 @@ def graph(of: GraphArguments) -> list[GraphNode]:
     """
     if not of.body:
         raise SettingsError("the argument 'body' is missing; give body:=body.yaml")
-    stations = list(read_yaml(of.stations, "file of static cameras", StationError) or ()) if of.stations else []
+    stations = _static_cameras_in(of.stations) if of.stations else []
     if not stations and (needless := _given(of, _OF_STATIONS)):
         raise StationError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
     worn = _worn_cameras(of, bool(stations))
@@ -246,6 +246,18 @@ def _cameras_in(path: str, what: str) -> list[str]:
     if cameras is not None and not isinstance(cameras, Mapping):
         raise BodyError(f"{path}: 'cameras' must be a table, a camera in each line")
     return [str(camera) for camera in cameras or ()]
+
+
+def _static_cameras_in(path: str) -> list[str]:
+    """Names of the cameras in a file of static cameras."""
+    is_other = path.endswith((".toml", ".qca.txt"))
+    document = None if is_other else read_yaml(path, "file of static cameras", StationError)
+    if not isinstance(document, Mapping):
+        raise StationError(
+            f"{path}: is no table of static cameras; 'bodycam stations {path} -o cameras.yaml' makes one of the "
+            "calibration of another program"
+        )
+    return [*document]
 
 
 def _given(of: GraphArguments, names: Iterable[str]) -> list[str]:

@@ -13,7 +13,7 @@ from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file
-from bodycam_ros.errors import BodycamError
+from bodycam_ros.errors import BodycamError, StationError
 from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
 from bodycam_ros.static_cameras.stations_file import write_stations
 
@@ -82,6 +82,16 @@ def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], name
     whole = {"map": "map", "body": str(write_body(tmp_path / "body.yaml")), **given}
     with pytest.raises(BodycamError, match=named):
         graph(GraphArguments.from_texts(whole))
+
+
+@pytest.mark.parametrize(
+    "name, content", [("calib.toml", "[cam_0]\nname = 'x'"), ("number.yaml", "5"), ("list.yaml", "[a]")]
+)
+def test_a_file_that_is_no_table_of_static_cameras_is_refused(tmp_path: Path, name: str, content: str) -> None:
+    (tmp_path / name).write_text(content)
+    given = {"body": str(write_body(tmp_path / "body.yaml")), "stations": str(tmp_path / name), "start": "start.yaml"}
+    with pytest.raises(StationError, match=f"{name}: is no table of static cameras; 'bodycam stations"):
+        graph(GraphArguments.from_texts(given))
 
 
 def test_arguments_are_yaml_whatever_the_value() -> None:
