@@ -114,6 +114,8 @@ def start_workers(task: RegistrationTask, cameras: Collection[str], jobs: int) -
                 inbox: Queue[MapUpdate] = context.Queue()
                 process = context.Process(target=run_camera_worker, args=(own, share, outbox, inbox), daemon=True)
                 process.start()
+                # Else the rest of a batch that a worker was writing when it was killed would be waited for.
+                outbox._writer.close()  # type: ignore[attr-defined]
                 workers.append(Worker(process, outbox, inbox))
         yield workers
     except BaseException:
@@ -146,12 +148,12 @@ class Worker:
         return item
 
     def _receive(self) -> list[WorkerItem]:
-        while self.process.is_alive():
-            with suppress(queue.Empty):
-                return self.outbox.get(timeout=_POLL_S)
-        # It may have sent its last item between the two checks.
-        with suppress(queue.Empty):
-            return self.outbox.get(timeout=_POLL_S)
+        # The end of the process is the end of the queue, after all that it has sent.
+        with suppress(EOFError, OSError):
+            while True:
+                with suppress(queue.Empty):
+                    return self.outbox.get(timeout=_POLL_S)  # a signal may have come to another thread
+        self.process.join(_POLL_S)
         killed = self.process.exitcode == -signal.SIGKILL
         memory = (
             "; the system killed it, most likely for want of memory: give fewer processes (--jobs)" if killed else ""

@@ -1,5 +1,7 @@
 """A growing map for several processes: the same for all, whatever their number and pace, and nobody waits for ever."""
 
+import threading
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -18,7 +20,7 @@ from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import ExtendableMap
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask
-from bodycam_ros.offline.front_end import registered_images
+from bodycam_ros.offline.front_end import Worker, registered_images, start_workers
 from bodycam_ros.offline.map_updates import EPOCH_NS, MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -193,3 +195,28 @@ def test_the_share_that_is_done_is_of_the_stamps_whatever_the_clock_of_the_recor
     task = RegistrationTask(bag, part, PipelineSettings(), with_messages=False)
     assert len(list(registered_images(task, ["waist_front"], 1, shares.append))) == len(shares)
     assert min(shares) == 0.0 and 0.0 < max(shares) <= 1.0
+
+
+def test_a_worker_that_is_killed_amid_a_result_is_reported(sample: Path, part: Path, tmp_path: Path) -> None:
+    """As by the system, for want of memory: most of the time a worker waits for the reader of a large batch."""
+    bag = write_altered_sample(sample, tmp_path / "bag", cameras=["waist_front"], frames=30)
+    settings = replace(PipelineSettings(), growth=GrowthSettings(enabled=False))
+    errors: list[RecordingError] = []
+
+    def read(worker: Worker) -> None:
+        try:
+            while worker.next_result():
+                pass
+        except RecordingError as error:
+            errors.append(error)
+
+    with start_workers(RegistrationTask(bag, part, settings), ["waist_front"], 1) as workers:
+        (worker,) = workers
+        while worker.outbox.empty():
+            time.sleep(0.1)
+        time.sleep(0.5)
+        worker.process.kill()
+        reader = threading.Thread(target=read, args=(worker,), daemon=True)
+        reader.start()
+        reader.join(20.0)
+        assert [str(error).split(";")[0] for error in errors] == ["a tracking process ended with exit code -9"]
