@@ -112,18 +112,11 @@ class LeftOutImages:
     count: int
 
 
-@dataclass(frozen=True)
-class WorkerFailure:
-    """A user's error that ended the worker."""
-
-    error: BodycamError
-
-
 Result = RegisteredImage | UnusableImages | LeftOutImages
 """The result of an image, or of several."""
 
-WorkerItem = Result | AwaitedUpdate | WorkerFailure | None
-"""What a worker sends; None is the last item."""
+WorkerItem = Result | AwaitedUpdate | BodycamError | None
+"""What a worker sends; the last item is None, or the user's error that ended it."""
 
 
 @dataclass(frozen=True)
@@ -178,9 +171,9 @@ def run_camera_worker(
                 ready = []
         last: WorkerItem = None
     except BodycamError as error:
-        last = WorkerFailure(error)
+        last = error
     except MemoryError:
-        last = WorkerFailure(RecordingError("there is not enough memory; give fewer processes (--jobs)"))
+        last = RecordingError("there is not enough memory; give fewer processes (--jobs)")
     outbox.put([*ready, last])
 
 

@@ -157,13 +157,11 @@ def registered_poses(
     Raises:
         RecordingError: the recording cannot be read.
     """
-    with open_recording(recording_path) as recording:
-        models = {camera: recording.camera_model(camera) for camera in cameras}
-    found: dict[str, list[LandmarkMatches]] = {camera: [] for camera in models}
+    found: dict[str, list[LandmarkMatches]] = {camera: [] for camera in cameras}
     with scratch_folder(Path(gettempdir())) as scratch:
         reference_map.save(scratch / "map")
         task = RegistrationTask(recording_path, scratch / "map", PipelineSettings(), with_messages=False)
-        for image in registered_images(task, models, jobs):
+        for image in registered_images(task, cameras, jobs):
             if image.matches.world_T_camera is not None:
                 found[image.camera].append(image.matches)
     return {

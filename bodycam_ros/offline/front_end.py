@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from multiprocessing.context import ForkServerProcess
 from multiprocessing.queues import Queue
 
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.offline.camera_worker import (
     BATCH,
@@ -19,7 +19,6 @@ from bodycam_ros.offline.camera_worker import (
     Result,
     UnusableCount,
     UnusableImages,
-    WorkerFailure,
     WorkerItem,
     run_camera_worker,
 )
@@ -143,8 +142,8 @@ class Worker:
         if not self.received:
             self.received.extend(self._receive())
         item = self.received.popleft()
-        if isinstance(item, WorkerFailure):
-            raise item.error
+        if isinstance(item, BodycamError):
+            raise item
         return item
 
     def _receive(self) -> list[WorkerItem]:

@@ -89,7 +89,7 @@ def measure_body(
 def _frames(path: Path, stations: Collection[str]) -> Iterator[tuple[float, BodyFrame]]:
     """Images of static cameras that are of one time, in order of time, and the share of the recording before them."""
     with open_recording(path) as recording:
-        start_ns, length_ns = recording.start_ns, max(1e9 * recording.duration_s, 1.0)
+        start_ns, length_ns = recording.first_stamp_ns, max(1e9 * recording.duration_s, 1.0)
         for frame in _frames_of_images(recording.images(stations), stations):
             yield (frame.stamp_ns - start_ns) / length_ns, frame
 

@@ -170,10 +170,8 @@ def _with_images(
     registered: Iterator[Result], recording: Recording, stations: Collection[str]
 ) -> Iterator[Result | CameraImage]:
     """Registrations of worn cameras, and images of static ones, in order of their stamps."""
-    if not stations:
-        yield from registered
-        return
-    yield from merge(registered, recording.images(stations), key=lambda item: item.stamp_ns)
+    images = recording.images(stations) if stations else ()
+    return merge(registered, images, key=lambda item: item.stamp_ns)
 
 
 def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:
