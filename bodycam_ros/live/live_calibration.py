@@ -75,17 +75,12 @@ class LiveCalibration:
         self._collected = 0
         self._failure = ""
 
-    @property
-    def is_running(self) -> bool:
-        """Whether a body is being made."""
-        return self._run is not None
-
     def start(self, cameras: Mapping[str, CameraModel], settings: PipelineSettings) -> None:
         """Start to collect; raises RangeOfMotionError if the model of one of the rig's cameras is missing."""
         self._collected = 0
         self._calibrator = BodyCalibrator(
             self._rig,
-            cameras,
+            {**cameras},  # as they are now: what is collected was registered by these
             settings.pose_fit,
             settings.evidence,
             self._facing,

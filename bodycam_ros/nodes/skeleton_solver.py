@@ -173,7 +173,7 @@ class SolverStage(Stage[SolverParameters]):
 
     def _set_model(self, camera: str) -> None:
         """Start to collect a range of motion once all models are there; the verdict judges by the present ones."""
-        if self._calibration is not None and not self._calibration.is_running and not self._cameras.missing:
+        if self._calibration is not None and not (self._cameras.missing or self._cameras.rejected):
             self._calibration.start(self._cameras.models, self.settings)
         self._restart_verdict()
 
