@@ -162,7 +162,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         waiting.append(frame)
         if len(waiting) > STAGE_DEPTH:
             del waiting[0]
-            self.dropped.add("track messages dropped", f"camera {camera}: tracks, but no {camera}/camera_info")
+            lacking = "too few nodes read its landmarks" if camera in self.registrars else f"no {camera}/camera_info"
+            self.dropped.add("track messages dropped", f"camera {camera}: tracks, but {lacking}")
         self._register_waiting(camera)
 
     def _poll(self) -> None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
 from live_graph import live_graph, player
 
 from bodycam_ros.live.graph import READERS_OF_LANDMARKS, GraphNode
@@ -43,3 +44,12 @@ def test_a_solver_that_is_found_after_the_bag_is_tracked_hears_all_of_it(graph: 
     topic = f"/{CAMERA}/landmarks"
     graph.listen({topic: "bodycam_msgs/msg/LandmarkMatches"})
     graph.until(lambda: len(graph.heard[topic]) == _IMAGES, _START_S, "the landmarks of all images")
+
+
+def test_tracks_that_wait_for_a_solver_for_too_long_are_dropped_for_that_reason(
+    graph: Any, sample: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bodycam_ros.nodes.registration.STAGE_DEPTH", _IMAGES // 2)
+    _start(graph, _without_solver(sample, landmark_wait=_START_S))
+    reason = f"camera {CAMERA}: tracks, but too few nodes read its landmarks"
+    graph.until(lambda: graph.diagnostics("registration: all cameras").get("last error") == reason, _START_S, reason)
