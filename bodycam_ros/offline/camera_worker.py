@@ -28,7 +28,7 @@ from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, 
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -239,12 +239,17 @@ def register_images(
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
         for camera, count in sorted(limit.left_out.items()):
             yield LeftOutImages(camera, stamp_ns, count)
-        for camera, count in sorted((+recording.dropped).items()):
-            text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
-            yield UnusableImages(camera, stamp_ns, "unordered", text, count)
-        for camera, count in sorted((+recording.lost).items()):
-            text = f"camera {camera}: {count} images that the recording should have are not in it; its file is damaged"
-            yield UnusableImages(camera, stamp_ns, "missing", f"{text}, copy it again", count)
+        yield from unread_images(recording, stamp_ns)
+
+
+def unread_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:
+    """Images that the last iteration, up to a stamp [ns], did not yield: those out of order, and missing ones."""
+    for camera, count in sorted((+recording.dropped).items()):
+        text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
+        yield UnusableImages(camera, stamp_ns, "unordered", text, count)
+    for camera, count in sorted((+recording.lost).items()):
+        text = f"camera {camera}: {count} images that the recording should have are not in it; its file is damaged"
+        yield UnusableImages(camera, stamp_ns, "missing", f"{text}, copy it again", count)
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:

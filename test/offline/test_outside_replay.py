@@ -1,5 +1,6 @@
 """Static cameras through the command line: a painted person in a bag, and what a user may have got wrong."""
 
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -59,6 +60,27 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
     given = ("evaluate", out, "-o", report, "--recording", painted / "bag", "--stations", painted / "cameras.yaml")
     assert main([*map(str, given), "--surface", str(meshes)]) in (0, 3)
     assert (report / "outside.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_images_of_a_static_camera_that_are_missing_are_reported(
+    sample: Path,
+    painted: Path,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """The metadata counts more images than there are."""
+    shutil.copytree(painted / "bag", tmp_path / "bag")
+    metadata = yaml.safe_load((tmp_path / "bag/metadata.yaml").read_text())
+    for topic in metadata["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        if topic["topic_metadata"]["name"].startswith("/ext_00/image_raw"):
+            topic["message_count"] += 2
+    (tmp_path / "bag/metadata.yaml").write_text(yaml.safe_dump(metadata))
+    files = ("--stations", painted / "cameras.yaml", "--start", painted / "start.yaml")
+    assert run(sample, tmp_path / "bag", tmp_path / "out", files) in (0, 3)
+    assert "camera ext_00: 2 images that the recording should have are not in it" in caplog.text
+    heading = next(line for line in capfd.readouterr().out.splitlines() if "registered" in line and "images" in line)
+    assert heading.split()[:4] == ["camera", "images", "registered", "missing"]
 
 
 @pytest.mark.parametrize(
