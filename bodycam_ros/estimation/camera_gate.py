@@ -37,19 +37,19 @@ def gate_cameras(
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
     information = np.linalg.inv(spread)
     while accepted.any():
-        at = predicted.at
+        kept, at = np.flatnonzero(accepted), predicted.at
         for _ in range(STEPS):
-            A, b, r, J = cameras.equations(at, accepted[:, None, None] * information)
+            A, b, r, J = cameras[kept].equations(at, information[kept])
             C = np.linalg.inv(prior + A)
             step = C @ (b - prior @ predicted.at.step_to(at)[:K])
             at = at.moved(step)
             if np.abs(step).max() < LINEAR:
                 break
         off, known = r - J @ step, J @ C @ np.swapaxes(J, 1, 2)
-        squared = accepted * np.einsum("ni,ni->n", off, np.linalg.solve(spread - known, off[..., None])[..., 0])
+        squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread[kept] - known, off[..., None])[..., 0])
         if squared.max() < _GATE:
             break
-        accepted[int(np.argmax(squared))] = False
+        accepted[kept[int(np.argmax(squared))]] = False
     else:
         at = predicted.at
     return accepted, at

@@ -8,7 +8,7 @@ is one more of them. Gauss-Newton with Cauchy's weights finds the mode; the inve
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,10 @@ class _Stacked:
         """The rows of both."""
         names = [each.name for each in fields(self)]
         return type(self)(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+
+    def __getitem__(self, rows: NDArray[Any]) -> Self:
+        """Some of the rows, by number or mask."""
+        return type(self)(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +104,7 @@ class JointRotations(_Stacked):
 
     def replaced(self, others: "JointRotations") -> "JointRotations":
         """The others, and those of joints that are not among them."""
-        kept = ~np.isin(self.rows, others.rows)
-        return JointRotations(self.rows[kept], self.rotations[kept], self.sigmas[kept]) + others
+        return self[~np.isin(self.rows, others.rows)] + others
 
 
 @dataclass(frozen=True, eq=False)
