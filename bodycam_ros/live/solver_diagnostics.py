@@ -41,10 +41,11 @@ class SolverDiagnostics:
 
     Args:
         dropped: messages that could not be used.
+        worn: whether cameras on the body are used, or static ones alone.
     """
 
-    def __init__(self, dropped: DroppedMessages) -> None:
-        self._dropped = dropped
+    def __init__(self, dropped: DroppedMessages, worn: bool) -> None:
+        self._dropped, self._worn = dropped, worn
         self._tally = _Tally()
         self._late_reported = 0
         self._rejected_reported: Counter[str] = Counter()
@@ -102,13 +103,11 @@ class SolverDiagnostics:
             "restarts": pipeline.timeline.epoch if pipeline else 0,
             **dropped.values,
         }
-        level, text = self._judge(
-            tally, lost, sorted(rejections), None if pipeline is None else pipeline.assembler.silent
-        )
+        level, text = self._judge(tally, lost, sorted(rejections), pipeline)
         return [Status("body", level, text, values), *_sensor_status(pipeline), *_camera_statuses(pipeline)]
 
     def _judge(
-        self, tally: _Tally, lost: int, rejected: Sequence[str], silent: Sequence[str] | None
+        self, tally: _Tally, lost: int, rejected: Sequence[str], pipeline: "SkeletonPipeline | None"
     ) -> tuple[StatusLevel, str]:
         """Level and text.
 
@@ -116,18 +115,19 @@ class SolverDiagnostics:
             tally: since the last report.
             lost: messages that were.
             rejected: cameras.
-            silent: cameras without registrations; None if there is no body.
+            pipeline: None if there is no body.
         """
+        what, found = ("registration", "is registered in the map") if self._worn else ("image", "observes the body")
         if self.quiet_s > _PATIENCE_S:
-            return StatusLevel.ERROR, "no registration arrives"
-        if silent is None:
+            return StatusLevel.ERROR, f"no {what} arrives"
+        if pipeline is None:
             return StatusLevel.OK, "no body yet"
         if tally.solved == 0 and self._received_s - max(self._solved_s, self._started_s) > _PATIENCE_S:
-            return StatusLevel.ERROR, "registrations arrive, but no camera is registered in the map"
+            return StatusLevel.ERROR, f"{what}s arrive, but no camera {found}"
         if tally.solved and tally.predicted == tally.solved:
-            return StatusLevel.ERROR, "no camera is registered; the body is predicted"
-        if silent:
-            return StatusLevel.WARN, f"solving without {few(silent)}: no registrations"
+            return StatusLevel.ERROR, f"no camera {found}; the body is predicted"
+        if silent := pipeline.assembler.silent:
+            return StatusLevel.WARN, f"solving without {few(silent)}: no {what}s"
         if rejected:
             return StatusLevel.WARN, f"solving without {few(rejected)}: rejected, they contradict the other cameras"
         if tally.predicted or lost:

@@ -107,7 +107,7 @@ class SolverStage(Stage[SolverParameters]):
         }
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model, self._add_image)
-        self._diagnostics = SolverDiagnostics(self.dropped)
+        self._diagnostics = SolverDiagnostics(self.dropped, given.worn)
         self._solve()
         self.every(_POLL_S, self._poll)
 
