@@ -1,4 +1,4 @@
-"""Rigid transforms as kernels; the formulas are those of ``geometry``. Poses (4, 4), tangent vectors (6,)."""
+"""Rigid transforms as kernels. Poses (4, 4), tangent vectors (6,)."""
 
 import math
 

@@ -1,10 +1,10 @@
 """Functions compiled to machine code by numba, all in one shared library in the user's cache folder.
 
-A kernel is written in plain loops over float64 and has a twin in NumPy that tests compare it with. It states the types
-that it is compiled for. A process loads the library in a millisecond, where numba itself takes 0.6 s of its processor
-and 70 MB, so numba is imported by the process that compiles alone. The library is named after all that it was made
-from; ``python -m bodycam_ros.kernels`` makes it as part of an installation. Where there is no C compiler, numba keeps
-the kernels in its own cache.
+A kernel is written in plain loops over float64; tests compare it with NumPy, numeric derivatives or another library. It
+states the types that it is compiled for. A process loads the library in a millisecond, where numba itself takes 0.6 s
+of its processor and 70 MB, so numba is imported by the process that compiles alone. The library is named after all that
+it was made from; ``python -m bodycam_ros.kernels`` makes it as part of an installation. Where there is no C compiler,
+numba keeps the kernels in its own cache.
 """
 
 import functools

@@ -215,14 +215,15 @@ def _opened_source(
         cameras, name = {camera.name: camera}, camera.name
     board = (path.resolve().parent if cameras else path) / BOARD_FILE
     board_path = None if arguments.no_board else arguments.board or (board if board.is_file() else None)
+    photographs = None if cameras else find_photographs(path, arguments.camera)
     # Before minutes of work, not after them.
     if not (board_path or known or imus):
         ways = "" if bag is None else ", --known-distance, or inertial sensors of its cameras (--imu BAG)"
         logger.warning(
-            "the map will not be metric, so no body has a size in it: give a board in view (--board)%s", ways
+            "the map will not be metric, so no body can be solved in it: give a board in view (--board)%s", ways
         )
-    if not cameras:
-        yield find_photographs(path, arguments.camera), board_path, known, imus
+    if photographs is not None:
+        yield photographs, board_path, known, imus
         return
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:
         at_most = settings.frames.most

@@ -5,6 +5,8 @@ them. While the largest exceeds the gate, that camera is rejected, and the rest 
 segment the one that fits the body is kept. ``quality/judge.py`` judges a bag, in which it is not known which were.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,25 +30,26 @@ def gate_cameras(
     """
     predicted = link.after
     K, at, accepted = len(unobserved), predicted.at, np.ones(len(cameras), bool)
-    moved = link.dt_s * (at.jacobians[cameras.rows] @ at.velocity).reshape(-1, 2, 3)
+    # By joints alone: the root of a body that rides is fast, and predicted as well as at rest.
+    moved = link.dt_s * (at.jacobians[cameras.rows, :, 6:] @ at.velocity[6:]).reshape(-1, 2, 3)
     missed = _UNEVEN * np.linalg.norm(moved, axis=2).repeat(3, axis=1)
-    spread = cameras.covariances + (_GROSS**2 + missed**2)[:, :, None] * np.eye(6)
+    cameras = replace(cameras, covariances=cameras.covariances + (_GROSS**2 + missed**2)[:, :, None] * np.eye(6))
     prior = predicted.information
     if unobserved.any():
         covariance = predicted.covariance[:K, :K] + np.diag(UNKNOWN**2 * unobserved)
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
-    information = np.linalg.inv(spread)
     while accepted.any():
         kept, at = np.flatnonzero(accepted), predicted.at
+        tested = cameras[kept]
         for _ in range(STEPS):
-            A, b, r, J = cameras[kept].equations(at, information[kept])
+            A, b, r, J = tested.equations(at)
             C = np.linalg.inv(prior + A)
             step = C @ (b - prior @ predicted.at.step_to(at)[:K])
             at = at.moved(step)
             if np.abs(step).max() < LINEAR:
                 break
         off, known = r - J @ step, J @ C @ np.swapaxes(J, 1, 2)
-        squared = np.einsum("ni,ni->n", off, np.linalg.solve(spread[kept] - known, off[..., None])[..., 0])
+        squared = np.einsum("ni,ni->n", off, np.linalg.solve(tested.covariances - known, off[..., None])[..., 0])
         if squared.max() < _GATE:
             break
         accepted[kept[int(np.argmax(squared))]] = False

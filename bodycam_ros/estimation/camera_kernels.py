@@ -39,7 +39,7 @@ def camera_equations(
             moves = 0.0
             for i in range(6):
                 moves += abs(tangents[i, k])
-            if moves > 0.0:
+            if moves != 0.0:
                 columns[used] = k
                 used += 1
         squared, Wr = 0.0, np.zeros(6)

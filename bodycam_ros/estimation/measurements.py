@@ -73,12 +73,10 @@ class SegmentPoses(_Stacked):
         """(N, 6, 6) inverse covariances."""
         return np.asarray(np.linalg.inv(self.covariances), np.float64)
 
-    def equations(
-        self, at: Coordinates, information: Array, sigmas: float = np.inf
-    ) -> tuple[Array, Array, Array, Array]:
-        """Normal equations about coordinates, residuals and Jacobians: as ``camera_equations``, by (N, 6, 6)."""
+    def equations(self, at: Coordinates, sigmas: float = np.inf) -> tuple[Array, Array, Array, Array]:
+        """Normal equations about coordinates, residuals and Jacobians: as ``camera_equations``."""
         equations: tuple[Array, Array, Array, Array] = camera_equations(
-            at.poses, at.jacobians, self.rows, self.world_T_segment, information, sigmas
+            at.poses, at.jacobians, self.rows, self.world_T_segment, self.information, sigmas
         )
         return equations
 
@@ -171,8 +169,7 @@ class StateFit:
     def _normal_equations(self, at: Coordinates, measured: Measurements, robust: bool) -> tuple[Array, Array]:
         """Matrix (K, K) and right side (K) of all measurements about coordinates."""
         K = self._tangent.count
-        cameras = measured.cameras
-        A, b, _, _ = cameras.equations(at, cameras.information, KERNEL if robust else np.inf)
+        A, b, _, _ = measured.cameras.equations(at, KERNEL if robust else np.inf)
         expected = measured.expected
         for row, rotation, sigmas in zip(expected.rows.tolist(), expected.rotations, expected.sigmas, strict=True):
             columns, turns = self._tangent.columns[row], self._tangent.twists[row][:3]

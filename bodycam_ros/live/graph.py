@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
@@ -29,6 +30,7 @@ from bodycam_ros.live.node_parameters import (
     TrackerParameters,
 )
 from bodycam_ros.settings import describe, setting, settings_from_mapping
+from bodycam_ros.static_cameras.other_calibration import is_other_calibration
 from bodycam_ros.yaml_file import read_text, read_yaml
 
 USER_ERROR: Final = 2
@@ -250,7 +252,7 @@ def _cameras_in(path: str, what: str) -> list[str]:
 
 def _static_cameras_in(path: str) -> list[str]:
     """Names of the cameras in a file of static cameras."""
-    is_other = path.endswith((".toml", ".qca.txt"))
+    is_other = is_other_calibration(Path(path))
     document = None if is_other else read_yaml(path, "file of static cameras", StationError)
     if not isinstance(document, Mapping):
         raise StationError(

@@ -45,7 +45,8 @@ class SolverDiagnostics:
     """
 
     def __init__(self, dropped: DroppedMessages, worn: bool) -> None:
-        self._dropped, self._worn = dropped, worn
+        self._dropped, self._what = dropped, "registrations" if worn else "images"
+        self._found = "is registered in the map" if worn else "observes the body"
         self._tally = _Tally()
         self._late_reported = 0
         self._rejected_reported: Counter[str] = Counter()
@@ -104,7 +105,7 @@ class SolverDiagnostics:
             **dropped.values,
         }
         level, text = self._judge(tally, lost, sorted(rejections), pipeline)
-        return [Status("body", level, text, values), *_sensor_status(pipeline), *_camera_statuses(pipeline)]
+        return [Status("body", level, text, values), *_sensor_status(pipeline), *_camera_statuses(pipeline, self._what)]
 
     def _judge(
         self, tally: _Tally, lost: int, rejected: Sequence[str], pipeline: "SkeletonPipeline | None"
@@ -117,17 +118,17 @@ class SolverDiagnostics:
             rejected: cameras.
             pipeline: None if there is no body.
         """
-        what, found = ("registration", "is registered in the map") if self._worn else ("image", "observes the body")
+        what, found = self._what, self._found
         if self.quiet_s > _PATIENCE_S:
-            return StatusLevel.ERROR, f"no {what} arrives"
+            return StatusLevel.ERROR, f"no {what} arrive"
         if pipeline is None:
             return StatusLevel.OK, "no body yet"
         if tally.solved == 0 and self._received_s - max(self._solved_s, self._started_s) > _PATIENCE_S:
-            return StatusLevel.ERROR, f"{what}s arrive, but no camera {found}"
+            return StatusLevel.ERROR, f"{what} arrive, but no camera {found}"
         if tally.solved and tally.predicted == tally.solved:
             return StatusLevel.ERROR, f"no camera {found}; the body is predicted"
         if silent := pipeline.assembler.silent:
-            return StatusLevel.WARN, f"solving without {few(silent)}: no {what}s"
+            return StatusLevel.WARN, f"solving without {few(silent)}: no {what}"
         if rejected:
             return StatusLevel.WARN, f"solving without {few(rejected)}: rejected, they contradict the other cameras"
         if tally.predicted or lost:
@@ -147,8 +148,8 @@ def _sensor_status(pipeline: "SkeletonPipeline | None") -> list[Status]:
     return [Status("inertial sensors", StatusLevel.WARN if faults else StatusLevel.OK, text, values)]
 
 
-def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:
-    """Agreement in time of each camera with the others."""
+def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str) -> list[Status]:
+    """Agreement in time of each camera with the others; ``what`` it sends."""
     if pipeline is None:
         return []
     assembler, clocks = pipeline.assembler, pipeline.clocks.histories
@@ -168,9 +169,9 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None") -> list[Status]:
             side = "ahead of" if apart_s > 0 else "behind"
             level, text = StatusLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
         elif camera in assembler.silent:
-            level, text = StatusLevel.ERROR, "no registrations; the solver does not wait for it"
+            level, text = StatusLevel.ERROR, f"no {what}; the solver does not wait for it"
         elif share < LOW_SHARE:
-            level, text = StatusLevel.WARN, "registrations are missing"
+            level, text = StatusLevel.WARN, f"{what} are missing"
         statuses.append(Status(f"camera {camera}", level, f"{text}; in {share:.0%} of the body's frames", values))
     return statuses
 

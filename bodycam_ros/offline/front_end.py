@@ -39,7 +39,7 @@ def registered_images(
     jobs: int,
     on_progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[RegisteredImage]:
-    """Register all images of a recording in ``jobs`` processes; the first that cannot be used is warned about.
+    """Register all images of a recording in ``jobs`` processes; unusable ones are warned of, as ``UnusableCount``.
 
     Args:
         task: what is to be done.
@@ -59,9 +59,9 @@ def registered_images(
         for item in merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path)):
             if isinstance(item, RegisteredImage):
                 yield item
+                on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
             elif isinstance(item, UnusableImages):
                 unusable.add(item)
-            on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
 
 
 def merged_results(
@@ -113,7 +113,7 @@ def start_workers(task: RegistrationTask, cameras: Collection[str], jobs: int) -
                 inbox: Queue[MapUpdate] = context.Queue()
                 process = context.Process(target=run_camera_worker, args=(own, share, outbox, inbox), daemon=True)
                 process.start()
-                # Else the rest of a batch that a worker was writing when it was killed would be waited for.
+                # Else the queue has no end after the worker's, and half a batch of one that was killed is waited for.
                 outbox._writer.close()  # type: ignore[attr-defined]
                 workers.append(Worker(process, outbox, inbox))
         yield workers
@@ -151,7 +151,7 @@ class Worker:
         with suppress(EOFError, OSError):
             while True:
                 with suppress(queue.Empty):
-                    return self.outbox.get(timeout=_POLL_S)  # a signal may have come to another thread
+                    return self.outbox.get(timeout=_POLL_S)  # so that signals are handled
         self.process.join(_POLL_S)
         killed = self.process.exitcode == -signal.SIGKILL
         memory = (

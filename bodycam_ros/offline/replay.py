@@ -172,7 +172,8 @@ def _with_images(
     """Registrations of worn cameras, and images of static ones, in order of their stamps; then what was not read."""
     images = recording.images(stations) if stations else ()
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
-    yield from unread_images(recording, recording.start_ns)
+    # Of images that are out of order the recording has warned itself.
+    yield from (unread for unread in unread_images(recording, recording.start_ns) if unread.kind == "missing")
 
 
 def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:

@@ -43,17 +43,6 @@ _MOST_BYTES = 10_000_000
 _QUALISYS_PIXEL = 1.0 / 64.0
 
 
-def is_other_calibration(path: Path) -> bool:
-    """Whether a file is one of another program, by its name or its first line."""
-    if path.name.endswith((".toml", ".qca.txt")):
-        return True
-    try:
-        with path.open("rb") as file:
-            return file.read(5) == b"%YAML"
-    except OSError:
-        return False
-
-
 def read_calibration(path: Path) -> dict[str, Station]:
     """Camera -> station, in the frame of the file [m].
 

@@ -27,12 +27,12 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.reference_map import MAP_R_BOARD, ReferenceMap
 from bodycam_ros.shown import shown
 from bodycam_ros.static_cameras.calibration_files import (
-    is_other_calibration,
     numbers_of_shape,
     read_calibration,
     rotation_of,
     toml_text,
 )
+from bodycam_ros.static_cameras.other_calibration import is_other_calibration
 from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.whole_file import write_whole
 from bodycam_ros.yaml_file import read_yaml

@@ -24,8 +24,9 @@ def test_equations_are_those_of_numeric_derivatives(sigmas: float) -> None:
     rng, poses = np.random.default_rng(5), true_poses(BODY, 7)
     at = Coordinates(TANGENT, all_motion(poses[0], BODY.joint_poses(poses)), np.zeros(TANGENT.count))
     measured = at.poses[ROWS] @ exp_se3(rng.normal(scale=0.05, size=(len(ROWS), 6)))
-    information = np.linalg.inv(np.array([COVARIANCE * scale for scale in (1.0, 4.0, 9.0, 1e4)]))
-    A, b, r, J = SegmentPoses(ROWS, measured, COVARIANCE).equations(at, information, sigmas)
+    cameras = SegmentPoses(ROWS, measured, np.array([COVARIANCE * scale for scale in (1.0, 4.0, 9.0, 1e4)]))
+    A, b, r, J = cameras.equations(at, sigmas)
+    information = cameras.information
     np.testing.assert_allclose(r, residuals(at, measured), atol=1e-12)
     for k, step in enumerate(1e-6 * np.eye(TANGENT.count)):
         changed = (residuals(at.moved(-step), measured) - residuals(at.moved(step), measured)) / 2e-6
@@ -40,5 +41,5 @@ def test_no_cameras_measure_nothing() -> None:
     poses = true_poses(BODY, 7)
     at = Coordinates(TANGENT, all_motion(poses[0], BODY.joint_poses(poses)), np.zeros(TANGENT.count))
     nothing = SegmentPoses.from_evidence(BODY, [])
-    A, b, r, J = nothing.equations(at, nothing.information)
+    A, b, r, J = nothing.equations(at)
     assert not A.any() and not b.any() and r.shape == (0, 6) and J.shape == (0, 6, TANGENT.count)

@@ -1,5 +1,7 @@
 """The gate of cameras: which of them it rejects, and that its distances are those of a fit without each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from moving_body import COVARIANCE, body_with_cameras, true_poses
@@ -19,8 +21,8 @@ CAMERAS = list(BODY.mounts)  # chest and back on the trunk, arm and wrist alone 
 SIGMA = 0.05  # [rad], [m] of the prediction
 
 
-def predicted(speed: float = 0.0) -> Transition:
-    """A prediction whose elbow turns at a speed [rad/s]."""
+def predicted_link(speed: float = 0.0) -> Transition:
+    """To a predicted state whose elbow turns at a speed [rad/s]."""
     poses = true_poses(BODY, 7)
     velocity = np.zeros(TANGENT.count)
     velocity[TANGENT.columns[BODY.joint_row["elbow"]]] = speed
@@ -43,7 +45,7 @@ def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses
 
 def accepted(off: dict[str, np.ndarray], unobserved: np.ndarray | None = None, speed: float = 0.0) -> list[str]:
     nothing = np.zeros(TANGENT.count, bool)
-    passes, _ = gate_cameras(predicted(speed), measured(off), nothing if unobserved is None else unobserved)
+    passes, _ = gate_cameras(predicted_link(speed), measured(off), nothing if unobserved is None else unobserved)
     return [camera for camera, each in zip(CAMERAS, passes, strict=True) if each]
 
 
@@ -93,13 +95,23 @@ def test_a_limb_that_turns_fast_may_stop_at_once() -> None:
     assert "wrist" in accepted(off, speed=30.0)
 
 
+def test_a_body_that_rides_fast_is_gated_as_one_at_rest() -> None:
+    link = predicted_link()
+    velocity = np.zeros(TANGENT.count)
+    velocity[3:6] = 10.0
+    after = replace(link.after, at=replace(link.after.at, velocity=velocity))
+    observed = np.zeros(TANGENT.count, bool)
+    passes, _ = gate_cameras(replace(link, after=after), measured({"wrist": shifted(0.5)}), observed)
+    assert [camera for camera, each in zip(CAMERAS, passes, strict=True) if not each] == ["wrist"]
+
+
 def test_coordinates_are_those_without_the_rejected_camera() -> None:
     off = {"wrist": shifted(5.0)}
     nothing = np.zeros(TANGENT.count, bool)
-    found, at = gate_cameras(predicted(), measured(off), nothing)
+    found, at = gate_cameras(predicted_link(), measured(off), nothing)
     all_cameras = measured(off)
     kept = SegmentPoses(all_cameras.rows[:3], all_cameras.world_T_segment[:3], all_cameras.covariances[:3])
-    _, alone = gate_cameras(predicted(), kept, nothing)
+    _, alone = gate_cameras(predicted_link(), kept, nothing)
     assert not found[3]
     # Both are linearised where their iterations ended.
     assert np.abs(at.step_to(alone)).max() < 2e-3

@@ -85,7 +85,13 @@ def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], name
 
 
 @pytest.mark.parametrize(
-    "name, content", [("calib.toml", "[cam_0]\nname = 'x'"), ("number.yaml", "5"), ("list.yaml", "[a]")]
+    "name, content",
+    [
+        ("calib.toml", "[cam_0]\nname = 'x'"),
+        ("cv.yaml", "%YAML:1.0\n---\n"),
+        ("number.yaml", "5"),
+        ("list.yaml", "[a]"),
+    ],
 )
 def test_a_file_that_is_no_table_of_static_cameras_is_refused(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
