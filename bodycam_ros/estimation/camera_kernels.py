@@ -59,9 +59,10 @@ def camera_equations(
                     weighted[i, c] += weight * W[i, j] * J[j, k]
                 b[k] += weight * Wr[i] * J[i, k]
         for c in range(used):
-            for d in range(used):
+            for d in range(c + 1):
                 total = 0.0
                 for i in range(6):
                     total += J[i, columns[c]] * weighted[i, d]
                 A[columns[c], columns[d]] += total
+                A[columns[d], columns[c]] = A[columns[c], columns[d]]
     return A, b, residuals, by_step
