@@ -198,6 +198,7 @@ def _opened_source(
     known: list[KnownDistance] = []
     imus: Mapping[str, ImuSamples] = {}
     cameras: Mapping[str, MovingCamera] = {}
+    photographs: Photographs | None = None
     if bag is not None:
         if source is not None:
             raise MapError(f"give either {source} or --from-bag {bag}: a map is made of one of them")
@@ -213,16 +214,17 @@ def _opened_source(
         camera = video_camera(path, arguments.camera)
         warn_of_mismatch(camera)
         cameras, name = {camera.name: camera}, camera.name
-    board = (path.resolve().parent if cameras else path) / BOARD_FILE
+    else:
+        photographs = find_photographs(path, arguments.camera)
+    board = (path if photographs else path.resolve().parent) / BOARD_FILE
     board_path = None if arguments.no_board else arguments.board or (board if board.is_file() else None)
-    photographs = None if cameras else find_photographs(path, arguments.camera)
     # Before minutes of work, not after them.
     if not (board_path or known or imus):
         ways = "" if bag is None else ", --known-distance, or inertial sensors of its cameras (--imu BAG)"
         logger.warning(
             "the map will not be metric, so no body can be solved in it: give a board in view (--board)%s", ways
         )
-    if photographs is not None:
+    if photographs:
         yield photographs, board_path, known, imus
         return
     with scratch_folder(Path(tempfile.gettempdir())) as scratch:

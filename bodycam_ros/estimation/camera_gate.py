@@ -15,7 +15,7 @@ from bodycam_ros.estimation.measurements import SegmentPoses
 
 _GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
-_UNEVEN = 0.25  # share of the motion since the state before that may be missed, as of a foot that lands in a run
+_UNEVEN = 0.25  # share of what joints moved a segment since the state before that may be missed: a foot lands
 
 
 def gate_cameras(

@@ -239,14 +239,14 @@ def register_images(
             yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
         for camera, count in sorted(limit.left_out.items()):
             yield LeftOutImages(camera, stamp_ns, count)
-        yield from unread_images(recording, stamp_ns)
+        for camera, count in sorted((+recording.dropped).items()):
+            text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
+            yield UnusableImages(camera, stamp_ns, "unordered", text, count)
+        yield from missing_images(recording, stamp_ns)
 
 
-def unread_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:
-    """Images that the last iteration, up to a stamp [ns], did not yield: those out of order, and missing ones."""
-    for camera, count in sorted((+recording.dropped).items()):
-        text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
-        yield UnusableImages(camera, stamp_ns, "unordered", text, count)
+def missing_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:
+    """Images that the last iteration, up to a stamp [ns], should have yielded, by the recording's own count."""
     for camera, count in sorted((+recording.lost).items()):
         text = f"camera {camera}: {count} images that the recording should have are not in it; its file is damaged"
         yield UnusableImages(camera, stamp_ns, "missing", f"{text}, copy it again", count)

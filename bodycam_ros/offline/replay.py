@@ -19,7 +19,7 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.camera_pipeline import camera_turns
 from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
-from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result, unread_images
+from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
 from bodycam_ros.offline.extend import ExtensionRound, extend_map
 from bodycam_ros.offline.front_end import merged_results, start_workers
 from bodycam_ros.offline.replay_output import ReplayOutput
@@ -169,11 +169,10 @@ def _extend(
 def _with_images(
     registered: Iterator[Result], recording: Recording, stations: Collection[str]
 ) -> Iterator[Result | CameraImage]:
-    """Registrations of worn cameras, and images of static ones, in order of their stamps; then what was not read."""
+    """Registrations of worn cameras, and images of static ones, in order of their stamps; then missing ones."""
     images = recording.images(stations) if stations else ()
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
-    # Of images that are out of order the recording has warned itself.
-    yield from (unread for unread in unread_images(recording, recording.start_ns) if unread.kind == "missing")
+    yield from missing_images(recording, recording.start_ns)
 
 
 def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:
