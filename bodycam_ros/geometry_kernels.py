@@ -184,6 +184,36 @@ def log_se3_jacobian(xi: Array) -> Array:
 
 
 @kernel()
+def exp_se3_jacobian(xi: Array) -> Array:
+    """J (6, 6): exp_se3(xi + d) is exp_se3(xi) exp_se3(J d) for small d (6,): the right Jacobian, by its series.
+
+    Barfoot 2017, eq. 7.83. Terms of the series are below rounding where the rotation is at most half a turn.
+    """
+    J, term, product = np.eye(6), np.eye(6), np.empty((6, 6))
+    x, y, z, u, v, w = xi[0], xi[1], xi[2], xi[3], xi[4], xi[5]
+    ad = np.zeros((6, 6))
+    ad[0, 1], ad[0, 2], ad[1, 0], ad[1, 2], ad[2, 0], ad[2, 1] = -z, y, z, -x, -y, x
+    ad[3:, 3:] = ad[:3, :3]
+    ad[3, 1], ad[3, 2], ad[4, 0], ad[4, 2], ad[5, 0], ad[5, 1] = -w, v, w, -u, -v, u
+    largest = np.abs(ad).max()
+    for n in range(1, 40):
+        total = 0.0
+        for i in range(6):
+            for j in range(6):
+                product[i, j] = 0.0
+                for k in range(6):
+                    product[i, j] -= term[i, k] * ad[k, j] / (n + 1)
+        for i in range(6):
+            for j in range(6):
+                term[i, j] = product[i, j]
+                J[i, j] += product[i, j]
+                total += abs(product[i, j])
+        if total < 1e-16 * (1.0 + largest):
+            break
+    return J
+
+
+@kernel()
 def solve_positive(A: Array, b: Array) -> tuple[Array, bool]:
     """Solution x (N,) of A x = b by Cholesky, and whether A (N, N) is positive definite; reads its lower half alone."""
     size = len(b)

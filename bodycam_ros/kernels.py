@@ -42,7 +42,7 @@ _ARGUMENT = re.compile(r"([biuf]\d)(\[[:, ]*::1\])?")
 KERNEL_FILES = (
     "geometry_kernels.py",
     "camera/lens_kernels.py",
-    "estimation/camera_kernels.py",
+    "estimation/factors/camera_kernels.py",
     "inertial/preintegration_kernels.py",
     "kinematics/tree_kernels.py",
     "mapping/epipolar_matching.py",

@@ -18,7 +18,7 @@ from bodycam_ros.body_state import BodyFrame, BodyOutput, BodyState
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
-from bodycam_ros.estimation.measurements import evidence_floor
+from bodycam_ros.estimation.mounted_cameras import evidence_floor
 from bodycam_ros.estimation.static_evidence import StaticCameras
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.inertial.imu_samples import ImuSamples

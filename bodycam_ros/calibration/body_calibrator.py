@@ -22,7 +22,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.estimation.measurements import EvidenceSettings
+from bodycam_ros.estimation.mounted_cameras import EvidenceSettings
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings

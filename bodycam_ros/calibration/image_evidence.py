@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation.measurements import EvidenceSettings, evidence_floor
+from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, evidence_floor
 from bodycam_ros.geometry import adjoint, inverse
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.pose_kernels import linearise_images

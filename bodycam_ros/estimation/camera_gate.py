@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.estimation.estimate import LINEAR, STEPS, UNKNOWN, Coordinates, Transition
-from bodycam_ros.estimation.measurements import SegmentPoses
+from bodycam_ros.estimation.coordinates import LINEAR, STEPS, UNKNOWN, Coordinates
+from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
+from bodycam_ros.estimation.state_solution import Prediction, solve_normal_equations
 
 _GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
@@ -19,32 +20,31 @@ _UNEVEN = 0.25  # share of what joints moved a segment since the state before th
 
 
 def gate_cameras(
-    link: Transition, cameras: SegmentPoses, unobserved: NDArray[np.bool_]
+    prediction: Prediction, cameras: SegmentPoses, unobserved: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], Coordinates]:
     """Which (N,) of N cameras are accepted, and the coordinates that fit these.
 
     Args:
-        link: to the state that they measure, without them.
+        prediction: of the state that they measure, without them.
         cameras: their poses.
         unobserved: (K,) predicted coordinates that had no measurement: no reason to reject a camera.
     """
-    predicted = link.after
-    K, at, accepted = len(unobserved), predicted.at, np.ones(len(cameras), bool)
+    predicted, accepted = prediction.at, np.ones(len(cameras), bool)
+    at = predicted
     # By joints alone: the root of a body that rides is fast, and predicted as well as at rest.
-    moved = link.dt_s * (at.jacobians[cameras.rows, :, 6:] @ at.velocity[6:]).reshape(-1, 2, 3)
+    moved = prediction.dt_s * (at.jacobians[cameras.segments, :, 6:] @ at.velocity[6:]).reshape(-1, 2, 3)
     missed = _UNEVEN * np.linalg.norm(moved, axis=2).repeat(3, axis=1)
     cameras = replace(cameras, covariances=cameras.covariances + (_GROSS**2 + missed**2)[:, :, None] * np.eye(6))
-    prior = predicted.information
+    prior = prediction.information
     if unobserved.any():
-        covariance = predicted.covariance[:K, :K] + np.diag(UNKNOWN**2 * unobserved)
+        covariance = np.linalg.inv(prior) + np.diag(UNKNOWN**2 * unobserved)
         prior = np.asarray(np.linalg.inv(covariance), np.float64)
     while accepted.any():
-        kept, at = np.flatnonzero(accepted), predicted.at
+        kept, at = np.flatnonzero(accepted), predicted
         tested = cameras[kept]
         for _ in range(STEPS):
             A, b, r, J = tested.equations(at)
-            C = np.linalg.inv(prior + A)
-            step = C @ (b - prior @ predicted.at.step_to(at)[:K])
+            step, C = solve_normal_equations(prior + A, b - prior @ predicted.step_to(at))
             at = at.moved(step)
             if np.abs(step).max() < LINEAR:
                 break
@@ -54,5 +54,5 @@ def gate_cameras(
             break
         accepted[kept[int(np.argmax(squared))]] = False
     else:
-        at = predicted.at
+        at = predicted
     return accepted, at

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel, sole_points
-from bodycam_ros.estimation.between_factors import RestingPoint
+from bodycam_ros.estimation.factors.resting_point import RestingPoint
 from bodycam_ros.geometry import Array
 from bodycam_ros.settings import setting
 

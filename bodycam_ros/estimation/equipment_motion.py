@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
-from bodycam_ros.estimation.estimate import Coordinates, MotionPrior
-from bodycam_ros.estimation.measurements import JointRotations
-from bodycam_ros.estimation.motion_model import FADE_S, LASTS_S, MotionSettings
+from bodycam_ros.estimation.factors.joint_rotations import JointRotations
+from bodycam_ros.estimation.factors.motion import FADE_S, LASTS_S, MotionPrior, MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 _LED = 600.0  # [rad/s^2] of joints of limbs that a machine leads: their own motion prior must not hold it up
-CONSTANT = 1e-12  # [m^2/s^3] of unknown lengths, which have an inverse; [m^2/s^2] of their rates at first
 _KEPT_S = 100.0  # [s] in which a hinge that keeps its speed loses it
 _COAST_RAD = 0.01  # sigma of such a hinge about its trajectory in each state: predicted limbs must not hold it up
 
@@ -38,7 +36,6 @@ class EquipmentMotion:
     def __init__(self, tangent: TreeTangent, equipment: Equipment, motion: MotionSettings) -> None:
         body, self._tangent = tangent.tree, tangent
         self.coasting_rows: list[int] = []
-        self._driven = set[int]()
         self._density, self._fade_s = np.full(tangent.count, np.nan), np.full(tangent.count, FADE_S)
         for row, joint in enumerate(body.tree_joints):
             columns, moves = tangent.columns[row], equipment.segments.get(joint.child)
@@ -51,12 +48,16 @@ class EquipmentMotion:
                     self.coasting_rows.append(row)
                     self._fade_s[columns] = _KEPT_S
             elif joint.child in body.equipment_segments:
-                self._density[columns] = CONSTANT
+                self._density[columns] = 0.0  # unknown lengths stay
         ends = [
             (body.segment_index[e.body_segment], body.segment_index[e.equipment_segment]) for e in equipment.attachments
         ]
         limbs, held = np.array(ends, np.int64).reshape(-1, 2).T
         self._limbs, self._held = body.moves[limbs], body.moves[held]
+
+    def driven(self, active: ActiveAttachments | None) -> frozenset[int]:
+        """Rows of coasting hinges that an observed limb drives."""
+        return frozenset(row for row in self.coasting_rows if self.is_driven(row, active))
 
     def is_driven(self, row: int, active: ActiveAttachments | None) -> bool:
         """Whether an observed limb drives the child of a joint of the tree, or what hangs on it."""
@@ -70,13 +71,6 @@ class EquipmentMotion:
                 held = self._limbs[active.engaged & self._held[:, row]]
                 density[self._tangent.columns_of(np.any(held, axis=0))] = _LED**2 * LASTS_S
         return MotionPrior(density, self._fade_s)
-
-    def coasting(self, predicted: Coordinates, active: ActiveAttachments | None) -> JointRotations:
-        """Hinges that were driven and are not now, where the prediction has them (B figure 9)."""
-        driven = {row for row in self.coasting_rows if self.is_driven(row, active)}
-        self._driven |= driven
-        rows = sorted(self._driven - driven) if active is not None else []
-        return coasting(rows, predicted.joints[rows, :3, :3])
 
 
 def coasting(rows: Sequence[int], rotations: Array) -> JointRotations:

@@ -1,11 +1,12 @@
-"""The articulated body from the measurements of all cameras (A 4.3): forwards state by state, then backwards.
+"""The articulated body from the measurements of all cameras (A 4.3): a factor graph that iSAM2 solves over a window.
 
-The states are a chain, and the chain is a factor graph: a motion prior between neighbours (A eq. 10-11), measured
-rotations between them (A eq. 2), poses of segments (A eq. 8) and joints of equipment (B eq. 15) at each. Going forwards
-each state is predicted, gated and fitted; going backwards each is smoothed by the later ones. A delay of 0, 2, 4 frames
-or the whole recording differ in how far back that goes.
+The states are linked by a motion prior (A eq. 10-11), by measured rotations (A eq. 2) and by points that rest; each has
+poses of segments (A eq. 8) and joints of equipment (B eq. 15). A new state is predicted, gated and fitted by itself;
+then it enters the window, where iSAM2 solves all of its states together. A delay of 0, 2, 4 frames or the whole
+recording is the length of the window.
 """
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -16,27 +17,33 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.between_factors import SegmentTurn, condition, measured_turns
 from bodycam_ros.estimation.camera_gate import gate_cameras
-from bodycam_ros.estimation.chain import ChainState, first_poses, smooth
 from bodycam_ros.estimation.contact import ContactSettings, Soles
-from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.estimate import Between, Coordinates, Transition, body_uncertainty
+from bodycam_ros.estimation.coordinates import Chart, Coordinates
+from bodycam_ros.estimation.coupling import CoupledState, Coupling
+from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
+from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
+from bodycam_ros.estimation.factors.motion import LASTS_S, MotionModel, MotionSettings
+from bodycam_ros.estimation.factors.resting_point import RestingPoint
+from bodycam_ros.estimation.factors.segment_steps import SegmentStep
+from bodycam_ros.estimation.factors.segment_turn import SegmentTurn, measured_turns
 from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
-from bodycam_ros.estimation.measurements import (
-    SLIDES_M,
-    EvidenceSettings,
-    Measurements,
-    MountedCameras,
-    SegmentPoses,
-    StateFit,
-)
-from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel, MotionSettings
+from bodycam_ros.estimation.initial_pose import first_poses
+from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.pose_prior import PosePrior
+from bodycam_ros.estimation.solved_state import Measurements, SolvedState
+from bodycam_ros.estimation.state_factors import StateFactors
+from bodycam_ros.estimation.state_link import Initial, StateLink
+from bodycam_ros.estimation.state_solution import Prediction, fit_state
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
-from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording
+from bodycam_ros.estimation.uncertainty import body_uncertainty
+from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording, first_initial
+from bodycam_ros.estimation.window import Window, WindowError
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
+
+logger = logging.getLogger(__name__)
 
 Mask = NDArray[np.bool_]
 
@@ -45,6 +52,7 @@ _BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb 
 CARRIED_S = 5.0
 """The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
 
+_NO_OPINION = 1e6  # sigma [rad], [m] and of their rates, of a prior on other coordinates
 _BENT = 0.2  # of the first guess: from a straight knee, the pose of a foot bends it backwards as well as forwards
 
 
@@ -65,6 +73,8 @@ class BodyEstimator:
     Attributes:
         rejected: camera -> states in which its registration was rejected.
         interpolated: states without any image that were filled in.
+        unconverged: states whose fit did not converge.
+        restarted: how often gtsam failed, and a new window was begun from the latest prediction.
 
     Raises:
         BodyError: no camera is mounted on the body, and there is no static camera.
@@ -100,27 +110,32 @@ class BodyEstimator:
         self._tangent = TreeTangent(self.body, SLIDES_M)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
         coupled = coupling.joint_names if coupling else frozenset[str]()
+        self._of_person = np.array([joint.name not in coupled for joint in self.body.tree_joints], bool)
         self._prior = PosePrior(self.body, coupled)
-        self._fit = StateFit(self._tangent, coupled)
+        self._factors = StateFactors(self._tangent, coupled)
         self._gaps = FrameGaps()
-        self._whole = WholeRecording(self.body, self._motion, self._fit, self._prior, on_progress)
+        self._whole = WholeRecording(self._motion, self._factors, self._prior, on_progress)
         self._root = body.segment_index[body.root]
         self.rejected: Counter[str] = Counter()
-        self.interpolated = 0
+        self.interpolated = self.unconverged = self.restarted = 0
         self._restart()
 
     def _restart(self) -> None:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
-        self._chain: list[ChainState] = []
+        self._states: list[SolvedState] = []
+        self._window = self._new_window()
         self._static = StaticEvidence(self.body, self._static_cameras, self._published.stop)
         self._whole.reset()
         if self._coupling:
             self._coupling.reset()
 
+    def _new_window(self) -> Window:
+        return Window(self._tangent.count, relinearises=not self.settings.whole_recording)
+
     @property
     def has_states(self) -> bool:
         """Whether there is a state that the next one follows from."""
-        return bool(self._chain)
+        return bool(self._states)
 
     @property
     def period_ns(self) -> float:
@@ -138,170 +153,191 @@ class BodyEstimator:
         states = []
         max_pause_s = self._max_pause_s(frame.stamp_ns)
         missing_ns = self._gaps.missing_stamps(frame, max_pause_s)
-        if self._chain and frame.stamp_ns - self._chain[-1].stamp_ns > 1e9 * max_pause_s:
+        if self._states and frame.stamp_ns - self._states[-1].stamp_ns > 1e9 * max_pause_s:
             states = self.flush()
             self._restart()
         registered = self._mounted.absolute_evidence(m for name, m in frame.matches.items() if name in self._cameras)
-        if not self._chain:
+        if not self._states:
             placed = self._static.place(frame, registered.values())
             if registered or placed:
-                self._chain.append(self._first(frame, registered, placed))
+                self._states.append(self._first(frame, registered, placed))
         else:
             for stamp_ns in missing_ns:
-                self._chain.append(self._next(BodyFrame(stamp_ns, {}), {}))
+                self._states.append(self._next(BodyFrame(stamp_ns, {}), {}))
                 self.interpolated += 1
-            self._chain.append(self._next(frame, registered))
+            self._states.append(self._next(frame, registered))
         return states + self._publish()
 
     def _max_pause_s(self, stamp_ns: int) -> float:
         """The longest gap before a stamp [ns] that is filled: with inertial sensors on the root, a longer one."""
-        longest_s, last_ns = self.settings.max_pause, self._chain[-1].stamp_ns if self._chain else stamp_ns
+        longest_s, last_ns = self.settings.max_pause, self._states[-1].stamp_ns if self._states else stamp_ns
         if self._inertial is None or stamp_ns - last_ns <= 1e9 * longest_s:
             return longest_s
         return max(longest_s, CARRIED_S) if self._inertial.carry(last_ns, stamp_ns) else longest_s
 
-    def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> ChainState:
+    def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> SolvedState:
         """The first state, where cameras measured the body or it was placed by hand."""
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
-        initial = self._motion.initial(self.body.motion_of(poses, self._tangent.slides))
-        initial = self._coupling.initial(initial) if self._coupling else initial
-        return self._solve(frame, registered, Transition.first(initial), placed)
+        motion = self.body.motion_of(poses, self._tangent.slides)
+        at = Coordinates(self._tangent, motion, np.zeros(self._tangent.count))
+        link = StateLink.first(first_initial(at, self._motion, self._coupling))
+        return self._solve(frame, registered, link, placed)
 
-    def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> ChainState:
+    def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> SolvedState:
         """A state after another: the motion prior (A eq. 10-11), and the rotations measured since (A eq. 2)."""
-        before, coupling = self._chain[-1], self._coupling
+        before, coupling = self._states[-1], self._coupling
         dt_s = 1e-9 * (frame.stamp_ns - before.stamp_ns)
         needs_turn = ~(before.observed & self.body.named(pose.segment for pose in registered.values()))
-        between: list[Between] = []
+        steps: list[SegmentStep] = []
         if self._inertial is not None:
             self._inertial.observe(frame)
-            between += self._inertial.factors(before.stamp_ns, frame.stamp_ns, needs_turn)
-        needs_turn[[factor.row for factor in between]] = False
-        between += measured_turns(self.body, frame.matches.values(), before.stamps_ns, needs_turn)
+            steps += self._inertial.factors(before.stamp_ns, frame.stamp_ns, needs_turn)
+        needs_turn[[step.segment for step in steps]] = False
+        steps += measured_turns(self.body, frame.matches.values(), before.stamps_ns, needs_turn)
+        turned = [step.segment for step in steps if isinstance(step, SegmentTurn)]
         prior = None
         if coupling:
             prior = coupling.motion.prior(coupling.attachments.active)
-            between += coupling.standing_points()
-        return self._solve(frame, registered, condition(self._motion.predict(before.estimate, dt_s, prior), between))
+            steps += coupling.standing_points()
+        motion = self._motion.between(self._window.at(before.number), dt_s, prior)
+        if turned:
+            beside = np.isin(self.body.joint_ends, turned).any(axis=1)
+            motion = motion.loosened(self._tangent.columns_of(np.asarray(beside)) & self._tangent.turns)
+        return self._solve(frame, registered, StateLink.after(self._window, before, motion, tuple(steps)))
+
+    def _restarted(self, link: StateLink, at: Coordinates, columns: Mask) -> StateLink:
+        """The same link, but some coordinates (K) are initial, at given ones, and without a past."""
+        if not columns.any():
+            return link
+        both = np.concatenate([columns, columns])
+        at = replace(at, velocity=np.where(columns, 0.0, at.velocity))
+        if link.before is None or link.motion is None:
+            assert link.initial is not None  # of a first state
+            return StateLink.first(Initial(at, np.where(both, self._motion.first_sigmas, link.initial.sigmas)))
+        initial = Initial(at, np.where(both, self._motion.first_sigmas, _NO_OPINION))
+        return StateLink.after(self._window, link.before, link.motion.restarted(columns), link.steps, initial)
 
     def _solve(
         self,
         frame: BodyFrame,
         registered: Mapping[str, SegmentPose],
-        link: Transition,
+        link: StateLink,
         placed: Sequence[SegmentPose] = (),
-    ) -> ChainState:
-        """One state: gate the cameras, collect the other measurements, fit, then add contacts."""
-        static, ends = self._static, self.body.joint_ends
-        accepted, start = self._gate(registered, link)
+    ) -> SolvedState:
+        """One state: gate the cameras, collect the other measurements, fit, add contacts, and enter the window."""
+        ends, dt_s = self.body.joint_ends, link.prediction.dt_s
+        accepted, start = self._gate(registered, link.prediction)
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
-        link, start = self._add_static_cameras(frame, link, start, known, on_body)
+        # Limbs where static cameras found them (B 2). One that was found elsewhere did not move there.
+        static = self._static.measure(frame, start.poses, dt_s, known, on_body)
+        if static.segments.any():
+            motion, at = self.body.motion_of(static.poses(start.poses), self._tangent.slides), link.prediction.at
+            joints = static.jumped[ends].any(axis=1)
+            columns, restarted = self._tangent.columns_of(joints), np.append(static.jumped[self._root], joints)
+            columns[:6] = static.jumped[self._root]
+            at = replace(at, motion=np.where(restarted[:, None, None], motion, at.motion))
+            link, start = self._restarted(link, at, columns), replace(start, motion=motion)
         observed, turning = static.observed, static.observed
-        turning[[factor.row for factor in link.between if isinstance(factor, SegmentTurn)]] = True
-        joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (link.dt_s == 0.0)
+        turning[[step.segment for step in link.steps if isinstance(step, SegmentTurn)]] = True
+        joints_observed, joints_turning = on_body[ends].all(axis=1), turning[ends].all(axis=1) | (dt_s == 0.0)
         # The measurements of this state.
-        cameras, by_static = SegmentPoses.from_evidence(self.body, [*known, *static.evidence]), static.joints()
-        predicted = self._prior.predict(joints_observed, joints_turning, link.dt_s or LASTS_S)
-        measured = Measurements(cameras, predicted.replaced(by_static))
+        cameras = SegmentPoses.from_evidence(self.body, [*known, *static.evidence])
+        predicted = self._prior.predict(joints_observed, joints_turning, dt_s or LASTS_S)
+        measured, coupled = Measurements(cameras, predicted.replaced(static.joints())), None
         if self._coupling:
-            measured, link, start = self._couple(frame.stamp_ns, on_body | static.rows, measured, link, start)
+            coupled = self._coupling.update(frame.stamp_ns, start, on_body | static.segments)
+            measured, link = self._couple(self._coupling, coupled, measured, link)
+            start = coupled.start
         # The state that fits them best (A eq. 8, B eq. 15).
-        before, link = link.before.at.poses, self._fit.fit(link, measured, start)
-        self._prior.add(link.after.at.joints[:, :3, :3], joints_observed, link.dt_s)
+        fit = fit_state(link.prediction, self._factors.stages(measured), [start])
+        self.unconverged += not fit.converged
+        self._prior.add(fit.at.joints[:, :3, :3], joints_observed, dt_s)
         # Points of the soles that rest.
-        link = condition(link, self._soles.resting(before, link.after.at.poses, link.dt_s, turning))
-        estimate = link.after
-        if self._coupling:
-            self._coupling.remember(estimate)
-        return ChainState(
+        resting = self._soles.resting(link.prediction.before.poses, fit.at.poses, dt_s, turning)
+        if link.before is None:
+            resting = []
+        state = SolvedState(
+            number=link.number,
             stamp_ns=frame.stamp_ns,
             stamps_ns={camera: matches.stamp_ns for camera, matches in frame.matches.items()},
-            link=link,
+            chart=Chart(fit.at),
+            dt_s=dt_s,
+            motion=link.motion,
+            steps=(*link.steps, *resting),
             measured=measured,
             joints_observed=joints_observed,
             turning=joints_turning,
-            by_static=by_static,
+            static=static,
             observed=observed,
             cameras_used=len(accepted) + static.camera_count,
-            uncertainty=static.widen(body_uncertainty(estimate, link.dt_s, bool(observed[self._root]))),
-            active=self._coupling.active if self._coupling else None,
+            converged=fit.converged,
+            active=coupled.active if coupled else None,
+            square_root=link.prediction.square_root,
         )
+        self._enter_window(state, link, resting)
+        return state
+
+    def _enter_window(self, state: SolvedState, link: StateLink, resting: list[RestingPoint]) -> None:
+        """Solve the window with a new state; if gtsam cannot, a new window from the state's prediction."""
+        measured = self._factors.of(state.measured)
+        oldest = min([*(each.number for each in self._states if not each.is_published), state.number])
+        try:
+            state.square_root = link.enter(self._window, state.chart, resting, measured, oldest)
+        except WindowError as error:
+            logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * state.stamp_ns, error)
+            self.restarted += 1
+            self._window = self._new_window()
+            state.square_root = link.restart(self._window, state.chart, measured)
+        if self._coupling and self._coupling.has_lengths:
+            self._coupling.remember_lengths(self._window.at(state.number), _covariance(state.square_root))
 
     def _gate(
-        self, registered: Mapping[str, SegmentPose], link: Transition
+        self, registered: Mapping[str, SegmentPose], prediction: Prediction
     ) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        accepted, at = gate_cameras(link, poses, self._unobserved_columns())
+        accepted, at = gate_cameras(prediction, poses, self._unobserved_columns())
         self.rejected.update(name for name, passes in zip(registered, accepted, strict=True) if not passes)
         return {name: pose for (name, pose), passes in zip(registered.items(), accepted, strict=True) if passes}, at
 
     def _unobserved_columns(self) -> Mask:
         """(K,) coordinates that nothing measured in the state before: no reason to reject a camera that does now."""
-        if not self._chain:
+        if not self._states:
             return np.ones(self._tangent.count, bool)
-        before = self._chain[-1]
+        before = self._states[-1]
         unobserved = self._tangent.columns_of(~before.joints_observed)
         unobserved[:6] = not before.observed.any()
         return unobserved
 
-    def _add_static_cameras(
-        self, frame: BodyFrame, link: Transition, start: Coordinates, known: Sequence[SegmentPose], on_body: Mask
-    ) -> tuple[Transition, Coordinates]:
-        """Transition and initial coordinates, with limbs where static cameras found them.
-
-        A limb that was searched and found elsewhere did not move there: its motion restarts.
-        """
-        poses = start.poses
-        self._static.measure(frame, poses, link.dt_s, known, on_body)
-        if not self._static.rows.any():
-            return link, start
-        motion, at = self.body.motion_of(self._static.poses(poses), self._tangent.slides), link.after.at
-        jumped = self._static.jumped
-        joints = jumped[self.body.joint_ends].any(axis=1)
-        restarted = np.append(jumped[self._root], joints)
-        at = replace(at, motion=np.where(restarted[:, None, None], motion, at.motion))
-        columns = self._tangent.columns_of(joints)
-        columns[:6] = jumped[self._root]
-        return self._motion.restarted(link, at, columns), replace(start, motion=motion)
-
     def _couple(
-        self,
-        stamp_ns: int,
-        observed: Mask,
-        measured: Measurements,
-        link: Transition,
-        start: Coordinates,
-    ) -> tuple[Measurements, Transition, Coordinates]:
-        """Measurements and initial estimate with the equipment."""
-        coupling = self._coupling
-        assert coupling is not None  # by the caller
-        start = coupling.update(stamp_ns, start, observed)
-        at, columns = coupling.restarted(link.after.at, start, self._chain[-1].active if self._chain else None)
-        cameras = measured.cameras + coupling.upright_measurement(start)
-        expected = measured.expected + coupling.motion.coasting(at, coupling.active)
-        measured = Measurements(cameras, expected, coupling.closed)
-        return measured, self._motion.restarted(link, at, columns), start
+        self, coupling: Coupling, coupled: CoupledState, measured: Measurements, link: StateLink
+    ) -> tuple[Measurements, StateLink]:
+        """Measurements and prediction with the equipment."""
+        before = self._states[-1].active if self._states else None
+        at, columns = coupling.restarted(link.prediction.at, coupled, before)
+        cameras = measured.cameras + coupling.upright_measurement(coupled)
+        expected = measured.expected + coupled.expected(at)
+        return Measurements(cameras, expected, coupled.closed), self._restarted(link, at, columns)
 
     def flush(self) -> list[BodyState]:
         """The states that still wait for later frames; the recording is over."""
-        return self._publish_until(len(self._chain))
+        return self._publish_until(len(self._states))
 
     def _publish(self) -> list[BodyState]:
         """States that need not wait any more."""
-        if not self._chain:
+        if not self._states:
             return []
-        latest = self._chain[-1]
-        for state in self._chain[:-1]:
+        latest = self._states[-1]
+        for state in self._states[:-1]:
             state.follow(latest)
         if self.settings.whole_recording:
-            if latest.stamp_ns - self._chain[0].stamp_ns < 1e9 * (_BLOCK_S + _OVERLAP_S):
+            if latest.stamp_ns - self._states[0].stamp_ns < 1e9 * (_BLOCK_S + _OVERLAP_S):
                 return []
-            end_ns = self._chain[0].stamp_ns + 1e9 * _BLOCK_S
-            return self._publish_until(sum(state.stamp_ns < end_ns for state in self._chain))
-        until, observed_after = 0, sum(state.is_observed for state in self._chain)
-        for state in self._chain:
+            end_ns = self._states[0].stamp_ns + 1e9 * _BLOCK_S
+            return self._publish_until(sum(state.stamp_ns < end_ns for state in self._states))
+        until, observed_after = 0, sum(state.is_observed for state in self._states)
+        for state in self._states:
             observed_after -= state.is_observed
             is_recent = latest.stamp_ns - state.stamp_ns < 1e9 * _BLIND_WAIT_S
             if observed_after < int(self.settings.output_delay) or (self._offline and state.is_waiting and is_recent):
@@ -311,23 +347,40 @@ class BodyEstimator:
 
     def _publish_until(self, count: int) -> list[BodyState]:
         """The first ``count`` states; the latest of all stays in the chain, for the next one follows from it."""
-        pending = [state for state in self._chain[:count] if not state.is_published]
+        pending = [state for state in self._states[:count] if not state.is_published]
         if not pending:
             return []
-        waiting = [state for state in self._chain if not state.is_published]
         if self.settings.whole_recording:
-            smoothed = self._whole.solve(waiting, len(pending), self._coupling)
+            waiting = [state for state in self._states if not state.is_published]
+            solutions = self._whole.solve(
+                waiting, len(pending), [self._first_solution(each) for each in waiting], self._coupling
+            )
         else:
-            smoothed = smooth(waiting)
+            solutions = [self._solution(state) for state in pending]
         for state in pending:
             state.is_published = True
-        self._chain = [state for state in self._chain[:-1] if not state.is_published] + self._chain[-1:]
-        return [self._body_state(*each) for each in zip(pending, smoothed, strict=False)]
+        self._states = [state for state in self._states[:-1] if not state.is_published] + self._states[-1:]
+        return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=True)]
 
-    def _body_state(self, state: ChainState, at: Coordinates) -> BodyState:
-        report, rows, uncertainty = None, self._published, state.uncertainty
+    def _first_solution(self, state: SolvedState) -> Coordinates:
+        """Coordinates of a state by the window, or as they were when a window failed."""
+        return self._window.at(state.number) if state.number in self._window else state.chart.origin
+
+    def _solution(self, state: SolvedState) -> tuple[Coordinates, Array]:
+        """Coordinates and covariance (2K, 2K) of a state by the window, or as they were when a window failed.
+
+        Later frames add nothing to the covariance of a body that cameras observed: their errors are the same.
+        """
+        is_whole = state.is_observed and state.joints_observed[self._of_person].all()
+        if is_whole or state.number not in self._window:
+            return self._first_solution(state), _covariance(state.square_root)
+        return self._window.solution(state.number)
+
+    def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
+        report, rows, root_observed = None, self._published, bool(state.observed[self._root])
+        uncertainty = state.static.widen(body_uncertainty(at, covariance, state.dt_s, root_observed))
         if self._coupling:
-            report = self._coupling.report(at, state.estimate.covariance, state.active)
+            report = self._coupling.report(at, covariance, state.active)
         joints, segments = uncertainty.joints[self._published_joints], uncertainty.segments[rows]
         return BodyState(
             stamp_ns=state.stamp_ns,
@@ -338,3 +391,9 @@ class BodyEstimator:
             cameras_used=state.cameras_used,
             equipment=report,
         )
+
+
+def _covariance(square_root: Array) -> Array:
+    """Inverse of the information with a square root."""
+    inverse_root = np.linalg.inv(square_root)
+    return np.asarray(inverse_root @ inverse_root.T, np.float64)

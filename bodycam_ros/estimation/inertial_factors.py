@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame
-from bodycam_ros.estimation.between_factors import InertialStep, SegmentTurn
+from bodycam_ros.estimation.factors.inertial_step import InertialStep
+from bodycam_ros.estimation.factors.segment_turn import SegmentTurn
 from bodycam_ros.geometry import log_so3
 from bodycam_ros.inertial.bias_filter import AccelerometerFilter, BiasFilter, turned
 from bodycam_ros.inertial.imu_samples import ImuSamples
@@ -191,7 +192,7 @@ class InertialSensors:
         imu, (spun, pushed) = self._calibrations[name], np.linalg.norm(moved.change.reshape(2, 3), axis=1)
         lever = min(imu.position_sigma, _LEVER_M)
         return InertialStep(
-            row=self._rows[name],
+            segment=self._rows[name],
             place=self._places[name],
             seconds=moved.seconds,
             velocity=R @ (moved.velocity - moved.velocity_by_bias @ filtered.bias),

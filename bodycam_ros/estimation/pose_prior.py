@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.estimation.estimate import FREE_RAD
-from bodycam_ros.estimation.measurements import JointRotations
-from bodycam_ros.estimation.motion_model import FADE_S
+from bodycam_ros.estimation.coordinates import FREE_RAD
+from bodycam_ros.estimation.factors.joint_rotations import JointRotations
+from bodycam_ros.estimation.factors.motion import FADE_S
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointLimits
@@ -139,10 +139,10 @@ class RecordedPoses:
                 vectors, variances = regressed
                 shares = np.sqrt(np.clip(variances / usual[row], _LEAST_SHARE, 1.0))
                 for place, vector in zip((gap - first).tolist(), vectors, strict=True):
-                    own, (rotations, sigmas) = predicted[place].rows == row, better[place]
+                    own, (rotations, sigmas) = predicted[place].joints == row, better[place]
                     rotations[own] = self._prior.rotations(np.array([row]), vector[None])
                     sigmas[own] *= shares
-        return [JointRotations(each.rows, *both) for each, both in zip(predicted, better, strict=True)]
+        return [JointRotations(each.joints, *both) for each, both in zip(predicted, better, strict=True)]
 
     def _regress(self, row: int, gap: NDArray[np.intp]) -> tuple[Array, Array] | None:
         """A joint's vectors (G, 3) in the states of a gap by the features that are mostly known, and variances (3).

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyUncertainty, SegmentPose
-from bodycam_ros.estimation.measurements import JointRotations
+from bodycam_ros.estimation.factors.joint_rotations import JointRotations
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 
 Mask = NDArray[np.bool_]
@@ -68,8 +69,85 @@ class StaticCameras(Protocol):
         """
 
 
+@dataclass(frozen=True, eq=False)
+class StaticObservation:
+    """What static cameras observe of one state beside body cameras.
+
+    Attributes:
+        body: that is observed.
+        measured: by all static cameras, of all segments.
+        on_body: (S,) segments that body cameras measured.
+    """
+
+    body: BodyModel
+    measured: StaticMeasurement
+    on_body: Mask
+
+    @cached_property
+    def segments(self) -> Mask:
+        """(S,) segments that a static camera observes."""
+        return self.body.named(self.measured.observed)
+
+    @property
+    def observed(self) -> Mask:
+        """(S,) segments that any camera observes."""
+        return (self.on_body | self.segments) & ~self._listed(self.measured.unsupported)
+
+    @property
+    def jumped(self) -> Mask:
+        """(S,) segments that were searched, and found elsewhere than predicted."""
+        return self._listed(self.measured.jumped)
+
+    @property
+    def evidence(self) -> list[SegmentPose]:
+        """Poses of segments by all static cameras."""
+        return [each for poses in self.measured.evidence.values() for each in poses]
+
+    @property
+    def camera_count(self) -> int:
+        """How many of them measured something."""
+        return sum(bool(poses) for poses in self.measured.evidence.values())
+
+    def poses(self, predicted: Array) -> Array:
+        """Poses (S, 4, 4): predicted ones of segments that body cameras measure, static cameras' of the others."""
+        return np.where(self.on_body[:, None, None], predicted, self.measured.world_T_segment)
+
+    def joints(self) -> JointRotations:
+        """Joints that static cameras observe and body cameras do not."""
+        if not self.segments.any():
+            return JointRotations.nothing()
+        ends = self.body.joint_ends
+        both, on_body = (mask[ends].all(axis=1) for mask in (self.on_body | self.segments, self.on_body))
+        rows = np.flatnonzero(both & ~on_body)
+        rotations = self.body.joint_rotations(self.measured.world_T_segment)[rows]
+        return JointRotations(rows, rotations, np.full((len(rows), 3), _JOINT_RAD))
+
+    def widen(self, uncertainty: BodyUncertainty) -> BodyUncertainty:
+        """Covariances with errors of static cameras that last for a recording: surfaces are wrong in all frames."""
+        if not (self.segments.any() or self.measured.unsupported):
+            return uncertainty
+        added, by_static = np.zeros((len(self.segments), 6)), self.segments & ~self.on_body
+        if len(self.measured.surface_variances):
+            added[by_static] = self.measured.surface_variances[by_static]
+        added[self._listed(self.measured.unsupported)] = _UNSUPPORTED**2
+        segments = uncertainty.segments + added[:, :, None] * np.eye(6)
+        parents, children = self.body.joint_ends.T
+        world_R_segment = self.measured.world_T_segment[:, :3, :3]
+        child_R_parent = np.swapaxes(world_R_segment[children], 1, 2) @ world_R_segment[parents]
+        joints = uncertainty.joints + added[children, :3, None] * np.eye(3)
+        joints += child_R_parent * added[parents, None, :3] @ np.swapaxes(child_R_parent, 1, 2)
+        root = segments[self.body.segment_index[self.body.root]]
+        return replace(uncertainty, root=root, joints=joints, segments=segments)
+
+    def _listed(self, rows: Iterable[int]) -> Mask:
+        """(S,) segments of some rows that no body camera measures."""
+        listed = np.zeros(len(self.on_body), bool)
+        listed[list(rows)] = True
+        return np.asarray(listed & ~self.on_body, bool)
+
+
 class StaticEvidence:
-    """The measurement of the latest state by static cameras.
+    """Measures one state after the other by static cameras.
 
     Args:
         body: that is observed.
@@ -79,11 +157,9 @@ class StaticEvidence:
 
     def __init__(self, body: BodyModel, cameras: StaticCameras | None, count: int) -> None:
         self._body, self._cameras, self._count = body, cameras, count
-        self._ends = body.joint_ends
         self._known: Collection[SegmentPose] = ()
         self._known_for_s = 0.0
-        self._on_body = self.rows = np.zeros(len(body.segments), bool)
-        self._measured = StaticMeasurement({}, np.zeros((len(body.segments), 4, 4)), {})
+        self._before = np.zeros((len(body.segments), 4, 4))
 
     def place(self, frame: BodyFrame, measured: Iterable[SegmentPose]) -> list[SegmentPose]:
         """Segments that were placed by hand in the first frame, but those that body cameras measured."""
@@ -93,18 +169,18 @@ class StaticEvidence:
 
     def measure(
         self, frame: BodyFrame, predicted: Array, dt_s: float, known: Collection[SegmentPose], on_body: Mask
-    ) -> None:
+    ) -> StaticObservation:
         """Measure a frame, as ``StaticCameras.measure``; body cameras measured the segments ``on_body`` (S,)."""
-        cameras, before = self._cameras if frame.images else None, self._measured.world_T_segment
+        cameras = self._cameras if frame.images else None
         known = self._recently_known(predicted, dt_s, known)
         measured = cameras.measure(frame, predicted[: self._count], dt_s, known) if cameras else None
         if measured:
             measured = self._with_other_segments(measured, predicted)
         if measured and dt_s > 0.0:
-            measured = self._at_stamp(measured, frame, log_se3(inverse(before) @ predicted) / dt_s)
-        self._measured = measured or StaticMeasurement({}, predicted, {})
-        self._on_body = on_body
-        self.rows = self._body.named(self._measured.observed)
+            measured = self._at_stamp(measured, frame, log_se3(inverse(self._before) @ predicted) / dt_s)
+        measured = measured or StaticMeasurement({}, predicted, {})
+        self._before = measured.world_T_segment
+        return StaticObservation(self._body, measured, on_body)
 
     def _with_other_segments(self, measured: StaticMeasurement, predicted: Array) -> StaticMeasurement:
         """The measurement of all segments; those that static cameras do not know are as predicted."""
@@ -138,59 +214,3 @@ class StaticEvidence:
                     for each, step in zip(poses, steps, strict=True)
                 ]
         return replace(measured, evidence=evidence)
-
-    def _listed(self, rows: Iterable[int]) -> Mask:
-        """(S,) segments of some rows that no body camera measures."""
-        listed = np.zeros(len(self.rows), bool)
-        listed[list(rows)] = True
-        return np.asarray(listed & ~self._on_body, bool)
-
-    @property
-    def observed(self) -> Mask:
-        """(S,) segments that any camera observes."""
-        return (self._on_body | self.rows) & ~self._listed(self._measured.unsupported)
-
-    @property
-    def jumped(self) -> Mask:
-        """(S,) segments that were searched, and found elsewhere than predicted."""
-        return self._listed(self._measured.jumped)
-
-    @property
-    def evidence(self) -> list[SegmentPose]:
-        """Poses of segments by all static cameras."""
-        return [each for poses in self._measured.evidence.values() for each in poses]
-
-    @property
-    def camera_count(self) -> int:
-        """How many of them measured something."""
-        return sum(bool(poses) for poses in self._measured.evidence.values())
-
-    def poses(self, predicted: Array) -> Array:
-        """Poses (S, 4, 4): predicted ones of segments that body cameras measure, static cameras' of the others."""
-        return np.where(self._on_body[:, None, None], predicted, self._measured.world_T_segment)
-
-    def joints(self) -> JointRotations:
-        """Joints that static cameras observe and body cameras do not."""
-        if not self.rows.any():
-            return JointRotations.nothing()
-        both, on_body = (mask[self._ends].all(axis=1) for mask in (self._on_body | self.rows, self._on_body))
-        rows = np.flatnonzero(both & ~on_body)
-        rotations = self._body.joint_rotations(self._measured.world_T_segment)[rows]
-        return JointRotations(rows, rotations, np.full((len(rows), 3), _JOINT_RAD))
-
-    def widen(self, uncertainty: BodyUncertainty) -> BodyUncertainty:
-        """Covariances with errors of static cameras that last for a recording: surfaces are wrong in all frames."""
-        if not (self.rows.any() or self._measured.unsupported):
-            return uncertainty
-        added, by_static = np.zeros((len(self.rows), 6)), self.rows & ~self._on_body
-        if len(self._measured.surface_variances):
-            added[by_static] = self._measured.surface_variances[by_static]
-        added[self._listed(self._measured.unsupported)] = _UNSUPPORTED**2
-        segments = uncertainty.segments + added[:, :, None] * np.eye(6)
-        parents, children = self._ends.T
-        world_R_segment = self._measured.world_T_segment[:, :3, :3]
-        child_R_parent = np.swapaxes(world_R_segment[children], 1, 2) @ world_R_segment[parents]
-        joints = uncertainty.joints + added[children, :3, None] * np.eye(3)
-        joints += child_R_parent * added[parents, None, :3] @ np.swapaxes(child_R_parent, 1, 2)
-        root = segments[self._body.segment_index[self._body.root]]
-        return replace(uncertainty, root=root, joints=joints, segments=segments)

@@ -1,75 +1,109 @@
-"""A whole recording: unobserved joints follow from what is observed before and after; the chain is solved again."""
+"""A whole recording: unobserved joints follow from what is observed before and after; the graph is solved again."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.estimation.between_factors import condition
-from bodycam_ros.estimation.chain import ChainState, smooth
+from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
-from bodycam_ros.estimation.estimate import Coordinates, Transition
-from bodycam_ros.estimation.measurements import JointRotations, StateFit
-from bodycam_ros.estimation.motion_model import LASTS_S, MotionModel
+from bodycam_ros.estimation.factors.factor import state_key
+from bodycam_ros.estimation.factors.joint_rotations import JointRotations
+from bodycam_ros.estimation.factors.motion import LASTS_S, MotionModel
 from bodycam_ros.estimation.pose_prior import FORGET_S, PosePrior, RecordedPoses
+from bodycam_ros.estimation.solved_state import SolvedState
+from bodycam_ros.estimation.state_factors import StateFactors
+from bodycam_ros.estimation.state_link import Initial, StateLink
+from bodycam_ros.estimation.state_solution import Prediction, fit_state
+from bodycam_ros.estimation.window import Window
+from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import hinge_angle
 from bodycam_ros.settings import setting
 
+Solution = tuple[Coordinates, Array]
+
+
+def first_initial(at: Coordinates, motion: MotionModel, coupling: Coupling | None) -> Initial:
+    """What is known of a first state at some coordinates: that it is a person's, and lengths of equipment."""
+    if coupling is None:
+        return Initial(at, motion.first_sigmas)
+    return Initial(*coupling.initial(at, motion.first_sigmas))
+
 
 class WholeRecording:
-    """Solves states of the forward pass again, given all of them.
+    """Solves the states of the forward pass again, given all of them.
 
     Args:
-        body: segments and joints.
-        motion, fit, prior: of the forward pass.
+        motion, factors, prior: of the forward pass.
         on_progress: called with the finished share.
     """
 
     def __init__(
-        self,
-        body: BodyModel,
-        motion: MotionModel,
-        fit: StateFit,
-        prior: PosePrior,
-        on_progress: Callable[[float], None],
+        self, motion: MotionModel, factors: StateFactors, prior: PosePrior, on_progress: Callable[[float], None]
     ) -> None:
-        self._body, self._motion, self._fit = body, motion, fit
+        self._body, self._motion, self._factors = motion.tangent.tree, motion, factors
         self._prior, self._on_progress = prior, on_progress
         self.reset()
 
     def reset(self) -> None:
         """Forget the states before a pause."""
-        self._before: ChainState | None = None
+        self._before: SolvedState | None = None
         self._earlier: list[NDArray[Any]] = []
 
-    def solve(self, states: Sequence[ChainState], count: int, coupling: Coupling | None) -> list[Coordinates]:
-        """Coordinates of the first ``count`` states given all."""
-        smoothed = smooth(states)
+    def solve(
+        self, states: Sequence[SolvedState], count: int, smoothed: list[Coordinates], coupling: Coupling | None
+    ) -> list[Solution]:
+        """Coordinates and covariances (2K, 2K) of the first ``count`` states given all.
+
+        Args:
+            states: of the forward pass.
+            count: of those that are followed by enough others, or by none of the recording.
+            smoothed: coordinates of all by the forward pass.
+            coupling: to equipment, if any.
+        """
         coasted = self._coast(states, smoothed, coupling) if coupling else {}
         predicted = self._predicted(states, smoothed, count)
-        again: list[ChainState] = []
+        window, again = Window(self._motion.tangent.count, relinearises=False), list[SolvedState]()
+        before = self._before
+        if before is not None:
+            # All that precedes it is in its information.
+            prior = Prediction(before.chart.origin, before.chart.origin, before.square_root, 0.0)
+            known = gtsam.NonlinearFactorGraph()
+            known.add(prior.factor(state_key(before.number), before.chart))
+            window.add(before.number, before.chart, known, 0)
         for number, (state, at, better) in enumerate(zip(states, smoothed, predicted, strict=True)):
             self._on_progress(number / len(states))
-            before, link = again[-1] if again else self._before, state.link
-            if before is None:
-                initial = self._motion.initial(at.motion)
-                link = Transition.first(coupling.initial(initial) if coupling else initial)
-            else:
-                dt_s = 1e-9 * (state.stamp_ns - before.stamp_ns)
-                link = condition(self._motion.predict(before.estimate, dt_s, link.prior), link.between)
             measured = replace(state.measured, expected=better + coasted.get(number, JointRotations.nothing()))
-            again.append(replace(state, link=self._fit.fit(link, measured, at), measured=measured))
-        self._before = again[count - 1]
+            before = self._solve_again(window, before, replace(state, measured=measured), at, coupling)
+            again.append(before)
+            if number == count - 1:
+                self._before = replace(before, chart=Chart(window.at(before.number)))
+        window.relinearise()
         self._on_progress(1.0)
-        return smooth(again)[:count]
+        return [window.solution(state.number) for state in again[:count]]
+
+    def _solve_again(
+        self, window: Window, before: SolvedState | None, state: SolvedState, at: Coordinates, coupling: Coupling | None
+    ) -> SolvedState:
+        """A state with its other measurements, from coordinates given all of the forward pass."""
+        if before is None or state.motion is None:
+            link = StateLink.first(first_initial(at, self._motion, coupling))
+        else:
+            # A limb that was lost and found again did not begin anew.
+            motion = replace(state.motion, kept=np.ones_like(state.motion.kept))
+            link = StateLink.after(window, before, motion, state.steps)
+        fit = fit_state(link.prediction, self._factors.stages(state.measured), [at, link.prediction.at])
+        chart, measured = Chart(fit.at), self._factors.of(state.measured)
+        root = link.enter(window, chart, (), measured, 0)
+        return replace(state, number=link.number, chart=chart, square_root=root)
 
     def _coast(
-        self, states: Sequence[ChainState], smoothed: list[Coordinates], coupling: Coupling
+        self, states: Sequence[SolvedState], smoothed: list[Coordinates], coupling: Coupling
     ) -> dict[int, JointRotations]:
         """Rotations of coasting hinges where nothing drove them, by state; moves the coordinates there."""
         coasted: dict[int, JointRotations] = {}
@@ -89,7 +123,7 @@ class WholeRecording:
         return coasted
 
     def _predicted(
-        self, states: Sequence[ChainState], smoothed: Sequence[Coordinates], count: int
+        self, states: Sequence[SolvedState], smoothed: Sequence[Coordinates], count: int
     ) -> list[JointRotations]:
         """Unobserved joints by these states and those of the blocks before."""
         rotations = np.array([at.joints[:, :3, :3] for at in smoothed])
@@ -109,7 +143,7 @@ class WholeRecording:
         recent = slice(int(np.searchsorted(known[0], known[0][over - 1] - 1e9 * FORGET_S)), over)
         self._earlier = [each[recent] for each in known]
         improved = RecordedPoses(self._prior, *known).improve(by_prior)
-        return [each.replaced(state.by_static) for each, state in zip(improved, states, strict=True)]
+        return [each.replaced(state.static.joints()) for each, state in zip(improved, states, strict=True)]
 
 
 OFFLINE: Final = "offline"

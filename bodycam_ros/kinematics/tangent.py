@@ -20,7 +20,12 @@ from bodycam_ros.geometry import Array, adjoint, exp_so3, hat, inverse, log_jaco
 from bodycam_ros.kernels import as_rows
 from bodycam_ros.kinematics.joint import LOOSE_M, Joint, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
-from bodycam_ros.kinematics.tree_kernels import moved_motion, segment_tangents, steps_between
+from bodycam_ros.kinematics.tree_kernels import (
+    moved_motion,
+    segment_tangents,
+    step_jacobian,
+    steps_between,
+)
 
 GIVES_RAD, GIVES_M = 1.0, 0.25
 """A sigma of this size or more holds nothing: a seat that slides has one, a strap or a soft sole does not."""
@@ -145,6 +150,11 @@ class TreeTangent:
         start, end = (each.reshape(-1, *each.shape[-3:]) for each in (motion, to))
         steps: Array = steps_between(start, end, self._of_columns, self._carriers)
         return steps.reshape(*motion.shape[:-3], self.count)
+
+    def step_jacobian(self, step: Array) -> Array:
+        """(K, K) how the motions after an increment (K) move, by an increment of theirs, when the first one changes."""
+        jacobian: Array = step_jacobian(as_rows(step), self._of_columns, self._carriers, 1 + len(self.twists))
+        return jacobian
 
     def columns_of(self, joints: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """(K,) columns of some joints (J,) of the tree."""

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry_kernels import compose, exp_se3, inverse, log_se3, orthonormal
+from bodycam_ros.geometry_kernels import (
+    compose,
+    exp_se3,
+    exp_se3_jacobian,
+    inverse,
+    log_se3,
+    orthonormal,
+)
 from bodycam_ros.kernels import kernel
 
 Array = NDArray[np.float64]
@@ -84,3 +91,22 @@ def segment_tangents(poses: Array, rows: Whole, twists: Array, children: Whole, 
                     tangents[n, row, i, k] = T[0, i] * w[0] + T[1, i] * w[1] + T[2, i] * w[2]
                     tangents[n, row, 3 + i, k] = T[0, i] * u[0] + T[1, i] * u[1] + T[2, i] * u[2]
     return tangents
+
+
+@kernel("(f8[::1], f8[:, ::1], i8[::1], i8)")
+def step_jacobian(step: Array, twists: Array, carriers: Whole, count: int) -> Array:
+    """(K, K) how ``count`` motions after an increment (K) move, by increments of their own, when it changes."""
+    K = len(carriers)
+    jacobian, xi = np.zeros((K, K)), np.zeros((count, 6))
+    for k in range(K):
+        for i in range(6):
+            xi[carriers[k], i] += step[k] * twists[k, i]
+    for j in range(count):
+        by_change = exp_se3_jacobian(xi[j])
+        for a in range(K):
+            for b in range(K):
+                if carriers[a] == j and carriers[b] == j:
+                    for i in range(6):
+                        for m in range(6):
+                            jacobian[a, b] += twists[a, i] * by_change[i, m] * twists[b, m]
+    return jacobian

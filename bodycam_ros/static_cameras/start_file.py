@@ -20,7 +20,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.checked_fields import numbers_of
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
-from bodycam_ros.estimation.chain import first_poses
+from bodycam_ros.estimation.initial_pose import first_poses
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.shown import few, shown
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep

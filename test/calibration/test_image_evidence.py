@@ -6,7 +6,7 @@ from range_of_motion import known_body, range_of_motion, registrations, wide_cam
 
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.image_evidence import ImageEvidence, image_evidence
-from bodycam_ros.estimation.measurements import EvidenceSettings
+from bodycam_ros.estimation.mounted_cameras import EvidenceSettings
 from bodycam_ros.geometry import exp_se3, inverse, transform_points
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 

@@ -9,8 +9,10 @@ from moving_body import COVARIANCE, body_with_cameras, true_poses
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.camera_gate import gate_cameras
-from bodycam_ros.estimation.estimate import Coordinates, Estimate, Transition
-from bodycam_ros.estimation.measurements import SLIDES_M, SegmentPoses
+from bodycam_ros.estimation.coordinates import Coordinates
+from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
+from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
+from bodycam_ros.estimation.state_solution import Prediction
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.kinematics.tangent import TreeTangent
 from bodycam_ros.kinematics.tree import all_motion
@@ -21,14 +23,13 @@ CAMERAS = list(BODY.mounts)  # chest and back on the trunk, arm and wrist alone 
 SIGMA = 0.05  # [rad], [m] of the prediction
 
 
-def predicted_link(speed: float = 0.0) -> Transition:
-    """To a predicted state whose elbow turns at a speed [rad/s]."""
+def prediction(speed: float = 0.0) -> Prediction:
+    """A predicted state whose elbow turns at a speed [rad/s]."""
     poses = true_poses(BODY, 7)
     velocity = np.zeros(TANGENT.count)
     velocity[TANGENT.columns[BODY.joint_row["elbow"]]] = speed
     at = Coordinates(TANGENT, all_motion(poses[0], BODY.joint_poses(poses)), velocity)
-    covariance = SIGMA**2 * np.eye(2 * TANGENT.count)
-    return Transition(Estimate(at, covariance), Estimate(at, covariance), np.zeros_like(covariance), 1.0 / 30.0)
+    return Prediction(at, at, np.eye(2 * TANGENT.count) / SIGMA, 1.0 / 30.0)
 
 
 def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses:
@@ -45,7 +46,7 @@ def measured(off: dict[str, np.ndarray], body: BodyModel = BODY) -> SegmentPoses
 
 def accepted(off: dict[str, np.ndarray], unobserved: np.ndarray | None = None, speed: float = 0.0) -> list[str]:
     nothing = np.zeros(TANGENT.count, bool)
-    passes, _ = gate_cameras(predicted_link(speed), measured(off), nothing if unobserved is None else unobserved)
+    passes, _ = gate_cameras(prediction(speed), measured(off), nothing if unobserved is None else unobserved)
     return [camera for camera, each in zip(CAMERAS, passes, strict=True) if each]
 
 
@@ -96,22 +97,22 @@ def test_a_limb_that_turns_fast_may_stop_at_once() -> None:
 
 
 def test_a_body_that_rides_fast_is_gated_as_one_at_rest() -> None:
-    link = predicted_link()
+    predicted = prediction()
     velocity = np.zeros(TANGENT.count)
     velocity[3:6] = 10.0
-    after = replace(link.after, at=replace(link.after.at, velocity=velocity))
+    predicted = replace(predicted, at=replace(predicted.at, velocity=velocity))
     observed = np.zeros(TANGENT.count, bool)
-    passes, _ = gate_cameras(replace(link, after=after), measured({"wrist": shifted(0.5)}), observed)
+    passes, _ = gate_cameras(predicted, measured({"wrist": shifted(0.5)}), observed)
     assert [camera for camera, each in zip(CAMERAS, passes, strict=True) if not each] == ["wrist"]
 
 
 def test_coordinates_are_those_without_the_rejected_camera() -> None:
     off = {"wrist": shifted(5.0)}
     nothing = np.zeros(TANGENT.count, bool)
-    found, at = gate_cameras(predicted_link(), measured(off), nothing)
+    found, at = gate_cameras(prediction(), measured(off), nothing)
     all_cameras = measured(off)
-    kept = SegmentPoses(all_cameras.rows[:3], all_cameras.world_T_segment[:3], all_cameras.covariances[:3])
-    _, alone = gate_cameras(predicted_link(), kept, nothing)
+    kept = SegmentPoses(all_cameras.segments[:3], all_cameras.world_T_segment[:3], all_cameras.covariances[:3])
+    _, alone = gate_cameras(prediction(), kept, nothing)
     assert not found[3]
     # Both are linearised where their iterations ended.
     assert np.abs(at.step_to(alone)).max() < 2e-3

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import gtsam
 import numpy as np
 import pytest
 from athlete_frames import Sight, Solved, solved
@@ -11,10 +12,13 @@ from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import CONFIRM_FRAMES, CouplingSettings
+from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import Coupling
-from bodycam_ros.estimation.measurements import SLIDES_M
-from bodycam_ros.estimation.motion_model import MotionModel, MotionSettings
-from bodycam_ros.estimation.whole_recording import SmootherSettings
+from bodycam_ros.estimation.factors.factor import state_key
+from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
+from bodycam_ros.estimation.factors.motion import MotionModel, MotionSettings
+from bodycam_ros.estimation.whole_recording import SmootherSettings, first_initial
+from bodycam_ros.estimation.window import Window
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
@@ -110,16 +114,26 @@ def test_radius_offset_and_centre_are_known_after_three_turns(delay: int | str) 
 
 
 def test_lengths_that_stay_have_a_covariance_after_minutes() -> None:
-    """Their rates fade, and a covariance that has no inverse ends a recording."""
+    """Nothing accelerates them, and an information without an inverse ends a recording."""
     equipment, settings = unmeasured(), MotionSettings()
     coupling = Coupling(coupled_body(BODY, equipment), equipment, CouplingSettings(), settings)
     tangent = TreeTangent(coupling.body, SLIDES_M)
     motion = MotionModel(tangent, settings)
-    state = coupling.initial(motion.initial(np.tile(np.eye(4), (1 + len(tangent.twists), 1, 1))))
+    at = Coordinates(tangent, np.tile(np.eye(4), (1 + len(tangent.twists), 1, 1)), np.zeros(tangent.count))
+    initial = first_initial(at, motion, coupling)
+    chart, graph, window = Chart(initial.at), gtsam.NonlinearFactorGraph(), Window(tangent.count)
+    graph.add(initial.factor(state_key(0), chart))
+    window.add(0, chart, graph, 0)
     prior = coupling.motion.prior(coupling.attachments.active)
-    for _ in range(100):
-        state = motion.predict(state, 1.0, prior).after
-    assert np.diag(state.covariance).min() > 1e-14
+    for number in range(1, 101):
+        before, chart, graph = chart, Chart(window.at(number - 1)), gtsam.NonlinearFactorGraph()
+        keys = state_key(number - 1), state_key(number)
+        graph.add(motion.between(before.origin, 1.0, prior).factor(keys, (before, chart)))
+        window.add(number, chart, graph, number)
+    variances = np.diag(window.covariance(100))
+    assert variances.min() > 1e-14 and np.isfinite(variances).all()
+    lengths = np.sqrt(variances[tangent.count + coupling._length_columns])
+    np.testing.assert_allclose(lengths, 0.0, atol=1.1 * coupling._lengths.priors.max())
 
 
 def leg_errors(done: Solved) -> Array:

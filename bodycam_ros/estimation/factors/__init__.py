@@ -1,0 +1,1 @@
+"""The factors of the graph: each with its residual, its Jacobian and the equation that it is."""

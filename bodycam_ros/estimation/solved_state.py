@@ -1,0 +1,98 @@
+"""One state of the window: its measurements and factors, and what its publication waits for."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bodycam_ros.estimation.attachments import ActiveAttachments
+from bodycam_ros.estimation.coordinates import Chart
+from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
+from bodycam_ros.estimation.factors.joint_rotations import JointRotations
+from bodycam_ros.estimation.factors.motion import Motion
+from bodycam_ros.estimation.factors.segment_steps import SegmentStep
+from bodycam_ros.estimation.static_evidence import StaticObservation
+from bodycam_ros.geometry import Array
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """All measurements of one state.
+
+    Attributes:
+        cameras: poses of segments.
+        expected: rotations of unobserved joints.
+        closed: attachment that closes a loop now -> sigmas from which on it counts less.
+    """
+
+    cameras: SegmentPoses
+    expected: JointRotations
+    closed: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class SolvedState:
+    """One state of the window.
+
+    Attributes:
+        number: of the state, from the first of the recording on.
+        stamp_ns: its time [ns].
+        stamps_ns: camera -> stamp of its own image [ns].
+        chart: vectors about the coordinates that fitted its measurements first.
+        dt_s: since the state before [s]; 0 at a first state.
+        motion: prior since the state before; None at a first state.
+        steps: measurements between the state before and this one.
+        measured: measurements of this state.
+        joints_observed: (J,) whether body cameras observe both segments.
+        turning: (J,) whether the rotations of both are measured at least.
+        static: what static cameras observed.
+        observed: (S,) whether a body camera on the segment, or a static camera, observes it.
+        cameras_used: accepted cameras.
+        converged: whether the fit did.
+        active: which attachments of equipment are; None without equipment, or before it is placed.
+        square_root: (2K, 2K) of its information when it was the newest.
+        unobserved: (J,) joints that a later frame may still determine, by the rotations measured until then.
+        is_unmeasured: whether neither this state nor a later one was observed.
+        is_published: whether it has been published.
+    """
+
+    number: int
+    stamp_ns: int
+    stamps_ns: Mapping[str, int]
+    chart: Chart
+    dt_s: float
+    motion: Motion | None
+    steps: tuple[SegmentStep, ...]
+    measured: Measurements
+    joints_observed: Mask
+    turning: Mask
+    static: StaticObservation
+    observed: Mask
+    cameras_used: int
+    converged: bool
+    active: ActiveAttachments | None
+    square_root: Array
+    unobserved: Mask = field(init=False)
+    is_unmeasured: bool = field(init=False)
+    is_published: bool = False
+
+    def __post_init__(self) -> None:
+        self.unobserved, self.is_unmeasured = ~self.joints_observed, not self.is_observed
+
+    @property
+    def is_observed(self) -> bool:
+        """Whether any camera was accepted."""
+        return bool(self.observed.any())
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether later frames may still determine what was not observed."""
+        return self.is_unmeasured or bool(self.unobserved.any())
+
+    def follow(self, latest: "SolvedState") -> None:
+        """Update what it waits for by a later state."""
+        self.unobserved &= latest.turning & ~latest.joints_observed
+        self.is_unmeasured = self.is_unmeasured and not latest.is_observed
