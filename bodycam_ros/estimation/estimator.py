@@ -52,6 +52,10 @@ _BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb 
 CARRIED_S = 5.0
 """The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
 
+_AGREE_S = 0.5  # how long a recording waits for first frames in which few cameras contradict the others
+_FEW = 0.2  # share of the cameras that is few
+_KNOWN = 3  # states after which the motion is known
+_PREDICTED_S = 0.2  # how long a prediction of what is not observed may reject cameras: velocities fade as fast
 _NO_OPINION = 1e6  # sigma [rad], [m] and of their rates, of a prior on other coordinates
 _BENT = 0.2  # of the first guess: from a straight knee, the pose of a foot bends it backwards as well as forwards
 
@@ -123,6 +127,8 @@ class BodyEstimator:
     def _restart(self) -> None:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
         self._states: list[SolvedState] = []
+        self._start_ns: int | None = None  # of the first frame with a registered camera
+        self._unobserved_s = np.zeros(1 + len(self.body.tree_joints))  # of the body as a whole, and of each joint
         self._window = self._new_window()
         self._static = StaticEvidence(self.body, self._static_cameras, self._published.stop)
         self._whole.reset()
@@ -160,13 +166,18 @@ class BodyEstimator:
         if not self._states:
             placed = self._static.place(frame, registered.values())
             if registered or placed:
-                self._states.append(self._first(frame, registered, placed))
+                self._add(self._first(frame, registered, placed))
         else:
             for stamp_ns in missing_ns:
-                self._states.append(self._next(BodyFrame(stamp_ns, {}), {}))
+                self._add(self._next(BodyFrame(stamp_ns, {}), {}))
                 self.interpolated += 1
-            self._states.append(self._next(frame, registered))
+            self._add(self._next(frame, registered))
         return states + self._publish()
+
+    def _add(self, state: SolvedState | None) -> None:
+        """Add a state, if there is one."""
+        if state is not None:
+            self._states.append(state)
 
     def _max_pause_s(self, stamp_ns: int) -> float:
         """The longest gap before a stamp [ns] that is filled: with inertial sensors on the root, a longer one."""
@@ -175,16 +186,36 @@ class BodyEstimator:
             return longest_s
         return max(longest_s, CARRIED_S) if self._inertial.carry(last_ns, stamp_ns) else longest_s
 
-    def _first(self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]) -> SolvedState:
-        """The first state, where cameras measured the body or it was placed by hand."""
+    def _first(
+        self, frame: BodyFrame, registered: Mapping[str, SegmentPose], placed: list[SegmentPose]
+    ) -> SolvedState | None:
+        """The first state, where cameras measured the body or it was placed by hand; None where they contradict."""
         poses = first_poses(self.body, [*registered.values(), *placed], _BENT)
         motion = self.body.motion_of(poses, self._tangent.slides)
         at = Coordinates(self._tangent, motion, np.zeros(self._tangent.count))
         link = StateLink.first(first_initial(at, self._motion, self._coupling))
+        if not placed and not self._agree(registered, link.prediction, frame.stamp_ns):
+            return None
         return self._solve(frame, registered, link, placed)
 
-    def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> SolvedState:
-        """A state after another: the motion prior (A eq. 10-11), and the rotations measured since (A eq. 2)."""
+    def _agree(self, registered: Mapping[str, SegmentPose], prediction: Prediction, stamp_ns: int) -> bool:
+        """Whether cameras agree enough where no motion is known yet that shows which of them is wrong.
+
+        Nearly all of them must for half a second, then most.
+        """
+        accepted, _ = self._gated(registered, prediction)
+        self._start_ns = self._start_ns or stamp_ns
+        wrong, waited = len(registered) - len(accepted), stamp_ns - self._start_ns > 1e9 * _AGREE_S
+        agree = wrong <= len(accepted) if waited else wrong < _FEW * len(registered) or not wrong
+        if not agree:
+            self.rejected.update(registered.keys() - accepted.keys())
+        return agree
+
+    def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> SolvedState | None:
+        """A state after another: the motion prior (A eq. 10-11), and the rotations measured since (A eq. 2).
+
+        None where cameras contradict each other before the motion is known.
+        """
         before, coupling = self._states[-1], self._coupling
         dt_s = 1e-9 * (frame.stamp_ns - before.stamp_ns)
         needs_turn = ~(before.observed & self.body.named(pose.segment for pose in registered.values()))
@@ -203,7 +234,10 @@ class BodyEstimator:
         if turned:
             beside = np.isin(self.body.joint_ends, turned).any(axis=1)
             motion = motion.loosened(self._tangent.columns_of(np.asarray(beside)) & self._tangent.turns)
-        return self._solve(frame, registered, StateLink.after(self._window, before, motion, tuple(steps)))
+        link = StateLink.after(self._window, before, motion, tuple(steps))
+        if link.number < _KNOWN and registered and not self._agree(registered, link.prediction, frame.stamp_ns):
+            return None
+        return self._solve(frame, registered, link)
 
     def _restarted(self, link: StateLink, at: Coordinates, columns: Mask) -> StateLink:
         """The same link, but some coordinates (K) are initial, at given ones, and without a past."""
@@ -226,7 +260,8 @@ class BodyEstimator:
     ) -> SolvedState:
         """One state: gate the cameras, collect the other measurements, fit, add contacts, and enter the window."""
         ends, dt_s = self.body.joint_ends, link.prediction.dt_s
-        accepted, start = self._gate(registered, link.prediction)
+        accepted, start = self._gated(registered, link.prediction)
+        self.rejected.update(registered.keys() - accepted.keys())
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
         # Limbs where static cameras found them (B 2). One that was found elsewhere did not move there.
@@ -253,6 +288,8 @@ class BodyEstimator:
         fit = fit_state(link.prediction, self._factors.stages(measured), [start])
         self.unconverged += not fit.converged
         self._prior.add(fit.at.joints[:, :3, :3], joints_observed, dt_s)
+        unmeasured = np.append(not observed.any(), ~joints_observed)
+        self._unobserved_s = np.where(unmeasured, self._unobserved_s + dt_s, 0.0)
         # Points of the soles that rest.
         resting = self._soles.resting(link.prediction.before.poses, fit.at.poses, dt_s, turning)
         if link.before is None:
@@ -292,23 +329,23 @@ class BodyEstimator:
         if self._coupling and self._coupling.has_lengths:
             self._coupling.remember_lengths(self._window.at(state.number), _covariance(state.square_root))
 
-    def _gate(
+    def _gated(
         self, registered: Mapping[str, SegmentPose], prediction: Prediction
     ) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
         accepted, at = gate_cameras(prediction, poses, self._unobserved_columns())
-        self.rejected.update(name for name, passes in zip(registered, accepted, strict=True) if not passes)
         return {name: pose for (name, pose), passes in zip(registered.items(), accepted, strict=True) if passes}, at
 
     def _unobserved_columns(self) -> Mask:
-        """(K,) coordinates that nothing measured in the state before: no reason to reject a camera that does now."""
+        """(K,) coordinates that nothing measured for a while: no reason to reject a camera that does now.
+
+        For a moment a prediction is as good as its covariance; then it is that of the pose prior, which is a guess.
+        """
         if not self._states:
             return np.ones(self._tangent.count, bool)
-        before = self._states[-1]
-        unobserved = self._tangent.columns_of(~before.joints_observed)
-        unobserved[:6] = not before.observed.any()
-        return unobserved
+        unobserved = self._unobserved_s > _PREDICTED_S
+        return np.append(np.full(6, unobserved[0]), self._tangent.columns_of(unobserved[1:])[6:])
 
     def _couple(
         self, coupling: Coupling, coupled: CoupledState, measured: Measurements, link: StateLink
