@@ -51,6 +51,7 @@ class BodyState:
         observed: (S,) whether a camera on the segment was registered and accepted; else the pose follows from its
             joints, from smoothness and from the poses that the body has been seen in.
         cameras_used: how many cameras were registered and accepted.
+        converged: whether the fit of the state did; if not, its covariances are widened.
         equipment: how the body is coupled to what it rides, holds or stands on; None without such.
     """
 
@@ -60,6 +61,7 @@ class BodyState:
     uncertainty: BodyUncertainty
     observed: NDArray[np.bool_]
     cameras_used: int
+    converged: bool = True
     equipment: EquipmentReport | None = None
 
     @property

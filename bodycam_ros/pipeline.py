@@ -6,7 +6,6 @@ What happens to one camera is in ``camera_pipeline.py``; ``SkeletonPipeline`` is
 registrations.
 """
 
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 import numpy as np
@@ -19,6 +18,7 @@ from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import CARRIED_S, BodyEstimator
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.mounted_cameras import evidence_floor
+from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticCameras
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.inertial.imu_samples import ImuSamples
@@ -86,8 +86,7 @@ class SkeletonPipeline:
         for camera, samples in (imus or {}).items():
             self.inertial.add(camera, samples)
         self._silence, self._is_carried = Silence(), False
-        self._interpolated = 0
-        self._rejected: Counter[str] = Counter()
+        self._counts = SolverCounts()
         self._begin()
 
     def _begin(self) -> None:
@@ -112,14 +111,9 @@ class SkeletonPipeline:
         self._solved_ns = -1
 
     @property
-    def interpolated(self) -> int:
-        """Instants at which all cameras were silent, filled in so far."""
-        return self._interpolated + self._smoother.interpolated
-
-    @property
-    def rejected(self) -> Counter[str]:
-        """Camera -> instants at which it was rejected."""
-        return self._rejected + self._smoother.rejected
+    def counts(self) -> SolverCounts:
+        """Counts of the whole recording, whatever its stamps do."""
+        return self._counts + self._smoother.counts
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
         """Add one sample of a camera's inertial sensor as it comes; live, outputs while all cameras are silent.
@@ -166,8 +160,7 @@ class SkeletonPipeline:
         for frame in frames:
             if frame.stamp_ns <= self._solved_ns:
                 outputs += self._outputs(self._smoother.flush())
-                # Counts are of the whole recording, whatever its stamps do.
-                self._interpolated, self._rejected = self.interpolated, self.rejected
+                self._counts = self.counts
                 self._begin()
             self._solved_ns = frame.stamp_ns
             self.inertial.set_clocks(self.clocks.corrections)
@@ -185,7 +178,7 @@ class SkeletonPipeline:
                 break
             outputs += self._solve([BodyFrame(stamp_ns, {})])
             self.assembler.skip(stamp_ns)
-            self._interpolated += 1
+            self._counts.interpolated += 1
         return outputs
 
     def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:

@@ -7,7 +7,6 @@ recording is the length of the window.
 """
 
 import logging
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -33,11 +32,12 @@ from bodycam_ros.estimation.initial_pose import first_poses
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.pose_prior import PosePrior
 from bodycam_ros.estimation.solved_state import Measurements, SolvedState
+from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.state_factors import StateFactors
 from bodycam_ros.estimation.state_link import Initial, StateLink
 from bodycam_ros.estimation.state_solution import Prediction, fit_state
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
-from bodycam_ros.estimation.uncertainty import body_uncertainty
+from bodycam_ros.estimation.uncertainty import body_uncertainty, widened
 from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording, first_initial
 from bodycam_ros.estimation.window import Window, WindowError
 from bodycam_ros.geometry import Array
@@ -75,10 +75,7 @@ class BodyEstimator:
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
-        rejected: camera -> states in which its registration was rejected.
-        interpolated: states without any image that were filled in.
-        unconverged: states whose fit did not converge.
-        restarted: how often gtsam failed, and a new window was begun from the latest prediction.
+        counts: of frames and states so far.
 
     Raises:
         BodyError: no camera is mounted on the body, and there is no static camera.
@@ -120,8 +117,7 @@ class BodyEstimator:
         self._gaps = FrameGaps()
         self._whole = WholeRecording(self._motion, self._factors, self._prior, on_progress)
         self._root = body.segment_index[body.root]
-        self.rejected: Counter[str] = Counter()
-        self.interpolated = self.unconverged = self.restarted = 0
+        self.counts = SolverCounts()
         self._restart()
 
     def _restart(self) -> None:
@@ -170,7 +166,7 @@ class BodyEstimator:
         else:
             for stamp_ns in missing_ns:
                 self._add(self._next(BodyFrame(stamp_ns, {}), {}))
-                self.interpolated += 1
+                self.counts.interpolated += 1
             self._add(self._next(frame, registered))
         return states + self._publish()
 
@@ -208,7 +204,8 @@ class BodyEstimator:
         wrong, waited = len(registered) - len(accepted), stamp_ns - self._start_ns > 1e9 * _AGREE_S
         agree = wrong <= len(accepted) if waited else wrong < _FEW * len(registered) or not wrong
         if not agree:
-            self.rejected.update(registered.keys() - accepted.keys())
+            self.counts.contradictory += 1
+            self.counts.rejected.update(registered.keys() - accepted.keys())
         return agree
 
     def _next(self, frame: BodyFrame, registered: Mapping[str, SegmentPose]) -> SolvedState | None:
@@ -261,7 +258,7 @@ class BodyEstimator:
         """One state: gate the cameras, collect the other measurements, fit, add contacts, and enter the window."""
         ends, dt_s = self.body.joint_ends, link.prediction.dt_s
         accepted, start = self._gated(registered, link.prediction)
-        self.rejected.update(registered.keys() - accepted.keys())
+        self.counts.rejected.update(registered.keys() - accepted.keys())
         known = [*accepted.values(), *placed]
         on_body = self.body.named(pose.segment for pose in accepted.values())
         # Limbs where static cameras found them (B 2). One that was found elsewhere did not move there.
@@ -286,7 +283,7 @@ class BodyEstimator:
             start = coupled.start
         # The state that fits them best (A eq. 8, B eq. 15).
         fit = fit_state(link.prediction, self._factors.stages(measured), [start])
-        self.unconverged += not fit.converged
+        self.counts.unconverged += not fit.converged
         self._prior.add(fit.at.joints[:, :3, :3], joints_observed, dt_s)
         unmeasured = np.append(not observed.any(), ~joints_observed)
         self._unobserved_s = np.where(unmeasured, self._unobserved_s + dt_s, 0.0)
@@ -323,7 +320,7 @@ class BodyEstimator:
             state.square_root = link.enter(self._window, state.chart, resting, measured, oldest)
         except WindowError as error:
             logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * state.stamp_ns, error)
-            self.restarted += 1
+            self.counts.restarted += 1
             self._window = self._new_window()
             state.square_root = link.restart(self._window, state.chart, measured)
         if self._coupling and self._coupling.has_lengths:
@@ -416,6 +413,8 @@ class BodyEstimator:
     def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
         report, rows, root_observed = None, self._published, bool(state.observed[self._root])
         uncertainty = state.static.widen(body_uncertainty(at, covariance, state.dt_s, root_observed))
+        if not state.converged:
+            uncertainty = widened(uncertainty)
         if self._coupling:
             report = self._coupling.report(at, covariance, state.active)
         joints, segments = uncertainty.joints[self._published_joints], uncertainty.segments[rows]
@@ -426,6 +425,7 @@ class BodyEstimator:
             uncertainty=replace(uncertainty, joints=joints, segments=segments),
             observed=state.observed[rows],
             cameras_used=state.cameras_used,
+            converged=state.converged,
             equipment=report,
         )
 

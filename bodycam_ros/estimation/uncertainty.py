@@ -1,5 +1,7 @@
 """Published covariances of a state, by the marginal covariance of its coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from bodycam_ros.body_state import BodyUncertainty
@@ -8,6 +10,8 @@ from bodycam_ros.geometry import Array
 
 _CORRELATED_S = 0.3  # errors of registrations last so long (0.9 from image to image at 30 Hz): differences err less
 _BODY = np.diag(np.repeat([0.0002, 0.0006], 3) ** 2)  # [rad], [m] of the calibrated body, the same in all states
+
+_UNCONVERGED = np.diag(np.repeat([0.3, 0.1], 3) ** 2)  # [rad], [m] of a state whose fit did not converge
 
 
 def body_uncertainty(at: Coordinates, covariance: Array, dt_s: float, root_observed: bool) -> BodyUncertainty:
@@ -30,3 +34,13 @@ def body_uncertainty(at: Coordinates, covariance: Array, dt_s: float, root_obser
         # The difference of two poses whose errors are nearly the same.
         twist = 2.0 * (1.0 - np.exp(-dt_s / _CORRELATED_S)) / dt_s**2 * root
     return BodyUncertainty(root, twist, joints, segments)
+
+
+def widened(uncertainty: BodyUncertainty) -> BodyUncertainty:
+    """The covariances of a state whose fit did not converge: it may be anywhere near."""
+    return replace(
+        uncertainty,
+        root=uncertainty.root + _UNCONVERGED,
+        joints=uncertainty.joints + 2.0 * _UNCONVERGED[:3, :3],
+        segments=uncertainty.segments + _UNCONVERGED,
+    )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body_state import BodyState
+from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.live.camera_diagnostics import LOW_SHARE, clock_values
 from bodycam_ros.live.dropped_messages import DroppedMessages
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
@@ -90,7 +91,8 @@ class SolverDiagnostics:
         dropped = self._dropped
         late = pipeline.assembler.late if pipeline else 0
         lost, self._late_reported = dropped.count_new() + max(0, late - self._late_reported), late
-        rejected = pipeline.rejected if pipeline else Counter()
+        counts = pipeline.counts if pipeline else SolverCounts()
+        rejected = counts.rejected
         rejections, self._rejected_reported = rejected - self._rejected_reported, rejected.copy()
         values: dict[str, object] = {
             "registrations per second": tally.received,
@@ -100,7 +102,7 @@ class SolverDiagnostics:
             "cameras used per frame": round(tally.cameras_used / max(1, tally.solved), 1),
             "late registrations": late,
             "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
-            "frames interpolated": pipeline.interpolated if pipeline else 0,
+            **solver_status(counts).values,
             "restarts": pipeline.timeline.epoch if pipeline else 0,
             **dropped.values,
         }
@@ -134,6 +136,18 @@ class SolverDiagnostics:
         if tally.predicted or lost:
             return StatusLevel.WARN, "solving, with losses"
         return StatusLevel.OK, "solving"
+
+
+def solver_status(counts: SolverCounts) -> Status:
+    """Counts of a whole recording."""
+    values: dict[str, object] = {
+        "frames interpolated": counts.interpolated,
+        "frames not converged": counts.unconverged,
+        "contradictory frames at the start": counts.contradictory,
+        "windows begun anew": counts.restarted,
+    }
+    remarks = counts.remarks()
+    return Status("solver", StatusLevel.WARN if remarks else StatusLevel.OK, "; ".join(remarks) or "solved", values)
 
 
 def _sensor_status(pipeline: "SkeletonPipeline | None") -> list[Status]:

@@ -13,6 +13,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics, verdict_status
+from bodycam_ros.live.solver_diagnostics import solver_status
 from bodycam_ros.messages.body import output_messages
 from bodycam_ros.messages.diagnostics import Status, diagnostics_message, text_message
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
@@ -145,8 +146,9 @@ class ReplayOutput:
         findings = (*equipment_findings(summary.equipment, self._equipment), *self._static.findings(bare))
         summary.verdict = judge(poses, findings)
         self._writer.write(VERDICT, self._latest_ns, text_message(self._make, verdict_text(summary.verdict)))
-        self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict))
-        summary.interpolated, summary.rejected = skeleton.interpolated, skeleton.rejected
+        self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(skeleton.counts))
+        counts = skeleton.counts
+        summary.interpolated, summary.rejected = counts.interpolated, counts.rejected
         summary.instants = skeleton.assembler.assembled + summary.interpolated
         summary.late = skeleton.assembler.late
         if summary.late:
@@ -156,7 +158,7 @@ class ReplayOutput:
                 summary.late,
             )
         doubts = self._readouts.doubts().values()
-        summary.remarks = (*self._spans.remarks(), *doubts, *skeleton.inertial.remarks())
+        summary.remarks = (*self._spans.remarks(), *doubts, *skeleton.inertial.remarks(), *counts.remarks())
 
     def _begin(self, stamp_ns: int) -> None:
         """What is known from the start: the map, if there is one."""

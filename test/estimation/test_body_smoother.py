@@ -115,7 +115,7 @@ def test_a_silence_of_all_cameras_is_bridged_and_flagged(body, cameras) -> None:
     for before, frame in zip((-1, *frames), frames, strict=False):
         states += smoother.update(frame_after(body, before, frame, rng))
     by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states + smoother.flush()}
-    assert list(by_frame) == list(range(60)) and smoother.interpolated == 15
+    assert list(by_frame) == list(range(60)) and smoother.counts.interpolated == 15
     silent = {frame: state for frame, state in by_frame.items() if 30 <= frame < 45}
     assert all(state.predicted and not state.observed.any() for state in silent.values())
     assert position_errors(body, silent).max() < 0.06

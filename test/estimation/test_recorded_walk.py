@@ -66,7 +66,7 @@ def test_one_wrong_camera_overrules_nobody(walk: Walk, undisturbed: list[BodySta
         return dataclasses.replace(matches, world_T_camera=aside @ matches.world_T_camera)
 
     skeleton, states = walk.solve(moved)
-    assert skeleton.rejected == {camera: len(undisturbed)}
+    assert skeleton.counts.rejected == {camera: len(undisturbed)}
     ours, usual = (np.stack([state.world_T_segment for state in each]) for each in (states, undisturbed))
     assert np.linalg.norm((ours - usual)[..., :3, 3], axis=-1).max() < 0.012
     # Of a segment whose own camera is rejected nothing but its neighbours says how it is turned.

@@ -69,7 +69,7 @@ def test_registrations_that_are_noise_are_survived(camera: str) -> None:
         frames.append(BodyFrame(frame.stamp_ns, matches))
     smoother = BodyEstimator(body, lenses(body))
     states = solve(smoother, frames)
-    counts = smoother.rejected
+    counts = smoother.counts.rejected
     assert counts[camera] > 50 and sum(counts.values()) < 70
     by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states}
     chest = position_errors(body, by_frame)[:, 0]
@@ -108,10 +108,10 @@ def test_counts_are_of_the_whole_recording_when_its_time_begins_anew() -> None:
     ]
     pipeline = SkeletonPipeline(body, lenses(body), PipelineSettings(), live=True)
     pipeline._solve(frames)
-    once = pipeline.rejected["back"]
+    once = pipeline.counts.rejected["back"]
     pipeline._solve(frames)
     assert once > 0
-    assert pipeline.rejected["back"] == 2 * once
+    assert pipeline.counts.rejected["back"] == 2 * once
 
 
 def leg_of(cameras: dict[str, str]) -> BodyModel:
