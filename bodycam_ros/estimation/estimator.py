@@ -111,7 +111,6 @@ class BodyEstimator:
         self._tangent = TreeTangent(self.body, SLIDES_M)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
         coupled = coupling.joint_names if coupling else frozenset[str]()
-        self._of_person = np.array([joint.name not in coupled for joint in self.body.tree_joints], bool)
         self._prior = PosePrior(self.body, coupled)
         self._factors = StateFactors(self._tangent, coupled)
         self._gaps = FrameGaps()
@@ -324,7 +323,7 @@ class BodyEstimator:
             self._window = self._new_window()
             state.square_root = link.restart(self._window, state.chart, measured)
         if self._coupling and self._coupling.has_lengths:
-            self._coupling.remember_lengths(self._window.at(state.number), _covariance(state.square_root))
+            self._coupling.remember_lengths(self._window.at(state.number), state.covariance)
 
     def _gated(
         self, registered: Mapping[str, SegmentPose], prediction: Prediction
@@ -384,31 +383,20 @@ class BodyEstimator:
         pending = [state for state in self._states[:count] if not state.is_published]
         if not pending:
             return []
+        waiting = pending
         if self.settings.whole_recording:
             waiting = [state for state in self._states if not state.is_published]
-            solutions = self._whole.solve(
-                waiting, len(pending), [self._first_solution(each) for each in waiting], self._coupling
-            )
-        else:
-            solutions = [self._solution(state) for state in pending]
+        solutions = [(self._smoothed(state), state.covariance) for state in waiting]
+        if self.settings.whole_recording:
+            solutions = self._whole.solve(waiting, len(pending), [at for at, _ in solutions], self._coupling)
         for state in pending:
             state.is_published = True
         self._states = [state for state in self._states[:-1] if not state.is_published] + self._states[-1:]
         return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=True)]
 
-    def _first_solution(self, state: SolvedState) -> Coordinates:
+    def _smoothed(self, state: SolvedState) -> Coordinates:
         """Coordinates of a state by the window, or as they were when a window failed."""
         return self._window.at(state.number) if state.number in self._window else state.chart.origin
-
-    def _solution(self, state: SolvedState) -> tuple[Coordinates, Array]:
-        """Coordinates and covariance (2K, 2K) of a state by the window, or as they were when a window failed.
-
-        Later frames add nothing to the covariance of a body that cameras observed: their errors are the same.
-        """
-        is_whole = state.is_observed and state.joints_observed[self._of_person].all()
-        if is_whole or state.number not in self._window:
-            return self._first_solution(state), _covariance(state.square_root)
-        return self._window.solution(state.number)
 
     def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
         report, rows, root_observed = None, self._published, bool(state.observed[self._root])
@@ -428,9 +416,3 @@ class BodyEstimator:
             converged=state.converged,
             equipment=report,
         )
-
-
-def _covariance(square_root: Array) -> Array:
-    """Inverse of the information with a square root."""
-    inverse_root = np.linalg.inv(square_root)
-    return np.asarray(inverse_root @ inverse_root.T, np.float64)

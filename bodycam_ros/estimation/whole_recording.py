@@ -85,7 +85,7 @@ class WholeRecording:
                 self._before = replace(before, chart=Chart(window.at(before.number)))
         window.relinearise()
         self._on_progress(1.0)
-        return [window.solution(state.number) for state in again[:count]]
+        return [(window.at(state.number), state.covariance) for state in again[:count]]
 
     def _solve_again(
         self, window: Window, before: SolvedState | None, state: SolvedState, at: Coordinates, coupling: Coupling | None

@@ -109,20 +109,11 @@ class Window:
         """Coordinates of a state given all measurements of the window."""
         return self._charts[number].at(self.vector(number))
 
-    def solution(self, number: int) -> tuple[Coordinates, Array]:
-        """Coordinates of a state, and their marginal covariance (2K, 2K), velocities first."""
-        return self.at(number), self.covariance(number)
-
     def square_root(self, number: int) -> Array:
         """(2K, 2K) upper triangular square root of the information of a state about its estimate."""
         conditional = self._isam.marginalFactor(state_key(number))
         # The matrix is a view of the conditional's memory.
         return np.array(conditional.R())
-
-    def covariance(self, number: int) -> Array:
-        """(2K, 2K) marginal covariance of a state, velocities first."""
-        covariance: Array = self._isam.marginalCovariance(state_key(number))
-        return covariance
 
 
 def _key_beside(number: int) -> int:
