@@ -8,7 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.writer import Writer as McapWriter
-from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
+from tiny_bag import (
+    FRAME_NS,
+    HEIGHT,
+    START_NS,
+    WIDTH,
+    write_by_rosbags,
+    write_camera_info,
+    write_jpeg,
+    write_tiny_bag,
+)
 
 from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
@@ -225,8 +234,8 @@ def test_folder_with_broken_metadata(tiny_bag: Path, text: str) -> None:
     refused(tiny_bag)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.95, 0.999])
-def test_truncated_bag_says_that_it_is_cut_off(tiny_bag: Path, share: float) -> None:
+@pytest.mark.parametrize("share", [0.05, 0.5])
+def test_a_bag_that_is_cut_off_before_any_message_is_refused(tiny_bag: Path, share: float) -> None:
     file = tiny_bag / "tiny.mcap"
     content = file.read_bytes()
     file.write_bytes(content[: int(share * len(content))])
@@ -244,6 +253,7 @@ def test_damage_in_the_middle_is_an_error_not_a_traceback(tiny_bag: Path) -> Non
 
 def test_what_is_lost_inside_is_counted_against_the_metadata(tiny_bag: Path) -> None:
     """Zeros over two messages: nothing in the file tells that something was there, but the statistics do."""
+    write_by_rosbags(tiny_bag)
     file = tiny_bag / "tiny.mcap"
     content = bytearray(file.read_bytes())
     images = [place for place in messages_of(content) if place.stop - place.start > 400]
