@@ -21,6 +21,7 @@ from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.recording.bag_file import METADATA
+from bodycam_ros.recording.bag_records import PROGRAM, program_record
 from bodycam_ros.recording.mcap_storage import BagWriter
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
@@ -121,7 +122,7 @@ def write_recording(path: Path, force: bool = False, command: str = REPLAY) -> I
     Args:
         path: the folder to be.
         force: replace a bag of the same command that is there already.
-        command: for the bag's metadata.
+        command: for the bag's metadata, which has the versions of program and libraries too.
 
     Raises:
         OutputError: it cannot be written, or what is there must not be replaced.
@@ -131,6 +132,7 @@ def write_recording(path: Path, force: bool = False, command: str = REPLAY) -> I
         writer.set_custom_data(_WRITTEN_BY, command)
         with failure_named(path):
             writer.open()
+            writer.file.add_metadata(PROGRAM, program_record(command))
         try:
             yield RecordingWriter(path, writer)
         except BaseException:
