@@ -23,7 +23,6 @@ MAP, BODY, RECORDING, SETTINGS, EQUIPMENT = "map", "body", "recording", "setting
 BODY_FILE, VERDICT_FILE = "body.yaml", "verdict.json"
 """Attachments: the body as its file describes it, and the quality findings as on ``/verdict``."""
 
-
 _MEASURED_IN = "measured_in_"
 
 
@@ -76,6 +75,14 @@ class Provenance:
     def read(cls, path: Path) -> "Provenance":
         """Of a bag folder or file."""
         return cls(path, read_bag_records(path))
+
+    def copy_to(self, writer: RecordingWriter, stamp_ns: int) -> None:
+        """Append the records of map, body, recording and equipment, and the body's file, to a bag made from this."""
+        for name in (MAP, BODY, RECORDING, EQUIPMENT):
+            if (record := self.records.metadata.get(name)) is not None:
+                writer.add_metadata(name, record)
+        if (body := self.records.attachments.get(BODY_FILE)) is not None:
+            writer.attach(BODY_FILE, "application/yaml", body.decode(errors="replace"), stamp_ns)
 
     @property
     def sources(self) -> dict[str, dict[str, str]]:
