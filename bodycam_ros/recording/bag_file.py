@@ -16,6 +16,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.damaged_bag import DamagedBag
 from bodycam_ros.recording.typestore import recording_typestore
+from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -94,7 +95,7 @@ def _mcap_fault(path: Path) -> str | None:
         )
     profile = _profile(start)
     if profile is not None and profile != "ros2":
-        return f"is MCAP, but not from ROS 2: its profile is '{profile}', expected 'ros2'; convert it to a ros2 bag"
+        return f"is not from ROS 2, though MCAP: its profile is {shown(profile)}, not 'ros2'; convert it to a ros2 bag"
     return None
 
 
@@ -253,6 +254,13 @@ def _opened(path: Path) -> Reader | DamagedBag:
             with suppress(RecordingError):
                 return DamagedBag(path)
             raise
+        times: tuple[Any, ...] = reader.start_time, reader.end_time
+        if not all(isinstance(each, int) and 0 <= each <= 1 << 64 for each in times):
+            reader.close()
+            raise RecordingError(
+                f"{path}: its metadata.yaml has impossible times, {shown(times)} ns; give the file itself, or run "
+                "'ros2 bag reindex'"
+            )
         return reader
 
 

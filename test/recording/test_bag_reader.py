@@ -314,6 +314,21 @@ def test_pipes_and_metadata_of_nobody_are_refused_at_once(tiny_bag: Path, tmp_pa
     assert "too long" in refused(tmp_path / ("x" * 300 + ".mcap"))
 
 
+@pytest.mark.parametrize("start", [".inf", "-5", "1.5", str(1 << 70)])
+def test_metadata_with_impossible_times_are_refused(tiny_bag: Path, start: str) -> None:
+    file = tiny_bag / "metadata.yaml"
+    key = "nanoseconds_since_epoch"
+    file.write_text(file.read_text().replace(f"{key}: 1000000000", f"{key}: {start}"))
+    assert "metadata.yaml has impossible times" in refused(tiny_bag)
+
+
+def test_a_profile_that_is_damaged_is_shown_in_short(tiny_bag: Path) -> None:
+    file = tiny_bag / "tiny.mcap"
+    content = file.read_bytes()
+    file.write_bytes(content[:17] + (2000).to_bytes(4, "little") + content[21:])  # the length of the profile
+    assert len(refused(file)) < 500
+
+
 def test_mcap_of_another_system_is_named(tmp_path: Path) -> None:
     path = tmp_path / "foxglove.mcap"
     with path.open("wb") as file:
@@ -323,7 +338,7 @@ def test_mcap_of_another_system_is_named(tmp_path: Path) -> None:
         channel = writer.register_channel("/cam/image_raw/compressed", "protobuf", schema)
         writer.add_message(channel, log_time=1, publish_time=1, data=b"\x0a\x00")
         writer.finish()
-    assert "not from ROS 2: its profile is ''" in refused(path)
+    assert "not from ROS 2, though MCAP: its profile is ''" in refused(path)
 
 
 def test_real_recording_has_sixteen_cameras(shared: Path) -> None:
