@@ -254,12 +254,13 @@ def _opened(path: Path) -> Reader | DamagedBag:
             with suppress(RecordingError):
                 return DamagedBag(path)
             raise
-        times: tuple[Any, ...] = reader.start_time, reader.end_time
-        if not all(isinstance(each, int) and 0 <= each <= 1 << 64 for each in times):
+        numbers: list[Any] = [reader.start_time, reader.end_time, *(each.msgcount for each in reader.connections)]
+        wrong = [each for each in numbers if not isinstance(each, int) or not 0 <= each <= 1 << 64]
+        if wrong:
             reader.close()
             raise RecordingError(
-                f"{path}: its metadata.yaml has impossible times, {shown(times)} ns; give the file itself, or run "
-                "'ros2 bag reindex'"
+                f"{path}: its metadata.yaml has impossible times or counts, such as {shown(wrong[0])}; give the file "
+                "itself, or run 'ros2 bag reindex'"
             )
         return reader
 

@@ -178,5 +178,5 @@ def _listed(path: Path) -> tuple[list[Path], dict[str, int]]:
         files = [path / Path(name).name for name in information["relative_file_paths"]]
         topics = information["topics_with_message_count"]
         return files, {str(each["topic_metadata"]["name"]): int(each["message_count"]) for each in topics}
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise RecordingError(f"{path}: metadata.yaml is damaged ({error!r})") from error

@@ -317,9 +317,10 @@ def test_pipes_and_metadata_of_nobody_are_refused_at_once(tiny_bag: Path, tmp_pa
 @pytest.mark.parametrize("start", [".inf", "-5", "1.5", str(1 << 70)])
 def test_metadata_with_impossible_times_are_refused(tiny_bag: Path, start: str) -> None:
     file = tiny_bag / "metadata.yaml"
-    key = "nanoseconds_since_epoch"
-    file.write_text(file.read_text().replace(f"{key}: 1000000000", f"{key}: {start}"))
-    assert "metadata.yaml has impossible times" in refused(tiny_bag)
+    whole = file.read_text()
+    for key, value in (("nanoseconds_since_epoch", 1_000_000_000), ("message_count", 4)):
+        file.write_text(whole.replace(f"{key}: {value}\n", f"{key}: {start}\n"))
+        assert "metadata.yaml has impossible times or counts" in refused(tiny_bag)
 
 
 def test_a_profile_that_is_damaged_is_shown_in_short(tiny_bag: Path) -> None:
