@@ -14,11 +14,18 @@ import bodycam_ros
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_identity import body_identity
 from bodycam_ros.body.body_yaml import body_from_yaml
+from bodycam_ros.camera import camera_from_info
+from bodycam_ros.errors import StationError
+from bodycam_ros.evaluate.image_views import static_camera_views
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.map_identity import map_identity
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.provenance import Provenance, body_record, map_record, settings_record, source_remarks
+from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.stations_file import write_stations
 from bodycam_ros.viewer.sources import Sources
 
 
@@ -65,6 +72,23 @@ def test_a_view_warns_of_another_map_and_another_body(
     other = map_identity(ReferenceMap.load(tmp_path / "cellar"))
     assert f"was solved in map map ({map_identity(hall)})" in of_map and f"cellar is another map ({other})" in of_map
     assert "was solved with body subject (" in of_body and "ben.yaml is another one, ben (" in of_body
+
+
+def test_static_cameras_in_another_map_are_warned_of(
+    sample: Path, sample_out: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    hall = ReferenceMap.load(sample / "map")
+    replace(hall, points_world=hall.points_world + 0.5).save(tmp_path / "cellar")
+    lens = camera_from_info("corner", 640, 480, "plumb_bob", [0.0] * 5, [470.0, 0, 320, 0, 470, 240, 0, 0, 1])
+    write_stations(tmp_path / "cameras.yaml", [Station("corner", np.eye(4), lens)])
+    files = StaticCameraFiles(tmp_path / "cameras.yaml", None, None)
+    solved = read_solved(sample_out)
+    for given, warned in ((sample / "map", []), (tmp_path / "cellar", ["cellar is another map"])):
+        caplog.clear()
+        with pytest.raises(StationError, match="has no images of the static cameras"):
+            static_camera_views(solved, sample / "sample" / "bag", files, given)
+        told = [record.getMessage() for record in caplog.records]
+        assert len(told) == len(warned) and all(text in each for text, each in zip(warned, told, strict=True))
 
 
 def test_a_bag_of_another_program_belongs_to_anything(sample: Path, sample_out: Path, tmp_path: Path) -> None:
