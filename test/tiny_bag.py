@@ -1,14 +1,17 @@
 """A bag of two cameras and a few plain grey images, for tests of reading and writing."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
-from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.recording.typestore import recorded_messages, recording_typestore
 
 WIDTH, HEIGHT = 64, 48
 FRAME_NS = 33_333_333
@@ -38,6 +41,20 @@ def write_tiny_bag(
         if alter:
             alter(writer)
     return path
+
+
+def write_by_rosbags(path: Path) -> None:
+    """Write a bag again as other recorders do by default: chunks are not compressed, and have no checksum."""
+    with Reader(path) as bag:
+        messages = [(connection, stamp_ns, bytes(cdr)) for connection, stamp_ns, cdr in bag.messages()]
+    shutil.rmtree(path)
+    with Writer(path, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP) as writer:
+        written: dict[str, Connection] = {}
+        for source, stamp_ns, cdr in messages:
+            if source.topic not in written:
+                connection = writer.add_connection(source.topic, source.msgtype, typestore=recording_typestore())
+                written[source.topic] = connection
+            writer.write(written[source.topic], stamp_ns, cdr)
 
 
 def write_camera_info(writer: RecordingWriter, camera: str, stamp_ns: int, **changes: object) -> None:

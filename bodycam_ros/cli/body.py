@@ -116,7 +116,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
             on_progress=progress.show,
             imu_paths=arguments.imu,
         )
-    body = replace(calibrated.body, report=body_report(calibrated.diagnosis))
+    body = replace(calibrated.body, report=body_report(calibrated.diagnosis) | dict(calibrated.body.report))
     write_body(body, arguments.output)
     write_whole(page, html_report(body, calibrated.diagnosis))
     terminal = Terminal()

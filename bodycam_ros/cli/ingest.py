@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
             offsets = read_offsets(arguments.offsets, [camera.name for camera in cameras])
         else:
             offsets = find_offsets(cameras, rig, progress)
-        summary = ingest(cameras, offsets.times, arguments.output, arguments.jobs, arguments.force, progress)
+        summary = ingest(cameras, offsets, arguments.output, arguments.jobs, arguments.force, progress)
         write_timing_report(offsets, report)
         faults += lens_remarks(cameras, progress)
     faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]

@@ -30,6 +30,7 @@ from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.sensor_checks import MIN_SAMPLES
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.pose_fit import PoseFitSettings
+from bodycam_ros.results.provenance import Provenance
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.verdict import Verdict, finding_record
 
@@ -51,6 +52,7 @@ class Evaluation:
         comparison: with the truth, if that was given.
         agreement: with what another system captured, if that was given.
         gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
+        made_from: what the recording was solved with.
     """
 
     solved: SolvedRecording
@@ -62,6 +64,7 @@ class Evaluation:
     comparison: Comparison | None
     agreement: Agreement | None
     gyroscopes: Mapping[str, camera_figures.GyroscopeResiduals]
+    made_from: Provenance
 
     @property
     def truth_name(self) -> str:
@@ -94,7 +97,7 @@ def evaluate(
     is_other = truth_path is not None and is_captured(truth_path)
     captured = read_captured(truth_path) if truth_path is not None and is_other else None
     truth = None if truth_path is None or is_other else read_true_motion(truth_path)
-    solved = read_solved(solved_path)
+    solved, made_from = read_solved(solved_path), Provenance.read(solved_path)
     models = {} if recording_path is None else camera_figures.camera_models(solved, recording_path)
     agreement = comparison = same_motion = None
     if captured is not None:
@@ -136,10 +139,12 @@ def evaluate(
         "same_motion": same_motion and {"correlation": same_motion.likeness, "by_chance": same_motion.chance},
         "agreement": agreement and agreement.figures(),
         "gait": solved_gait(solved, comparison),
+        "made_from": made_from.sources,
     }
     figures |= {name: value for name, value in more.items() if value}
     figures = msgspec.json.decode(msgspec.json.encode(figures, enc_hook=float))  # JSON has no NaN
-    return Evaluation(solved, verdict, figures, blind, position_sigma, jitter, comparison, agreement, gyroscopes)
+    curves = blind, position_sigma, jitter
+    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from)
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

@@ -17,6 +17,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture
 from bodycam_ros.results.footage import Footage
+from bodycam_ros.results.provenance import warn_of_differences
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras import contour_painting as painting
 from bodycam_ros.static_cameras.region_settings import RegionSettings
@@ -128,8 +129,11 @@ def static_camera_views(
         RecordingError: not a recording, or an image that cannot be decoded or is not of its lens's size.
         MapError, LensError: the map, or a lens, cannot be used.
     """
-    stations = read_stations(files.stations, None if map_path is None else ReferenceMap.load(map_path))
+    reference_map = None if map_path is None else ReferenceMap.load(map_path)
+    stations = read_stations(files.stations, reference_map)
     check_stations_frame(files.stations, solved.path, map_path)
+    if reference_map is not None and map_path is not None:
+        warn_of_differences(solved.path, (reference_map, map_path))
     body, at_ns, views = solved.body, middle_stamp(solved), []
     surface = BodySurface.of(body, surfaces_of(body, solved.path, files.surface))
     with closing(Footage(recording, solved.path)) as footage:

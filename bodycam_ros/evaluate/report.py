@@ -58,6 +58,7 @@ def report_lines(evaluation: Evaluation) -> list[str]:
         f"{figures['instants']} frames in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the images "
         f"covered; {figures['instants_without_camera']} frames without any camera"
     ]
+    lines += evaluation.made_from.lines
     lines += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"]]
     if (match := figures.get("same_motion")) is not None:
         lines.append(f"same motion as {evaluation.truth_name}: {_describe_match(match, evaluation.agreement)}")

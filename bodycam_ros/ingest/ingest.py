@@ -1,5 +1,6 @@
 """Videos of cameras into one bag, in the time of one of them."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -7,15 +8,19 @@ from pathlib import Path
 from threading import Event
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.camera_offsets import plausible_time
+from bodycam_ros.ingest.camera_offsets import Offsets, plausible_time
 from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.frame_stream import BY_STAMP, FrameStream, for_each_camera, merged_ahead
 from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
+from bodycam_ros.ingest.timing_file import TIMING_FILE, timing_text
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
 
 _EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
+_SOURCES, _FINDINGS_FILE = "videos", "findings.json"
+"""Record: camera -> its first file; attachment: cameras that were left out, and remarks on the others."""
+
 _MOST_LENS_FRAMES = 900  # a camera that lies still for all of them is not compared with its lens
 
 
@@ -41,7 +46,7 @@ class IngestSummary:
 
 def ingest(
     cameras: Sequence[IngestCamera],
-    times: Mapping[str, CameraTime],
+    offsets: Offsets,
     output: Path,
     jobs: int,
     force: bool,
@@ -54,7 +59,7 @@ def ingest(
 
     Args:
         cameras: what is to go into it.
-        times: camera -> its clock; cameras that are left out have none.
+        offsets: clocks of the cameras; those that are left out have none. The bag carries them as ``timing.yaml``.
         output: ros2 bag folder to be; it appears whole or not at all.
         jobs: threads that decode and compress.
         force: replace a bag that an ingest wrote.
@@ -64,6 +69,7 @@ def ingest(
         RecordingError: no camera can be read.
         OutputError: the bag cannot be written.
     """
+    times = offsets.times
     timed, faults = _overlapping([camera for camera in cameras if camera.name in times], times)
     check_any(timed, faults)
     base = _base(timed, times)
@@ -72,6 +78,9 @@ def ingest(
     streams = [FrameStream(camera, times[camera.name], base_ns, threads) for camera in timed]
     frames = sum(camera.video.facts.about_frames for camera in timed)
     with write_recording(output, force, INGEST) as writer:
+        writer.add_metadata(_SOURCES, {camera.topic_name: camera.video.path.name for camera in timed})
+        writer.add_metadata("settings", {f"{camera.topic_name}.scale": str(camera.scale) for camera in timed})
+        writer.attach(TIMING_FILE, "application/yaml", timing_text(offsets), base_ns)
         messages = [stream.messages() for stream in streams]
         with merged_ahead(messages, BY_STAMP, jobs) as merged, progress.step("writing", frames) as advance:
             for message in merged:
@@ -80,6 +89,10 @@ def ingest(
         faults += [_left_out(stream) for stream in streams if not stream.frames]
         written = [stream for stream in streams if stream.frames]
         check_any([stream.camera for stream in written], faults)
+        found = json.dumps([*faults, *(remark for stream in written for remark in stream.remarks())])
+        for folder in {camera.video.path.parent for camera in timed}:  # equal videos elsewhere give an equal bag
+            found = found.replace(f"{folder}/", "")
+        writer.attach(_FINDINGS_FILE, "application/json", found, base_ns)
     return IngestSummary(tuple(written), tuple(faults), base)
 
 

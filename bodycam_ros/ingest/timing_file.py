@@ -26,6 +26,7 @@ from bodycam_ros.shown import shown
 from bodycam_ros.whole_file import failure_named, whole_files, write_whole
 from bodycam_ros.yaml_file import read_yaml
 
+TIMING_FILE = "timing.yaml"
 _PPM = 1e6
 
 _UNSTATED = {"drift_ppm": 0.0, "start_sigma_s": 0.001, "drift_sigma_ppm": 20.0}  # of an offset without them in the file
@@ -80,12 +81,8 @@ def _camera_time(path: Path, name: str, entry: Any) -> CameraTime:
     return CameraTime(start_s, drift_ppm / _PPM, start_sigma_s, drift_sigma_ppm / _PPM)
 
 
-def write_timing_report(offsets: Offsets, folder: Path) -> None:
-    """Write ``timing.yaml``, as described on top, into a folder; an earlier one is replaced.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+def timing_text(offsets: Offsets) -> str:
+    """Text of ``timing.yaml``, as described on top."""
     document = {
         "reference": offsets.reference,
         "cameras": {
@@ -103,6 +100,14 @@ def write_timing_report(offsets: Offsets, folder: Path) -> None:
         "remarks": list(offsets.remarks),
     }
     text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
-    head = "# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n"
+    return f"# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n{text}"
+
+
+def write_timing_report(offsets: Offsets, folder: Path) -> None:
+    """Write ``timing.yaml`` into a folder; an earlier one is replaced.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
     with whole_files(folder) as unfinished, failure_named(folder):
-        write_whole(unfinished / "timing.yaml", head + text)
+        write_whole(unfinished / TIMING_FILE, timing_text(offsets))

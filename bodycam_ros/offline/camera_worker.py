@@ -247,9 +247,11 @@ def register_images(
 
 def missing_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:
     """Images that the last iteration, up to a stamp [ns], should have yielded, by the recording's own count."""
+    why = recording.damage or "its file is damaged"
     for camera, count in sorted((+recording.lost).items()):
-        text = f"camera {camera}: {count} images that the recording should have are not in it; its file is damaged"
-        yield UnusableImages(camera, stamp_ns, "missing", f"{text}, copy it again", count)
+        text = f"camera {camera}: {count} images that the recording should have are not in it; {why}; copy it again"
+        yield UnusableImages(camera, stamp_ns, "missing", text, count)
+        why = "its file is damaged"  # the whole text once
 
 
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:

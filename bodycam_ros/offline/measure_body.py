@@ -23,6 +23,7 @@ from bodycam_ros.offline.worker_process import warm_up
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import load_map
+from bodycam_ros.results.provenance import MAP, map_record
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
 from bodycam_ros.static_cameras.body_shape import ShapeSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -129,7 +130,7 @@ def calibrate(
         BodycamError: anything that is wrong with the input, or a motion that does not determine the body.
     """
     warm_up()
-    load_map(map_path, upright=True)
+    report = {MAP: map_record(load_map(map_path, upright=True), map_path)}
     with open_recording(recording_path) as recording:
         if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
             raise RangeOfMotionError(
@@ -156,4 +157,4 @@ def calibrate(
         imus = sensors.calibrate()
     body = calibrated.body
     mounts = {camera: replace(mount, imu=imus.get(camera)) for camera, mount in body.mounts.items()}
-    return replace(calibrated, body=replace(body, mounts=mounts))
+    return replace(calibrated, body=replace(body, mounts=mounts, report=report))

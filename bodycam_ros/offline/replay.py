@@ -1,5 +1,6 @@
 """A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
 
+import json
 import logging
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -32,6 +33,18 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
+from bodycam_ros.results.provenance import (
+    BODY,
+    EQUIPMENT,
+    MAP,
+    RECORDING,
+    SETTINGS,
+    body_record,
+    map_record,
+    settings_record,
+    source_remarks,
+    write_sources,
+)
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_pipeline import image_measurement
 from bodycam_ros.whole_file import scratch_folder
@@ -75,7 +88,7 @@ def replay(
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    started = time.monotonic()
+    started, given_map = time.monotonic(), map_path
     with ExitStack() as stack:
         # What was recorded, who wears the cameras, and where they are.
         recording = stack.enter_context(open_recording(recording_path))
@@ -129,6 +142,18 @@ def replay(
         )
         # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(output_path, force))
+        start_ns = recording.start_ns
+        sources = {
+            BODY: body_record(own),
+            RECORDING: {"name": recording_path.resolve().name, "start_ns": str(start_ns)},
+            SETTINGS: settings_record(settings) | {"passes": str(passes), "slim": json.dumps(slim)},
+        }
+        if reference_map is not None and given_map is not None:
+            sources[MAP] = map_record(reference_map, given_map)
+        if equipment is not None:
+            sources[EQUIPMENT] = {"name": Path(equipment).stem}
+        write_sources(writer, sources, own, start_ns)
+        summary.notes = source_remarks(sources)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:

@@ -31,6 +31,7 @@ from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.provenance import VERDICT_FILE
 from bodycam_ros.verdict import VERDICT, verdict_text
 
 logger = logging.getLogger(__name__)
@@ -145,9 +146,10 @@ class ReplayOutput:
         summary.speeds = poses.speeds()
         findings = (*equipment_findings(summary.equipment, self._equipment), *self._static.findings(bare))
         summary.verdict = judge(poses, findings)
-        self._writer.write(VERDICT, self._latest_ns, text_message(self._make, verdict_text(summary.verdict)))
-        self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(skeleton.counts))
-        counts = skeleton.counts
+        text, counts = verdict_text(summary.verdict), skeleton.counts
+        self._writer.write(VERDICT, self._latest_ns, text_message(self._make, text))
+        self._writer.attach(VERDICT_FILE, "application/json", text, self._latest_ns)
+        self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(counts))
         summary.interpolated, summary.rejected = counts.interpolated, counts.rejected
         summary.instants = skeleton.assembler.assembled + summary.interpolated
         summary.late = skeleton.assembler.late

@@ -33,6 +33,7 @@ class ReplaySummary:
         left_out: camera -> images beyond ``images.max_rate``; not among ``images``.
         readouts: camera -> how long its rows are read out, as far as is known in the end.
         remarks: what a person should know of a camera's stamps, rows and images, a line each.
+        notes: what a person may want to know of the inputs, a line each.
         timings: camera -> how its clock went, as its stamps were corrected.
         speeds: camera -> how fast it moved while it was registered, median [rad/s, m/s].
         verdict: whether the result may be used.
@@ -56,6 +57,7 @@ class ReplaySummary:
     left_out: Counter[str] = field(default_factory=Counter)
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     timings: Mapping[str, ClockHistory] = field(default_factory=dict)
     speeds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     verdict: Verdict = field(default_factory=lambda: Verdict.from_findings(()))

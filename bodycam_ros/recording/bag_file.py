@@ -4,7 +4,7 @@ import logging
 import struct
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -14,7 +14,9 @@ from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.recording.damaged_bag import DamagedBag
 from bodycam_ros.recording.typestore import recording_typestore
+from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -93,7 +95,7 @@ def _mcap_fault(path: Path) -> str | None:
         )
     profile = _profile(start)
     if profile is not None and profile != "ros2":
-        return f"is MCAP, but not from ROS 2: its profile is '{profile}', expected 'ros2'; convert it to a ros2 bag"
+        return f"is not from ROS 2, though MCAP: its profile is {shown(profile)}, not 'ros2'; convert it to a ros2 bag"
     return None
 
 
@@ -119,21 +121,27 @@ class BagFile:
 
     Standard messages are decoded as Jazzy has them; topics of unknown types can be listed, not read. A bag
     that has one solved body, and that in a namespace, is read as if there were none; what is outside keeps its name.
+    A damaged bag is read up to the damage; a warning, one in a process, names the file and the time up to which.
+
+    Attributes:
+        path: of the folder or file.
+        damage: what was found wrong so far, and up to which time the bag is read; empty if nothing was.
 
     Raises:
-        RecordingError: on entering, if there is no readable bag; while reading, where it is damaged.
+        RecordingError: on entering, if there is no readable bag; while reading, if nothing before the damage is whole.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         with _fault_named(path):
             check_files(path)
-            self._reader = Reader(path)
-        self._namespace = ""
+            self._reader: Reader | DamagedBag = Reader(path)
+        self._namespace = self.damage = ""
 
     def __enter__(self) -> "BagFile":
-        with _fault_named(self.path):
-            self._reader.open()
+        self._reader = _opened(self.path)
+        if isinstance(self._reader, DamagedBag):
+            self._note_damage(self._reader.damage, self._reader.end_time - 1)
         self._namespace = _namespace(self._reader.connections)
         return self
 
@@ -164,6 +172,8 @@ class BagFile:
 
     def message_count(self, topic: str) -> int:
         """Messages on a topic, as the bag's metadata and the statistics in its files have it; some may be missing."""
+        if isinstance(self._reader, DamagedBag):
+            return max((count for each, count in self._reader.counts.items() if self._name(each) == topic), default=0)
         storage: Any = self._reader.storage
         files = getattr(storage, "storages", ())
         in_files = [c for file in files for c in file.connections if self._name(c.topic) == topic]
@@ -202,8 +212,21 @@ class BagFile:
     ) -> Iterator[tuple[Connection, int, bytes]]:
         connections = self._connections(topics)
         stream = self._reader.messages(connections, start=start_ns, stop=stop_ns) if connections else iter(())
-        with _fault_named(self.path, "is damaged inside; copy it again, or save what 'mcap recover' can"):
-            yield from stream
+        latest_ns: int | None = None
+        try:
+            for connection, stamp_ns, cdr in stream:
+                latest_ns = stamp_ns
+                yield connection, stamp_ns, cdr
+        except Exception as error:  # a damaged file can raise nearly anything in a parser
+            if latest_ns is None:
+                remedy = "copy it again, or save what 'mcap recover' can"
+                raise RecordingError(f"{self.path}: is damaged inside ({error!r}); {remedy}") from error
+            self._note_damage(f"{self.path}: is damaged inside ({error!r})", latest_ns)
+
+    def _note_damage(self, damage: str, until_ns: int) -> None:
+        after_s = 1e-9 * (until_ns - self.start_ns)
+        self.damage = f"{damage}; it is read up to {after_s:.3f} s after its first message ({until_ns} ns)"
+        _warn_once(self.damage)
 
     def _connections(self, topics: Collection[str]) -> list[Connection]:
         return [c for c in self._reader.connections if self._name(c.topic) in topics]
@@ -221,17 +244,39 @@ def _namespace(connections: Sequence[Connection]) -> str:
     return bodies.pop() if len(bodies) == 1 else ""
 
 
-@contextmanager
-def _fault_named(path: Path, otherwise: str = "cannot be read as a ROS 2 bag") -> Iterator[None]:
-    """Turn whatever a damaged or foreign file makes of the reader into one error that names what is wrong.
+def _opened(path: Path) -> Reader | DamagedBag:
+    """A reader of a bag, by its index if that is whole, else up to the damage."""
+    with _fault_named(path):
+        reader = Reader(path)
+        try:
+            reader.open()
+        except Exception:  # a damaged file can raise nearly anything in a parser
+            with suppress(RecordingError):
+                return DamagedBag(path)
+            raise
+        numbers: list[Any] = [reader.start_time, reader.end_time, *(each.msgcount for each in reader.connections)]
+        wrong = [each for each in numbers if not isinstance(each, int) or not 0 <= each <= 1 << 64]
+        if wrong:
+            reader.close()
+            raise RecordingError(
+                f"{path}: its metadata.yaml has impossible times or counts, such as {shown(wrong[0])}; give the file "
+                "itself, or run 'ros2 bag reindex'"
+            )
+        return reader
 
-    Args:
-        path: of the bag.
-        otherwise: message if nothing is wrong with the bag's files.
-    """
+
+@cache
+def _warn_once(text: str) -> None:
+    """Warn, but not again each time that the same bag is opened."""
+    logger.warning("%s", text)
+
+
+@contextmanager
+def _fault_named(path: Path) -> Iterator[None]:
+    """Turn whatever a damaged or foreign file makes of the reader into one error that names what is wrong."""
     try:
         yield
     except RecordingError:
         raise
     except Exception as error:  # a damaged file can raise nearly anything in a parser
-        raise RecordingError(f"{path}: {fault_of(path) or f'{otherwise} ({error!r})'}") from error
+        raise RecordingError(f"{path}: {fault_of(path) or f'cannot be read as a ROS 2 bag ({error!r})'}") from error

@@ -89,6 +89,11 @@ class Recording:
         """From the first recorded message to the last [s]."""
         return self._bag.duration_s
 
+    @property
+    def damage(self) -> str:
+        """What was found wrong with the bag so far, and up to which time it is read; empty if nothing was."""
+        return self._bag.damage
+
     def image_count(self, camera: str) -> int:
         """Images of a camera by the bag's count, those with bad stamps and missing ones included."""
         return self._bag.message_count(self._topic_of(camera))

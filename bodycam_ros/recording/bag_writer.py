@@ -1,7 +1,7 @@
 """Writes a recording as a ros2 bag folder that appears whole or not at all."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -16,12 +16,13 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer
 
 from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.output_place import check_folder
 from bodycam_ros.recording.bag_file import METADATA
+from bodycam_ros.recording.bag_records import PROGRAM, program_record
+from bodycam_ros.recording.mcap_storage import BagWriter
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.whole_file import failure_named, whole_folder
 from bodycam_ros.yaml_file import read_yaml
@@ -70,7 +71,7 @@ class SerializedMessage(NamedTuple):
 class RecordingWriter:
     """Messages into a bag that is being written; ``write_recording`` makes one."""
 
-    def __init__(self, path: Path, writer: Writer) -> None:
+    def __init__(self, path: Path, writer: BagWriter) -> None:
         self._path = path
         self._writer = writer
         self._connections: dict[str, Connection] = {}
@@ -95,6 +96,24 @@ class RecordingWriter:
                 )
             self._writer.write(self._connections[topic], stamp_ns, cdr)
 
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Append a metadata record, what the bag was made from for instance; no wall-clock time, no path of a machine.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        with failure_named(self._path):
+            self._writer.file.add_metadata(name, values)
+
+    def attach(self, name: str, media_type: str, content: str, stamp_ns: int = 0) -> None:
+        """Append a file, as text, logged at a time of the recording [ns].
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        with failure_named(self._path):
+            self._writer.file.attach(name, media_type, content.encode(), stamp_ns)
+
 
 @contextmanager
 def write_recording(path: Path, force: bool = False, command: str = REPLAY) -> Iterator[RecordingWriter]:
@@ -103,16 +122,17 @@ def write_recording(path: Path, force: bool = False, command: str = REPLAY) -> I
     Args:
         path: the folder to be.
         force: replace a bag of the same command that is there already.
-        command: for the bag's metadata.
+        command: for the bag's metadata, which has the versions of program and libraries too.
 
     Raises:
         OutputError: it cannot be written, or what is there must not be replaced.
     """
     with whole_folder(path, partial(check_replaceable, force, command=command)) as unfinished:
-        writer = Writer(unfinished, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+        writer = BagWriter(unfinished)
         writer.set_custom_data(_WRITTEN_BY, command)
         with failure_named(path):
             writer.open()
+            writer.file.add_metadata(PROGRAM, program_record(command))
         try:
             yield RecordingWriter(path, writer)
         except BaseException:

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from bodycam_ros.errors import BodyError
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import text_message
@@ -11,12 +12,15 @@ from bodycam_ros.messages.factory import MAP_FRAME
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_writer import check_replaceable, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.results.provenance import Provenance
 from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
+from bodycam_ros.yaml_file import read_text
 
 _COMMAND = "bodycam export --to robot"
+_MAPPING_FILE = "mapping.yaml"
 
 
 class RobotMotion(NamedTuple):
@@ -59,6 +63,8 @@ def write_robot(
     states, cpu_s, make = list[RobotState](), 0.0, recorded_messages()
     stamps_ns = solved.stamps_ns.tolist()
     with write_recording(output, force, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
+        Provenance.read(source).copy_to(writer, stamps_ns[0])
+        writer.attach(_MAPPING_FILE, "application/yaml", read_text(mapping_path, "mapping", BodyError), stamps_ns[0])
         writer.write("/robot_description", stamps_ns[0], text_message(make, robot.text))
         for stamp_ns, world_T_segment in zip(stamps_ns, poses, strict=True):
             started_s = time.process_time()

@@ -10,6 +10,7 @@ from bodycam_ros.errors import RecordingError, ViewError
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.provenance import warn_of_differences
 from bodycam_ros.results.topics import published_body
 from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.viewer.correction import BodyFile
@@ -77,6 +78,10 @@ class Sources:
         self.stations = {} if stations_path is None else read_stations(stations_path, self.reference_map)
         if stations_path is not None and solved is not None:
             check_stations_frame(stations_path, solved, map_path)
+        if solved is not None:
+            given_map = None if self.reference_map is None or map_path is None else (self.reference_map, map_path)
+            given_body = None if self.body_file is None or body_path is None else (self.body_file.read(), body_path)
+            warn_of_differences(solved, given_map, given_body)
         self.motion = Motion.standing(self.body) if solved is None else read_motion(solved, self.body)
         self.cameras: tuple[str, ...] = ()
         if recording is not None:

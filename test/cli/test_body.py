@@ -55,6 +55,7 @@ def test_the_file_carries_the_figures(made: tuple[Path, str]) -> None:
     assert report["source"] == "range of motion"
     assert report["joints"]["knee_left"]["freedom"] == "hinge"
     assert report["joints"]["hip_left"]["freedom"] == "ball"
+    assert report["map"]["name"] == "map" and len(report["map"]["identity"]) == 16
     assert set(report["cameras"]) == {"waist_front", "thigh_left", "shin_left", "thigh_right"}
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yourdfpy
+from mcap_doctor import doctor, read_beside_messages
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from talos import MAPPING, talos_urdf
@@ -13,6 +14,7 @@ from talos import MAPPING, talos_urdf
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import BodyError
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.results.provenance import Provenance
 from bodycam_ros.results.topics import MOTION_TOPICS, ROBOT, ROBOT_TYPE
 from bodycam_ros.robot.retargeting import Retargeting, RobotState
 
@@ -25,6 +27,7 @@ def solved(sample_out: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The body and its first instants."""
     path = tmp_path_factory.mktemp("short") / "out"
     with AnyReader([sample_out]) as bag, write_recording(path) as writer:
+        Provenance.read(sample_out).copy_to(writer, 0)
         for topic, kind in {ROBOT: ROBOT_TYPE, **MOTION_TOPICS}.items():
             wanted = [connection for connection in bag.connections if connection.topic == topic]
             for row, (_, stamp_ns, cdr) in enumerate(bag.messages(wanted)):
@@ -46,6 +49,17 @@ def written(solved: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("robot") / "talos"
     assert exported(solved, *robot_flags(), "-o", path) == 0
     return path
+
+
+def test_it_carries_what_the_motion_was_made_from(sample_out: Path, written: Path) -> None:
+    metadata, attachments = read_beside_messages(written / "talos.mcap")
+    source, files = read_beside_messages(next(sample_out.glob("*.mcap")))
+    assert {name: metadata[name] for name in ("map", "body", "recording")} == {
+        name: source[name] for name in ("map", "body", "recording")
+    }
+    assert metadata["bodycam_ros"]["command"] == "bodycam export --to robot"
+    assert attachments == {"body.yaml": files["body.yaml"], "mapping.yaml": Path(MAPPING).read_bytes()}
+    assert doctor(written / "talos.mcap") == []
 
 
 def test_what_is_written_moves_the_robot_that_is_described(solved: Path, written: Path) -> None:

@@ -57,7 +57,7 @@ def ran(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Ran:
     broken = path.parent / "takes" / "broken"
     shutil.copytree(path.parent / "takes" / "walk", broken)
     bag = next(broken.glob("*.mcap"))
-    os.truncate(bag, bag.stat().st_size // 2)
+    os.truncate(bag, 2000)  # before any message
     command = [sys.executable, "-m", "bodycam_ros.cli.main", "study", str(path), "--jobs", "2"]
     return path, subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 

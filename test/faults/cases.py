@@ -42,6 +42,11 @@ class Case:
         return np.random.default_rng([seed, zlib.crc32(self.title.encode())])
 
 
+_BAG_IS_DAMAGED = r"is cut off|damaged"
+_CUTS = ("cut", "cut a little", "zeroed block", "random bytes after the head")
+"""Damages to a bag that leave less of it, or no index, and which a run that works all the same has to name."""
+
+
 def _bytes_of(name: str, damages: Mapping[str, byte_damage.Damage], *runs: Run) -> dict[str, Make]:
     """A case for each damage to a file; the commands take turns."""
 
@@ -50,7 +55,8 @@ def _bytes_of(name: str, damages: Mapping[str, byte_damage.Damage], *runs: Run) 
             work.own(name.split("/", 1)[0])
             path = work.folder / name
             path.write_bytes(damage(path.read_bytes(), random))
-            return run(work)
+            is_cut = path.suffix == ".mcap" and any(damage is byte_damage.DAMAGES[cut] for cut in _CUTS)
+            return replace(run(work), must_say=_BAG_IS_DAMAGED) if is_cut else run(work)
 
         return make
 

@@ -1,5 +1,6 @@
 """The command on small videos: what it writes, and what it says of bad ones."""
 
+import json
 import math
 import os
 import signal
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 import yaml
 from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn, write_lens
+from mcap_doctor import doctor, read_beside_messages
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main
@@ -85,6 +87,19 @@ def test_what_the_bag_says_of_clocks_and_rows(videos: Path) -> None:
     assert timings["/shin/timing"].offset == 0.0 and timings["/shin/timing"].offset_sigma >= 0.5
     assert (first.frame_id, first.format) == ("shin_optical_frame", "h264")
     assert bytes(first.data[:5]) in (b"\x00\x00\x00\x01\x67", b"\x00\x00\x00\x01\x06")
+
+
+def test_the_bag_tells_what_it_was_made_from(videos: Path) -> None:
+    (videos / "broken.mp4").write_bytes(b"no film")
+    code, bag = ingest(videos)
+    assert code == 0
+    assert doctor(bag / "bag.mcap") == []
+    metadata, attachments = read_beside_messages(bag / "bag.mcap")
+    assert metadata["bodycam_ros"]["command"] == "bodycam ingest"
+    assert metadata["videos"] == {camera: f"{camera}.mp4" for camera in ("head", "shin", "thigh")}
+    assert metadata["settings"]["head.scale"] == "1.0"
+    assert attachments["timing.yaml"] == (videos.parent / "bag_timing" / "timing.yaml").read_bytes()
+    assert isinstance(json.loads(attachments["findings.json"]), list)
 
 
 def test_b_frames_rotation_and_hevc_come_out_upright_and_in_order(videos: Path) -> None:

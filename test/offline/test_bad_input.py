@@ -1,6 +1,8 @@
 """Bad input through the command line: one clear line or a counted skip, no traceback, nothing half-written."""
 
 import dataclasses
+import re
+import shutil
 from pathlib import Path
 
 import cv2
@@ -8,10 +10,13 @@ import numpy as np
 import pytest
 import yaml
 from altered_sample import CAMERAS, write_altered_sample
+from mcap.reader import make_reader
+from tiny_bag import write_by_rosbags
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.offline.camera_worker import UnusableCount, UnusableImages
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.solved_body import read_solved_body
 
 
 def run(sample: Path, bag: Path, out: Path, *more: str, map_path: Path | None = None, body: Path | None = None) -> int:
@@ -61,8 +66,33 @@ def test_bad_intrinsics_name_the_camera(
 
 def test_a_truncated_recording_is_named(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     whole = next((sample / "sample" / "bag").glob("*.mcap")).read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "cut.mcap").write_bytes(whole[:5000])
     assert_refused(capfd, run(sample, tmp_path / "cut.mcap", tmp_path / "out"), tmp_path / "out", "cut.mcap")
+
+
+@pytest.mark.parametrize("damage", ["cut off", "damaged inside"])
+def test_a_damaged_recording_is_solved_up_to_the_damage(
+    sample: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, damage: str
+) -> None:
+    bag = shutil.copytree(sample / "sample" / "bag", tmp_path / "bag")
+    write_by_rosbags(bag)  # in chunks of a megabyte
+    file = next(bag.glob("*.mcap"))
+    content, middle = file.read_bytes(), file.stat().st_size // 2
+    if damage == "cut off":
+        file.write_bytes(content[:middle])
+    else:
+        with file.open("rb") as opened:
+            summary = make_reader(opened).get_summary()
+        assert summary is not None
+        start = max(each.chunk_start_offset for each in summary.chunk_indexes if each.chunk_start_offset < middle)
+        file.write_bytes(content[: start + 49] + b"\xff" * 2000 + content[start + 2049 :])
+    assert run(sample, bag, tmp_path / "out") == 0
+    said = " ".join(record.getMessage() for record in caplog.records)
+    (after_s,) = {float(each) for each in re.findall(r"it is read up to (\d\.\d+) s", said)}
+    assert f"is {damage}" in said and str(bag) in said and 0.5 < after_s < 1.5
+    assert re.search(r"camera head: \d+ images that the recording should have are not in it", said)
+    solved = read_solved_body(tmp_path / "out")
+    assert 1e-9 * (solved.stamps_ns[-1] - solved.stamps_ns[0]) == pytest.approx(after_s, abs=0.1)
 
 
 def test_a_file_that_is_no_recording_is_named(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
+from mcap_doctor import doctor, read_beside_messages
 from rosbags.highlevel import AnyReader
 from tiny_bag import START_NS, write_tiny_bag
 
@@ -43,13 +44,47 @@ def test_any_reader_of_ros_bags_reads_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(states[0].position, [0.5, -0.25])
 
 
-def test_mcap_library_reads_it(tmp_path: Path) -> None:
+def test_both_libraries_read_the_same_messages(tmp_path: Path) -> None:
     write(tmp_path / "out")
     with (tmp_path / "out" / "out.mcap").open("rb") as file:
-        summary = make_reader(file, validate_crcs=True).get_summary()
-    assert summary is not None and summary.statistics is not None
-    assert summary.statistics.message_count == 4
-    assert {c.topic for c in summary.channels.values()} == {"/robot_description", "/joint_states"}
+        messages = list(make_reader(file, validate_crcs=True).iter_messages())
+        by_mcap = [
+            (channel.topic, schema.name, message.log_time, message.data) for schema, channel, message in messages
+        ]
+    with AnyReader([tmp_path / "out"]) as bag:
+        by_rosbags = [(c.topic, c.msgtype, stamp_ns, bytes(raw)) for c, stamp_ns, raw in bag.messages()]
+    assert len(by_mcap) == 4
+    assert by_mcap == by_rosbags
+
+
+def test_a_bag_is_clean_and_carries_records_and_files(tmp_path: Path) -> None:
+    with write_recording(tmp_path / "out") as writer:
+        writer.add_metadata("map", {"identity": "abc"})
+        for frame in range(40):  # several chunks
+            noise = np.random.default_rng(frame).bytes(100_000).hex()
+            writer.write("/noise", START_NS + frame, text_message(recorded_messages(), noise))
+            writer.write("/joint_states", START_NS + 40 - frame, joints(START_NS + frame))
+            if frame == 20:
+                writer.attach("body.yaml", "application/yaml", "name: \u00e9", START_NS)
+    file = tmp_path / "out" / "out.mcap"
+    assert doctor(file) == []
+    metadata, attachments = read_beside_messages(file)
+    assert metadata["map"] == {"identity": "abc"}
+    stored = yaml.safe_load(metadata["rosbag2"]["serialized_metadata"])
+    document = yaml.safe_load((tmp_path / "out" / "metadata.yaml").read_text())
+    assert stored == document["rosbag2_bagfile_information"]
+    assert attachments == {"body.yaml": "name: \u00e9".encode()}
+    assert file.stat().st_size < 6_000_000  # of 8 MB
+
+
+def test_the_doctor_finds_what_is_changed(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    file = tmp_path / "out" / "out.mcap"
+    content = file.read_bytes()
+    index = content.rindex(b"/joint_states")  # in the summary
+    file.write_bytes(content[:index] + b"/joint_stateX" + content[index + 13 :])
+    found = " ".join(doctor(file))
+    assert "channels at the end" in found and "the summary has another checksum" in found
 
 
 def test_latched_topics_say_so_in_the_metadata(tmp_path: Path) -> None:

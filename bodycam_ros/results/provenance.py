@@ -1,0 +1,151 @@
+"""What a result was made from: map, body, recording and settings, as records in its bag; whether others fit it."""
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.body.body_identity import body_identity
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_yaml import yaml_text
+from bodycam_ros.recording.bag_records import PROGRAM, BagRecords, read_bag_records
+from bodycam_ros.recording.bag_writer import RecordingWriter
+from bodycam_ros.registration.map_identity import MapIdentity, map_identity
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.settings import SettingsGroups
+
+logger = logging.getLogger(__name__)
+
+MAP, BODY, RECORDING, SETTINGS, EQUIPMENT = "map", "body", "recording", "settings", "equipment"
+"""Names of records; map and body have "name" and "identity"."""
+
+BODY_FILE, VERDICT_FILE = "body.yaml", "verdict.json"
+"""Attachments: the body as its file describes it, and the quality findings as on ``/verdict``."""
+
+_MEASURED_IN = "measured_in_"
+
+
+def map_record(reference_map: ReferenceMap, path: Path) -> dict[str, str]:
+    """The record of a map: name of its folder, identity, and how many landmarks it has."""
+    return {
+        "name": path.resolve().name,
+        "identity": str(map_identity(reference_map)),
+        "landmarks": str(len(reference_map.landmark_ids)),
+        "added_landmarks": str(reference_map.grown),
+    }
+
+
+def body_record(body: BodyModel) -> dict[str, str]:
+    """The record of a body: name, identity, and the map that it was measured in where its report has it."""
+    record, measured_in = {"name": body.name, "identity": body_identity(body)}, body.report.get(MAP)
+    if isinstance(measured_in, Mapping):
+        record |= {f"{_MEASURED_IN}{key}": str(measured_in.get(key, "unknown")) for key in ("name", "identity")}
+    return record
+
+
+def write_sources(
+    writer: RecordingWriter, records: Mapping[str, Mapping[str, str]], body: BodyModel, stamp_ns: int
+) -> None:
+    """Append the records of what a result is made from, and the file of its body, logged at a time [ns]."""
+    for name, record in records.items():
+        writer.add_metadata(name, record)
+    writer.attach(BODY_FILE, "application/yaml", yaml_text(body), stamp_ns)
+
+
+def settings_record(settings: SettingsGroups) -> dict[str, str]:
+    """The record of settings: group.setting -> value as in YAML and JSON."""
+    groups = settings.as_mapping().items()
+    return {f"{group}.{name}": json.dumps(value) for group, values in groups for name, value in values.items()}
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What a bag was made from.
+
+    Attributes:
+        path: of the bag.
+        records: of it, and files attached to it; of another program's bag neither.
+    """
+
+    path: Path
+    records: BagRecords
+
+    @classmethod
+    def read(cls, path: Path) -> "Provenance":
+        """Of a bag folder or file."""
+        return cls(path, read_bag_records(path))
+
+    def copy_to(self, writer: RecordingWriter, stamp_ns: int) -> None:
+        """Append the records of map, body, recording and equipment, and the body's file, to a bag made from this."""
+        for name in (MAP, BODY, RECORDING, EQUIPMENT):
+            if (record := self.records.metadata.get(name)) is not None:
+                writer.add_metadata(name, record)
+        if (body := self.records.attachments.get(BODY_FILE)) is not None:
+            writer.attach(BODY_FILE, "application/yaml", body.decode(errors="replace"), stamp_ns)
+
+    @property
+    def sources(self) -> dict[str, dict[str, str]]:
+        """Records of program, map, body, recording and equipment, those that are there."""
+        names = (PROGRAM, MAP, BODY, RECORDING, EQUIPMENT)
+        return {name: dict(self.records.metadata[name]) for name in names if name in self.records.metadata}
+
+    @property
+    def lines(self) -> list[str]:
+        """What the bag was made from in sentences; none of bags of older versions and other programs."""
+        made = self.sources
+        if BODY not in made or PROGRAM not in made:
+            return []
+        where = f" in map {_named(made[MAP])}" if MAP in made else ""
+        by = f"{made[PROGRAM].get('command', 'unknown')} {made[PROGRAM].get('version', '')}".strip()
+        return [f"solved by {by} with body {_named(made[BODY])}{where}", *source_remarks(made)]
+
+    def map_difference(self, reference_map: ReferenceMap, path: Path) -> str | None:
+        """Why a map is not that of the bag, with both names; None where it is, or extends it, or nothing is known."""
+        made_in, given = self.records.metadata.get(MAP), map_identity(reference_map)
+        if made_in is None or MapIdentity.parse(made_in.get("identity", "")).shares_world(given):
+            return None
+        return (
+            f"{self.path} was solved in map {_named(made_in)}, and {path} is another map ({given}): the body is not "
+            "where its landmarks are; give the map that it was solved in, or replay the recording in this one"
+        )
+
+    def body_difference(self, body: BodyModel, path: Path) -> str | None:
+        """Why a body is not that of the bag, with both names; None where it is, or nothing is known."""
+        solved_with, given = self.records.metadata.get(BODY), body_identity(body)
+        if solved_with is None or solved_with.get("identity") == given:
+            return None
+        return (
+            f"{self.path} was solved with body {_named(solved_with)}, and {path} is another one, {body.name} "
+            f"({given}): the motion is of the former; replay the recording with this body to see its own"
+        )
+
+
+def warn_of_differences(
+    solved: Path, a_map: tuple[ReferenceMap, Path] | None = None, body: tuple[BodyModel, Path] | None = None
+) -> None:
+    """Warn where a map or a body, each with its path, is not what a bag was made from."""
+    provenance = Provenance.read(solved)
+    differences = (
+        None if a_map is None else provenance.map_difference(*a_map),
+        None if body is None else provenance.body_difference(*body),
+    )
+    for difference in filter(None, differences):
+        logger.warning("%s", difference)
+
+
+def source_remarks(records: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
+    """A remark where the records of a result have a body that was measured in another map; else none."""
+    body, solved_in = records.get(BODY, {}), records.get(MAP, {})
+    measured_in = {key.removeprefix(_MEASURED_IN): body[key] for key in body if key.startswith(_MEASURED_IN)}
+    identities = [MapIdentity.parse(each["identity"]) for each in (measured_in, solved_in) if "identity" in each]
+    if len(identities) < 2 or identities[0].shares_world(identities[1]):
+        return ()
+    return (
+        f"body {body['name']} was measured in map {_named(measured_in)} and is solved in map {_named(solved_in)}: its "
+        "lengths are right here if the boards of both maps were measured alike",
+    )
+
+
+def _named(record: Mapping[str, str]) -> str:
+    return f"{record.get('name', 'unknown')} ({record.get('identity', 'unknown')})"
