@@ -1,6 +1,7 @@
 """Values and texts that came from a file, as they may be shown to a person: short, and without control characters."""
 
 import reprlib
+import string
 import unicodedata
 from collections.abc import Iterable
 from typing import Any
@@ -42,6 +43,16 @@ def printable(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return "".join(character if _harmless(character) else _escaped(character) for character in text)
+
+
+def markdown_text(text: str) -> str:
+    """Text as Markdown that shows it as it is, in one line.
+
+    viser's page renders HTML in Markdown, scripts included; every sign of punctuation is written as a character
+    reference, which neither Markdown nor HTML takes for markup.
+    """
+    line = " ".join(printable(text).split())
+    return "".join(f"&#{ord(sign)};" if sign in string.punctuation else sign for sign in line)
 
 
 def _harmless(character: str) -> bool:
