@@ -111,7 +111,7 @@ def test_files_for_a_folder_of_the_users_need_nothing_above_it(tmp_path: Path) -
     folder = tmp_path / "disk"
     make(folder, {"mine": "dear"})
     with whole_files(folder, inside=True) as unfinished:
-        assert unfinished.parent == folder and names(tmp_path) == ["disk"]
+        assert folder in unfinished.parents and names(tmp_path) == ["disk"]
         make(unfinished, {"a": "new"})
     assert contents(folder) == {"a": "new", "mine": "dear"} and names(folder) == ["a", "mine"]
 
@@ -242,6 +242,20 @@ def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_holds_is_no
             process.communicate()
     write_whole(tmp_path / "file", "text")
     assert names(tmp_path) == [f"{SCRATCH_PREFIX}new", "file"]
+
+
+def test_a_users_folder_that_is_named_like_ours_stays(tmp_path: Path) -> None:
+    users = [tmp_path / f"{SCRATCH_PREFIX}{name}" for name in ("backup", "0" * 32, "0" * 31, "g" * 32, "A" * 32)]
+    for folder in users:
+        make(folder, OLD)
+        os.utime(folder, (0, 0))
+    write_whole(tmp_path / "file", "text")
+    with whole_files(tmp_path / "folder") as unfinished:
+        make(unfinished, {"x": "y"})
+    with whole_folder(tmp_path / "out", replaceable) as unfinished:
+        make(unfinished, NEW)
+    assert all(contents(folder) == OLD for folder in users)
+    assert contents(tmp_path / "folder") == {"x": "y"}
 
 
 def test_what_is_unfinished_is_seen_by_nobody_else(tmp_path: Path) -> None:
