@@ -22,6 +22,9 @@ _EXPORT: Run = lambda work: work.export()  # noqa: E731
 _LEAST = 3
 """Cases of a kind."""
 
+INTACT = "intact"
+"""The kind of good inputs."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -163,7 +166,7 @@ def _intact() -> dict[str, Make]:
 _BYTES, _YAML = byte_damage.DAMAGES, yaml_damage.DAMAGES
 
 KINDS: Mapping[str, Mapping[str, Make]] = {
-    "intact": _intact(),
+    INTACT: _intact(),
     "bag": {
         **_bytes_of("recording/recording.mcap", {**_BYTES, **bag_damage.DAMAGES}, _REPLAY, _BODY, _with_pixels),
         **_bytes_of("recording/metadata.yaml", _BYTES, _REPLAY),

@@ -22,7 +22,7 @@ _PHOTOGRAPHS = ("ref_0099.jpg", "ref_0101.jpg", "ref_0103.jpg", "ref_0105.jpg", 
 _FRAMES = 4
 WALK_CAMERAS, WALK_FRAMES = ("waist_front", "torso_front", "thigh_left", "shin_left"), 42
 """Of the recording ``walk``, of which streams are broken."""
-_QUICK_MAP = ("--features.max_features", "1200", "--features.contrast", "0.03", "--jobs", "1")
+_QUICK_MAP = ("--features.max_features", "1200", "--jobs", "1")
 
 
 def make_stock(folder: Path) -> None:
