@@ -23,7 +23,7 @@ from bodycam_ros.offline.camera_worker import (
     run_camera_worker,
 )
 from bodycam_ros.offline.map_updates import MapUpdate, MapUpdateSource
-from bodycam_ros.offline.worker_process import ready_to_start, warm_up
+from bodycam_ros.offline.worker_process import ready_to_start, refusal_named, warm_up
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -102,11 +102,15 @@ def merged_results(
 
 @contextmanager
 def start_workers(task: RegistrationTask, cameras: Collection[str], jobs: int) -> Iterator[list["Worker"]]:
-    """Processes that register an equal share of the cameras each, until the end of the block."""
+    """Processes that register an equal share of the cameras each, until the end of the block.
+
+    Raises:
+        RecordingError: the system refuses them.
+    """
     shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
     workers: list[Worker] = []
     try:
-        with ready_to_start() as context:
+        with refusal_named(), ready_to_start() as context:
             for share in shares:
                 own = replace(task, turns={camera: task.turns[camera] for camera in share if camera in task.turns})
                 outbox: Queue[list[WorkerItem]] = context.Queue(_QUEUE_LENGTH)
