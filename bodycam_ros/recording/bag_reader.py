@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
+from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_image_size
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.inertial.imu_samples import ImuSamples
@@ -62,6 +62,7 @@ class Recording:
         self.lost: Counter[str] = Counter()
         self._bag = bag
         self._image_topic: dict[str, str] = {}
+        self._lenses: dict[str, CameraModel | None] = {}
         for transport in TRANSPORTS.values():
             for topic, camera in bag.camera_topics(transport.ending, transport.kind).items():
                 self._image_topic.setdefault(camera, topic)
@@ -176,6 +177,7 @@ class Recording:
     ) -> Iterator[CameraImage]:
         """The images of some cameras as they are in the bag; between two times, if they are given."""
         source = {self._topic_of(camera): camera for camera in cameras}
+        lenses = {camera: self._lens(camera) for camera in cameras}
         found: Counter[str] = Counter()
         for topic, _, message in self._bag.messages(source, start_ns, stop_ns):
             camera = source[topic]
@@ -183,6 +185,8 @@ class Recording:
             convert = _CONVERTERS[topic.removeprefix(f"/{camera}")]
             try:
                 image = convert(message, camera)
+                if (lens := lenses[camera]) is not None:
+                    check_image_size(image, lens)
             except RecordingError as error:
                 # One bad image must not cost the others: it is refused where it is decoded.
                 image = CameraImage(camera, image_stamp_ns(message), error)
@@ -209,6 +213,14 @@ class Recording:
                 image.stamp_ns,
                 latest_ns,
             )
+
+    def _lens(self, camera: str) -> CameraModel | None:
+        """The camera's intrinsics, by which the size of its images is checked; None where it has none."""
+        if camera not in self._lenses:
+            self._lenses[camera] = None
+            with suppress(LensError):
+                self._lenses[camera] = self.camera_model(camera)
+        return self._lenses[camera]
 
     def _topic_of(self, camera: str) -> str:
         if camera not in self._image_topic:
