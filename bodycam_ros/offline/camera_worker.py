@@ -87,11 +87,13 @@ class UnusableCount:
     Attributes:
         skipped: images that are in the recording.
         lost: images that are not in it.
+        reasons: why, of the first of each kind.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
+        self.reasons: list[str] = []
         self._reported: set[tuple[str, str]] = set()
 
     def add(self, item: UnusableImages) -> None:
@@ -100,6 +102,7 @@ class UnusableCount:
         counts[item.camera] += item.count
         if (item.camera, item.kind) not in self._reported:
             self._reported.add((item.camera, item.kind))
+            self.reasons.append(item.reason)
             logger.warning("%s", item.reason)
 
 
@@ -240,7 +243,7 @@ def register_images(
         for camera, count in sorted(limit.left_out.items()):
             yield LeftOutImages(camera, stamp_ns, count)
         for camera, count in sorted((+recording.dropped).items()):
-            text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
+            text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are left out"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)
         yield from missing_images(recording, stamp_ns)
 

@@ -4,7 +4,7 @@ import logging
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
+
+_TRIED_INFOS = 30  # messages, of which one may be usable: a second of them
 
 _CONVERTERS = {each.ending: each.convert for each in TRANSPORTS.values()}
 
@@ -95,17 +97,28 @@ class Recording:
         return self._bag.message_count(self._topic_of(camera))
 
     def camera_model(self, camera: str) -> CameraModel:
-        """The camera's intrinsics, from its first CameraInfo.
+        """The camera's intrinsics, from its first CameraInfo that can be used; a damaged one costs no camera.
 
         Raises:
-            LensError: there is none, it is malformed, or its distortion model is unknown.
+            LensError: there is none, all are malformed, or their distortion model is unknown.
         """
         self._topic_of(camera)
         topic = f"/{camera}{INFO}"
         if self._bag.topics.get(topic, INFO_TYPE) != INFO_TYPE:
             raise LensError(f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {INFO_TYPE}")
-        for _, _, message in self._bag.messages([topic]):
-            return camera_model(message, camera)
+        first: LensError | None = None
+        for _, _, message in islice(self._bag.messages([topic]), _TRIED_INFOS):
+            try:
+                return camera_model(message, camera)
+            except LensError as error:
+                first = first or error
+        if first is not None:
+            raise first
+        if count := self._bag.message_count(topic):
+            raise LensError(
+                f"camera {camera}: none of {count} messages on {topic} in {self.path} can be read: they are damaged, "
+                f"or of another definition of {INFO_TYPE}; copy the recording again"
+            )
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
 
     def readout(self, camera: str) -> Readout | None:
@@ -206,7 +219,13 @@ class Recording:
 
     def _drop(self, image: CameraImage, latest_ns: int) -> None:
         self.dropped[image.camera] += 1
-        if self.dropped[image.camera] == 1:
+        if self.dropped[image.camera] == 1 and image.stamp_ns < 0:
+            logger.warning(
+                "camera %s: the stamp of an image is %d ns, before 1970; such images are left out",
+                image.camera,
+                image.stamp_ns,
+            )
+        elif self.dropped[image.camera] == 1:
             logger.warning(
                 "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are left out",
                 image.camera,

@@ -63,7 +63,9 @@ def test_an_absurdly_large_image_of_a_bag_is_refused_and_the_others_are_read(tmp
     with open_recording(write_tiny_bag(tmp_path / "huge", alter=add_huge)) as recording:
         *_, before, huge, after = recording.images(["left"])
     assert decode_grey(before).shape == decode_grey(after).shape
-    with pytest.raises(RecordingError, match="camera left: image of 14100x14100 pixels, but its camera_info says 64x48"):
+    with pytest.raises(
+        RecordingError, match="camera left: image of 14100x14100 pixels, but its camera_info says 64x48"
+    ):
         decode_grey(huge)
 
 
