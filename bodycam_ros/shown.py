@@ -35,6 +35,11 @@ def few(names: Iterable[object], most: int = 3) -> str:
     return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
 
 
+def shortened(text: str, most: int = 8000) -> str:
+    """A message without its middle, if it is longer than anybody reads; a path may have 4096 characters."""
+    return text if len(text) <= most else f"{text[: most // 2]} [...] {text[-most // 2 :]}"
+
+
 def printable(text: str) -> str:
     r"""Text whose control characters (all but line feed and tab) are written as escapes, as in ``\x1b[31m``.
 

@@ -13,7 +13,7 @@ from bodycam_ros.cli.failure import failure_message
 from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.standard_streams import discard_output, secure_streams
 from bodycam_ros.own_process import bound_inputs
-from bodycam_ros.shown import printable
+from bodycam_ros.shown import printable, shortened
 
 GROUPS = {
     "capture": {
@@ -89,7 +89,7 @@ def _run(argv: Sequence[str], signals: EndingSignals) -> int:
             return signals.exit_code
         if (message := failure_message(error)) is None:
             raise
-        print(f"bodycam: error: {printable(message)}", file=sys.stderr)
+        print(f"bodycam: error: {printable(shortened(message))}", file=sys.stderr)
         return FAILED
 
 

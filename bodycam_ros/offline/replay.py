@@ -91,7 +91,8 @@ def replay(
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
-        imus = read_imus((recording_path, *imu_paths), mounted) if settings.inertial.enabled and mounted else {}
+        sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
+        imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
             logger.warning("%s", remark)
         # Cameras are registered while the rest is made ready.

@@ -83,6 +83,11 @@ class Recording:
         return self._bag.start_ns
 
     @property
+    def has_sensors(self) -> bool:
+        """Whether an inertial sensor of a camera is in the bag."""
+        return bool(sensor_topics(self._bag, self.cameras, required=False))
+
+    @property
     def first_stamp_ns(self) -> int:
         """Stamp of the first image in the bag that has one, of whatever camera [ns]; 0 if none has."""
         return next((image.stamp_ns for image in self._messages(self.cameras) if image.stamp_ns > 0), 0)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from mcap.writer import Writer as McapWriter
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
 
@@ -389,3 +390,13 @@ def test_real_recording_has_sixteen_cameras(shared: Path) -> None:
         images = list(recording.images(["head"]))
     assert len(images) == 180
     assert decode_grey(images[0]).shape == (480, 640)
+
+
+def test_metadata_of_many_missing_files_is_a_short_error(tmp_path: Path) -> None:
+    bag = write_tiny_bag(tmp_path / "bag")
+    document = yaml.safe_load((bag / "metadata.yaml").read_text())
+    document["rosbag2_bagfile_information"]["relative_file_paths"] = [f"part_{row}.mcap" for row in range(100_000)]
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(document))
+    with pytest.raises(RecordingError) as caught, open_recording(bag):
+        pass
+    assert str(bag) in str(caught.value) and len(str(caught.value)) < 1000
