@@ -251,11 +251,13 @@ class CameraImage:
         content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, a picture in another
             encoding, raw or in a file, a video's frame, decoded or still a packet, or the error that says why there is
             none.
+        recorded_ns: when it came, of a recording [ns]; of a video's frame, when what completed it came.
     """
 
     camera: str
     stamp_ns: int
     content: bytes | NDArray[np.uint8] | Picture | VideoPacket | RecordingError
+    recorded_ns: int = 0
 
 
 def check_image_size(image: CameraImage, lens: CameraModel) -> None:

@@ -4,7 +4,8 @@ import logging
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import chain, islice
+from dataclasses import replace
+from itertools import chain, groupby, islice
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,9 @@ logger = logging.getLogger(__name__)
 
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
+
+LAST_NS = 2**63 - 1
+"""Time of recording of what comes after the last message."""
 
 _TRIED_INFOS = 30  # messages, of which one may be usable: a second of them
 
@@ -146,6 +150,8 @@ class Recording:
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
+        Of those recorded at one time that of the first camera by name is first, so that images of some cameras are in
+        the same order as among those of all. ``recorded_ns`` never decreases.
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
         the first of them warned about, and so is one of before 1970. ``lost`` counts missing ones once all are read.
         Of a video every frame is decoded, wanted or not: the next one is made of it.
@@ -154,8 +160,14 @@ class Recording:
         for camera in wanted:
             self.dropped[camera] = self.lost[camera] = 0
         decoders = {camera: VideoDecoder() for camera in wanted}
-        decoded = (ready for image in self._messages(wanted) for ready in decoders[image.camera].feed(image))
-        last = (image for decoder in decoders.values() for image in decoder.flush())
+        decoded = (
+            replace(ready, recorded_ns=image.recorded_ns)
+            for image in _in_order_of_names(self._messages(wanted))
+            for ready in decoders[image.camera].feed(image)
+        )
+        last = (
+            replace(image, recorded_ns=LAST_NS) for camera in sorted(decoders) for image in decoders[camera].flush()
+        )
         yield from self._increasing(chain(decoded, last))
 
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
@@ -197,7 +209,7 @@ class Recording:
         source = {self._topic_of(camera): camera for camera in cameras}
         lenses = {camera: self._lens(camera) for camera in cameras}
         found: Counter[str] = Counter()
-        for topic, _, message in self._bag.messages(source, start_ns, stop_ns):
+        for topic, recorded_ns, message in self._bag.messages(source, start_ns, stop_ns):
             camera = source[topic]
             found[camera] += 1
             convert = _CONVERTERS[topic.removeprefix(f"/{camera}")]
@@ -208,7 +220,7 @@ class Recording:
             except RecordingError as error:
                 # One bad image must not cost the others: it is refused where it is decoded.
                 image = CameraImage(camera, image_stamp_ns(message), error)
-            yield image
+            yield replace(image, recorded_ns=recorded_ns)
         for camera in cameras if start_ns is None else ():
             self.lost[camera] = max(0, self.image_count(camera) - found[camera])
 
@@ -250,6 +262,12 @@ class Recording:
         if camera not in self._image_topic:
             raise RecordingError(f"{self.path}: no camera '{camera}'; there are {', '.join(self.cameras)}")
         return self._image_topic[camera]
+
+
+def _in_order_of_names(images: Iterable[CameraImage]) -> Iterator[CameraImage]:
+    """Images in order of their recording; of one time in order of their cameras' names."""
+    for _, together in groupby(images, key=lambda image: image.recorded_ns):
+        yield from sorted(together, key=lambda image: image.camera)
 
 
 def _stands_alone(image: CameraImage) -> bool:
