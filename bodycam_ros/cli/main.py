@@ -14,6 +14,7 @@ from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.standard_streams import discard_output, secure_streams
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.shown import printable, shortened
+from bodycam_ros.study.parent_pipe import end_with_parent
 
 GROUPS = {
     "capture": {
@@ -61,6 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         secure_streams()
+        end_with_parent()
     with EndingSignals() as signals:
         code = _run(sys.argv[1:] if argv is None else argv, signals)
         if argv is None and code >= _SIGNALLED:
