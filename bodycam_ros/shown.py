@@ -35,8 +35,8 @@ def few(names: Iterable[object], most: int = 3) -> str:
     return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
 
 
-def shortened(text: str, most: int = 8000) -> str:
-    """A message without its middle, if it is longer than anybody reads; a path may have 4096 characters."""
+def shortened(text: str, most: int = 3500) -> str:
+    """A message without its middle, if it is longer than anybody reads; the ends of a long path say which it is."""
     return text if len(text) <= most else f"{text[: most // 2]} [...] {text[-most // 2 :]}"
 
 

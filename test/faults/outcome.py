@@ -164,6 +164,8 @@ def _not_whole(path: Path, kind: str) -> str:
             json.loads((path / "summary.json").read_text())
             picture = np.frombuffer((path / "summary.png").read_bytes(), np.uint8)
             return "" if cv2.imdecode(picture, cv2.IMREAD_COLOR) is not None else "holds no picture"
+        if kind == "file":
+            return "" if path.stat().st_size else "is empty"
         if kind == "page":
             return "" if path.read_text().rstrip().endswith("</html>") else "is cut"
         if kind == "urdf":
