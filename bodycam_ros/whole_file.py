@@ -23,6 +23,7 @@ SCRATCH_PREFIX = ".bodycam."
 _SCRATCH_NAME = re.compile(re.escape(SCRATCH_PREFIX) + "[0-9a-f]{32}")
 _MARK = b"made by bodycam for the time that it writes something beside; removed once no process holds it\n"
 _YOUNG_S = 10.0
+_TRIES = 20
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -105,7 +106,7 @@ def whole_folder(path: Path, check_replaceable: Callable[[Path], None]) -> Itera
             _bring_tree_to_disk(unfinished)
             if final.exists():
                 check_replaceable(path)
-            _exchange(final, unfinished)
+            _exchange_with_others(final, unfinished)
             _bring_to_disk(final.parent)
 
 
@@ -116,6 +117,17 @@ def failure_named(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _exchange_with_others(path: Path, new: Path) -> None:
+    """``_exchange``; again where another process, which replaces the same folder, came between: the last one stays."""
+    for _ in range(_TRIES):
+        try:
+            return _exchange(path, new)
+        except OSError as error:
+            if error.errno not in (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST) or not new.exists():
+                raise
+    return _exchange(path, new)
 
 
 def _exchange(path: Path, new: Path) -> None:

@@ -258,6 +258,30 @@ def test_a_users_folder_that_is_named_like_ours_stays(tmp_path: Path) -> None:
     assert contents(tmp_path / "folder") == {"x": "y"}
 
 
+_REPLACES = """
+import sys, time
+from pathlib import Path
+from bodycam_ros.whole_file import whole_folder
+end = time.monotonic() + 2.0
+while time.monotonic() < end:
+    with whole_folder(Path(sys.argv[1]), lambda path: None) as unfinished:
+        unfinished.mkdir()
+        for name in "ab":
+            (unfinished / name).write_text(sys.argv[2])
+"""
+
+
+def test_two_processes_replace_one_folder_and_the_last_stays(tmp_path: Path) -> None:
+    """As two graphs that save what they have added to one map."""
+    commands = [[sys.executable, "-c", _REPLACES, str(tmp_path / "map"), word] for word in ("one", "two")]
+    processes = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for command in commands]
+    for process in processes:
+        _, printed = process.communicate(timeout=60)
+        assert process.returncode == 0, printed
+    assert names(tmp_path) == ["map"]
+    assert contents(tmp_path / "map") in ({"a": "one", "b": "one"}, {"a": "two", "b": "two"})
+
+
 def test_what_is_unfinished_is_seen_by_nobody_else(tmp_path: Path) -> None:
     """Keys and pictures are copied there before they have the modes that they will have."""
     with whole_folder(tmp_path / "made", replaceable) as unfinished:
