@@ -17,6 +17,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.shown import few
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -48,6 +49,23 @@ def camera_turns(body: BodyModel, imus: Mapping[str, ImuSamples]) -> dict[str, C
         for camera, samples in imus.items()
         if (calibration := calibrations.get(camera)) is not None and len(samples)
     }
+
+
+def unused_sensors(body: BodyModel, imus: Mapping[str, ImuSamples]) -> list[str]:
+    """A remark on inertial sensors that have samples and are not used, and on those that have none that can be."""
+    on_body = {camera: body.mounts[camera].imu for camera in imus if camera in body.mounts}
+    uncalibrated = [camera for camera, calibration in sorted(on_body.items()) if calibration is None]
+    remarks = []
+    if uncalibrated:
+        remarks.append(
+            f"inertial sensors of {few(uncalibrated)} are not used: body {body.name} has no calibration of them; "
+            "make it of a range of motion with their samples ('bodycam body')"
+        )
+    for camera in sorted(on_body.keys() - {*uncalibrated}):
+        if not len(imus[camera]):
+            reason = imus[camera].left_out or "there are none"
+            remarks.append(f"camera {camera}: its inertial sensor has no usable samples ({reason}); it is left out")
+    return remarks
 
 
 class CameraPipeline:

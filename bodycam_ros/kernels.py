@@ -1,10 +1,11 @@
 """Functions compiled to machine code by numba, all in one shared library in the user's cache folder.
 
 A kernel is written in plain loops over float64; tests compare it with NumPy, numeric derivatives or another library. It
-states the types that it is compiled for. A process loads the library in a millisecond, where numba itself takes 0.6 s
-of its processor and 70 MB, so numba is imported by the process that compiles alone. The library is named after all that
-it was made from; ``python -m bodycam_ros.kernels`` makes it as part of an installation. Where there is no C compiler,
-numba keeps the kernels in its own cache.
+states the types that it is compiled for. A process loads the library in some milliseconds, where numba itself takes
+0.6 s of its processor and 70 MB, so numba is imported by the process that compiles alone. The library is named after
+all that it was made from, and ends with its checksum: one that was cut is made anew. ``python -m
+bodycam_ros.kernels`` makes it as part of an installation. Where there is no C compiler, numba keeps the kernels in its
+own cache.
 """
 
 import functools
@@ -36,6 +37,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parent
 _NAME = "bodycam_kernels"
+_CHECKSUM_BYTES = hashlib.sha256().digest_size
 _FAST = {"reassoc", "contract", "arcp", "nsz"}  # sums become vectors; NaN and infinity keep their meaning
 _ARGUMENT = re.compile(r"([biuf]\d)(\[[:, ]*::1\])?")
 
@@ -159,7 +161,7 @@ def as_bytes(values: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def prepare_kernels() -> None:
     """Compile all kernels, unless that was done before; call it before processes are started that use them."""
     file = library_file()
-    if file.exists() or not _uses_machine_code():
+    if not _uses_machine_code() or _is_whole(file):
         return
     logger.warning("compiling the numerical kernels for this machine, once; takes some 20 s")
     _import_kernels()
@@ -243,7 +245,28 @@ def _build_library(file: Path) -> None:
             library.compile()
         finally:
             compiler.Flags = usual
+        _seal(Path(place) / file.name)
         (Path(place) / file.name).replace(file)
+
+
+def _seal(file: Path) -> None:
+    """Append the checksum of a library to it, which the loader overlooks, and bring both to the disk."""
+    with file.open("r+b") as opened:
+        opened.write(hashlib.sha256(opened.read()).digest())
+        opened.flush()
+        os.fsync(opened.fileno())
+
+
+def _is_whole(file: Path) -> bool:
+    """Whether a library can be read, and has the checksum that it was written with.
+
+    One that a crash or a full disk has cut kills the process that runs it.
+    """
+    try:
+        content = memoryview(file.read_bytes())
+    except OSError:  # a folder that may not be entered, too
+        return False
+    return hashlib.sha256(content[:-_CHECKSUM_BYTES]).digest() == content[-_CHECKSUM_BYTES:]
 
 
 def _flags() -> Any:
@@ -259,7 +282,7 @@ def _flags() -> Any:
 @cache
 def _library() -> ModuleType | None:
     file = library_file()
-    if not _uses_machine_code() or not file.exists():
+    if not _uses_machine_code() or not _is_whole(file):
         return None
     loader = ExtensionFileLoader(_NAME, str(file))
     spec = spec_from_file_location(_NAME, file, loader=loader)
@@ -268,7 +291,7 @@ def _library() -> ModuleType | None:
         module = module_from_spec(spec)
         loader.exec_module(module)
     except ImportError as error:
-        logger.warning("%s: %s; delete it, and it is made anew", file, error)
+        logger.warning("%s: %s; without it commands start slower", file, error)
         return None
     return module
 

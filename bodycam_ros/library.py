@@ -116,8 +116,8 @@ def replay(
             if image.camera not in pipelines or not limit.is_due(image.camera, image.stamp_ns):
                 continue
             if source is not None and replica is not None:
-                source.advance(image.stamp_ns)
-                replica.advance(image.stamp_ns)
+                source.advance(image.recorded_ns or image.stamp_ns)
+                replica.advance(image.recorded_ns or image.stamp_ns)
             _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
             if source is not None and keyframe is not None:
                 source.mapper.wait_for_turn(keyframe)

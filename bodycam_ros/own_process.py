@@ -9,3 +9,8 @@ MOST_PIXELS = 200_000_000
 def bound_inputs() -> None:
     """Bound what a file can make this process allocate; before OpenCV is loaded, which reads its limit once."""
     os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
+    is_bounded.append(True)
+
+
+is_bounded: list[bool] = []
+"""Not empty once ``bound_inputs`` was called: other libraries are bounded when they are loaded."""

@@ -1,6 +1,7 @@
 """Values and texts that came from a file, as they may be shown to a person: short, and without control characters."""
 
 import reprlib
+import string
 import unicodedata
 from collections.abc import Iterable
 from typing import Any
@@ -34,6 +35,11 @@ def few(names: Iterable[object], most: int = 3) -> str:
     return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
 
 
+def shortened(text: str, most: int = 3500) -> str:
+    """A message without its middle, if it is longer than anybody reads; the ends of a long path say which it is."""
+    return text if len(text) <= most else f"{text[: most // 2]} [...] {text[-most // 2 :]}"
+
+
 def printable(text: str) -> str:
     r"""Text whose control characters (all but line feed and tab) are written as escapes, as in ``\x1b[31m``.
 
@@ -42,6 +48,16 @@ def printable(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return "".join(character if _harmless(character) else _escaped(character) for character in text)
+
+
+def markdown_text(text: str) -> str:
+    """Text as Markdown that shows it as it is, in one line.
+
+    viser's page renders HTML in Markdown, scripts included; every sign of punctuation is written as a character
+    reference, which neither Markdown nor HTML takes for markup.
+    """
+    line = " ".join(printable(text).split())
+    return "".join(f"&#{ord(sign)};" if sign in string.punctuation else sign for sign in line)
 
 
 def _harmless(character: str) -> bool:

@@ -7,6 +7,7 @@ at any time leaves what was there before, and no temporary files.
 import errno
 import fcntl
 import os
+import re
 import shutil
 import time
 import uuid
@@ -19,7 +20,10 @@ from bodycam_ros.errors import OutputError
 SCRATCH_PREFIX = ".bodycam."
 """How the names of the temporary folders begin; only a process that is killed leaves one, until the next clears it."""
 
+_SCRATCH_NAME = re.compile(re.escape(SCRATCH_PREFIX) + "[0-9a-f]{32}")
+_MARK = b"made by bodycam for the time that it writes something beside; removed once no process holds it\n"
 _YOUNG_S = 10.0
+_TRIES = 20
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -67,10 +71,11 @@ def whole_files(folder: Path, inside: bool = False) -> Iterator[Path]:
     with failure_named(folder):
         final.parent.mkdir(parents=True, exist_ok=True)
         with _scratch(final if inside else final.parent, named=folder) as scratch:
-            yield scratch
-            _bring_tree_to_disk(scratch)
+            (unfinished := scratch / "files").mkdir()
+            yield unfinished
+            _bring_tree_to_disk(unfinished)
             final.mkdir(exist_ok=True)
-            for file in sorted(scratch.iterdir()):
+            for file in sorted(unfinished.iterdir()):
                 file.replace(final / file.name)
             _bring_to_disk(final)
 
@@ -101,7 +106,7 @@ def whole_folder(path: Path, check_replaceable: Callable[[Path], None]) -> Itera
             _bring_tree_to_disk(unfinished)
             if final.exists():
                 check_replaceable(path)
-            _exchange(final, unfinished)
+            _exchange_with_others(final, unfinished)
             _bring_to_disk(final.parent)
 
 
@@ -112,6 +117,17 @@ def failure_named(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _exchange_with_others(path: Path, new: Path) -> None:
+    """``_exchange``; again where another process, which replaces the same folder, came between: the last one stays."""
+    for _ in range(_TRIES):
+        try:
+            return _exchange(path, new)
+        except OSError as error:
+            if error.errno not in (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST) or not new.exists():
+                raise
+    return _exchange(path, new)
 
 
 def _exchange(path: Path, new: Path) -> None:
@@ -135,7 +151,9 @@ def _exchange(path: Path, new: Path) -> None:
 
 @contextmanager
 def scratch_folder(parent: Path) -> Iterator[Path]:
-    """An empty folder in another, that no other program sees, removed afterwards; so are those of killed processes.
+    """A folder in another, that no other program sees, removed afterwards; so are those of killed processes.
+
+    In it is a file of its own name, by which it is known to be ours.
 
     Raises:
         OSError: it cannot be made.
@@ -144,6 +162,7 @@ def scratch_folder(parent: Path) -> Iterator[Path]:
     try:
         scratch.mkdir(0o700)
         with _held(scratch):
+            (scratch / scratch.name).write_bytes(_MARK)
             _clear_stale(parent)
             yield scratch
     finally:
@@ -172,8 +191,10 @@ def _held(folder: Path) -> Iterator[None]:
 
 
 def _clear_stale(parent: Path) -> None:
-    """Remove scratch folders that no living process holds."""
+    """Remove scratch folders that no living process holds, and nothing of a user's that is named like one."""
     for folder in parent.glob(f"{SCRATCH_PREFIX}*"):
+        if not _SCRATCH_NAME.fullmatch(folder.name):
+            continue
         with suppress(OSError):
             # One that is new may not be held yet.
             if time.time() - folder.stat().st_mtime < _YOUNG_S:
@@ -181,7 +202,9 @@ def _clear_stale(parent: Path) -> None:
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(folder, ignore_errors=True)
+                mark = folder / folder.name
+                if mark.is_file() and mark.stat().st_size == len(_MARK) and mark.read_bytes() == _MARK:
+                    shutil.rmtree(folder, ignore_errors=True)
             finally:
                 os.close(descriptor)
 

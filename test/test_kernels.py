@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -56,15 +57,14 @@ def installation(tmp_path: Path) -> Path:
     return package
 
 
-def run(installation: Path, **environment: str) -> tuple[str, str]:
+def run(installation: Path, command: Sequence[str] = (), **environment: str) -> tuple[str, str]:
     """What the program printed, and what it logged."""
     place = installation.parent.parent
     surroundings = {name: text for name, text in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))}
     surroundings |= {"PYTHONPATH": str(installation.parent), "HOME": str(place / "home")}
     surroundings |= {"PYTHONDONTWRITEBYTECODE": "1", **environment}
-    process = subprocess.run(
-        [sys.executable, "-c", PROGRAM], cwd=place, env=surroundings, capture_output=True, text=True, timeout=120
-    )
+    command = command or [sys.executable, "-c", PROGRAM]
+    process = subprocess.run(command, cwd=place, env=surroundings, capture_output=True, text=True, timeout=120)
     assert process.returncode == 0, process.stderr
     return process.stdout.strip(), process.stderr
 
@@ -79,6 +79,35 @@ def test_the_first_run_compiles_into_the_users_cache_and_the_next_loads(installa
     assert run(installation) == ("8.0 loaded", "")
     (installation / "inner.py").write_text(INNER.replace("1.0", "2.0"))
     assert run(installation)[0] == "10.0 compiled"
+
+
+@pytest.mark.parametrize("kept", [0.5, 0.99, 0.0])
+def test_a_library_that_was_cut_is_made_anew(installation: Path, kept: float) -> None:
+    assert run(installation)[0] == "8.0 compiled"
+    (library,) = (installation.parent.parent / "home" / ".cache" / "bodycam_ros").glob("*.so")
+    whole = library.read_bytes()
+    os.truncate(library, int(kept * len(whole)))
+    assert run(installation)[0] == "8.0 compiled"
+    library.write_bytes(whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2))
+    assert run(installation)[0] == "8.0 compiled"
+    assert run(installation) == ("8.0 loaded", "")
+
+
+FORBIDDEN = """
+import sys
+sys.path.insert(0, sys.argv.pop(1))
+from faults.limits import obey_permissions
+obey_permissions()
+"""
+
+
+def test_a_home_that_may_not_be_entered_is_done_without(installation: Path, tmp_path: Path) -> None:
+    """As after ``sudo -E``."""
+    (home := tmp_path / "forbidden").mkdir(mode=0)
+    command = [sys.executable, "-c", FORBIDDEN + PROGRAM, str(Path(__file__).parent)]
+    out, logged = run(installation, command, HOME=str(home))
+    home.chmod(0o700)
+    assert out == "8.0 compiled" and "numba's cache" in logged
 
 
 def test_without_a_compiler_they_are_kept_in_numbas_cache(installation: Path) -> None:

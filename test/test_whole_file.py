@@ -111,7 +111,7 @@ def test_files_for_a_folder_of_the_users_need_nothing_above_it(tmp_path: Path) -
     folder = tmp_path / "disk"
     make(folder, {"mine": "dear"})
     with whole_files(folder, inside=True) as unfinished:
-        assert unfinished.parent == folder and names(tmp_path) == ["disk"]
+        assert folder in unfinished.parents and names(tmp_path) == ["disk"]
         make(unfinished, {"a": "new"})
     assert contents(folder) == {"a": "new", "mine": "dear"} and names(folder) == ["a", "mine"]
 
@@ -242,6 +242,44 @@ def test_what_a_killed_process_left_is_cleared_and_what_a_living_one_holds_is_no
             process.communicate()
     write_whole(tmp_path / "file", "text")
     assert names(tmp_path) == [f"{SCRATCH_PREFIX}new", "file"]
+
+
+def test_a_users_folder_that_is_named_like_ours_stays(tmp_path: Path) -> None:
+    users = [tmp_path / f"{SCRATCH_PREFIX}{name}" for name in ("backup", "0" * 32, "0" * 31, "g" * 32, "A" * 32)]
+    for folder in users:
+        make(folder, OLD)
+        os.utime(folder, (0, 0))
+    write_whole(tmp_path / "file", "text")
+    with whole_files(tmp_path / "folder") as unfinished:
+        make(unfinished, {"x": "y"})
+    with whole_folder(tmp_path / "out", replaceable) as unfinished:
+        make(unfinished, NEW)
+    assert all(contents(folder) == OLD for folder in users)
+    assert contents(tmp_path / "folder") == {"x": "y"}
+
+
+_REPLACES = """
+import sys, time
+from pathlib import Path
+from bodycam_ros.whole_file import whole_folder
+end = time.monotonic() + 2.0
+while time.monotonic() < end:
+    with whole_folder(Path(sys.argv[1]), lambda path: None) as unfinished:
+        unfinished.mkdir()
+        for name in "ab":
+            (unfinished / name).write_text(sys.argv[2])
+"""
+
+
+def test_two_processes_replace_one_folder_and_the_last_stays(tmp_path: Path) -> None:
+    """As two graphs that save what they have added to one map."""
+    commands = [[sys.executable, "-c", _REPLACES, str(tmp_path / "map"), word] for word in ("one", "two")]
+    processes = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for command in commands]
+    for process in processes:
+        _, printed = process.communicate(timeout=60)
+        assert process.returncode == 0, printed
+    assert names(tmp_path) == ["map"]
+    assert contents(tmp_path / "map") in ({"a": "one", "b": "one"}, {"a": "two", "b": "two"})
 
 
 def test_what_is_unfinished_is_seen_by_nobody_else(tmp_path: Path) -> None:

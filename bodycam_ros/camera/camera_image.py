@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.model import CameraModel
+from bodycam_ros.camera.picture_size import check_picture_size
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.shown import shown
 
@@ -157,7 +159,9 @@ def file_values(camera: str, stamp_ns: int, file: bytes, mode: int) -> NDArray[A
     return values
 
 
-def read_image_file(path: Path, mode: int, error: type[BodycamError] = RecordingError) -> NDArray[np.uint8]:
+def read_image_file(
+    path: Path, mode: int, error: type[BodycamError] = RecordingError, lens: CameraModel | None = None
+) -> NDArray[np.uint8]:
     """Pixels of an image file.
 
     Orientation tags are ignored: a calibration holds for the sensor's own rows and columns. OpenCV's own reading of
@@ -167,12 +171,19 @@ def read_image_file(path: Path, mode: int, error: type[BodycamError] = Recording
         path: of the file.
         mode: IMREAD_COLOR or IMREAD_GRAYSCALE of OpenCV.
         error: raised where it is none.
+        lens: of the camera that took it.
 
     Raises:
-        BodycamError: it cannot be read.
+        BodycamError: it cannot be read, or is absurdly large for the lens.
     """
     with suppress(OSError):
-        pixels = _decoded(path.read_bytes(), mode | cv2.IMREAD_IGNORE_ORIENTATION)
+        file = path.read_bytes()
+        if lens is not None:
+            try:
+                check_picture_size(file, lens)
+            except RecordingError as too_large:
+                raise error(f"{path}: {too_large}") from too_large
+        pixels = _decoded(file, mode | cv2.IMREAD_IGNORE_ORIENTATION)
         if pixels is not None:
             return pixels
     raise error(f"{path}: is no image that can be read; expected a whole JPEG or PNG file")
@@ -240,11 +251,24 @@ class CameraImage:
         content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, a picture in another
             encoding, raw or in a file, a video's frame, decoded or still a packet, or the error that says why there is
             none.
+        recorded_ns: when it came, of a recording [ns]; of a video's frame, when what completed it came.
     """
 
     camera: str
     stamp_ns: int
     content: bytes | NDArray[np.uint8] | Picture | VideoPacket | RecordingError
+    recorded_ns: int = 0
+
+
+def check_image_size(image: CameraImage, lens: CameraModel) -> None:
+    """Refuse an image whose file claims to be absurdly large for the camera's lens, before it is decoded.
+
+    Raises:
+        RecordingError: so it is.
+    """
+    file = image.content.file if isinstance(image.content, FilePicture) else image.content
+    if isinstance(file, bytes):
+        check_picture_size(file, lens)
 
 
 def decode_grey(image: CameraImage) -> NDArray[np.uint8]:

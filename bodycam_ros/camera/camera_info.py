@@ -99,6 +99,30 @@ def scaled_camera(camera: CameraModel, scale: float) -> CameraModel:
     )
 
 
+def part_of_image(
+    camera: CameraModel, offset: tuple[int, int], size: tuple[int, int], binning: tuple[int, int]
+) -> CameraModel:
+    """The camera of images that are a part of its own, several pixels of which are one.
+
+    Args:
+        camera: of the full images.
+        offset: column and row of the part's first pixel [px].
+        size: width and height of the part [px], before binning.
+        binning: columns and rows that are one.
+    """
+    across, down = binning
+    return replace(
+        camera,
+        width=size[0] // across,
+        height=size[1] // down,
+        fx=camera.fx / across,
+        fy=camera.fy / down,
+        # The middle of a pixel is a whole number, so its left edge is half a pixel before.
+        cx=(camera.cx - offset[0] + 0.5) / across - 0.5,
+        cy=(camera.cy - offset[1] + 0.5) / down - 0.5,
+    )
+
+
 def readout_time_from_yaml(path: Path) -> float | None:
     """``readout_time`` of a camera_info YAML: from the middle of the exposure of the first row to that of the last [s].
 

@@ -1,20 +1,20 @@
 """The command ``bodycam``: one file per command, imported when it is used."""
 
 import argparse
-import errno
 import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
-from io import TextIOWrapper
 
 from bodycam_ros import __version__
 from bodycam_ros.cli.command_parser import STEPS, CommandParser
-from bodycam_ros.cli.signals import EndingSignals, discard_output
-from bodycam_ros.errors import BodycamError
+from bodycam_ros.cli.failure import failure_message
+from bodycam_ros.cli.signals import EndingSignals
+from bodycam_ros.cli.standard_streams import discard_output, secure_streams
 from bodycam_ros.own_process import bound_inputs
-from bodycam_ros.shown import printable
+from bodycam_ros.shown import printable, shortened
+from bodycam_ros.study.parent_pipe import end_with_parent
 
 GROUPS = {
     "capture": {
@@ -52,7 +52,6 @@ COMMANDS = {command: purpose for group in GROUPS.values() for command, purpose i
 
 FAILED = 1
 _SIGNALLED = 128
-_NO_READER = _SIGNALLED + signal.SIGPIPE
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -61,6 +60,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     0, 1 for an error of the user's, 2 for wrong usage, 3 for a result that should not be used, 128 + the number of the
     signal that ended it (130 for Ctrl-C).
     """
+    if argv is None:
+        secure_streams()
+        end_with_parent()
     with EndingSignals() as signals:
         code = _run(sys.argv[1:] if argv is None else argv, signals)
         if argv is None and code >= _SIGNALLED:
@@ -71,11 +73,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str], signals: EndingSignals) -> int:
     try:
         bound_inputs()
-        # A name that is not UTF-8 must not keep a message from being printed.
-        for stream in (sys.stdout, sys.stderr):
-            if isinstance(stream, TextIOWrapper):
-                with suppress(OSError):
-                    stream.reconfigure(errors="backslashreplace")
         words = join_command(argv)
         if not words:
             print(STEPS, end="")
@@ -92,23 +89,10 @@ def _run(argv: Sequence[str], signals: EndingSignals) -> int:
                 with suppress(OSError, ValueError):
                     print("bodycam: interrupted", file=sys.stderr, flush=True)
             return signals.exit_code
-        if isinstance(error, BrokenPipeError):
-            return _NO_READER
-        if (message := _message(error)) is None:
+        if (message := failure_message(error)) is None:
             raise
-        print(f"bodycam: error: {printable(message)}", file=sys.stderr)
+        print(f"bodycam: error: {printable(shortened(message))}", file=sys.stderr)
         return FAILED
-
-
-def _message(error: BaseException) -> str | None:
-    """What to print; None for a defect of ours, whose traceback is needed."""
-    if isinstance(error, BodycamError):
-        return str(error)
-    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
-        return "there is not enough memory for this"
-    if isinstance(error, OSError) and error.errno is not None:
-        return f"{error.filename}: {error.strerror}" if error.filename is not None else str(error.strerror)
-    return None
 
 
 def join_command(argv: Sequence[str]) -> list[str]:

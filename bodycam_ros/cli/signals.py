@@ -1,10 +1,8 @@
 """SIGINT, SIGTERM and SIGHUP end a command by an exception, so that it cleans up; its exit code is 128 + the signal."""
 
-import os
 import signal
 import sys
 import time
-from contextlib import suppress
 from types import FrameType
 from typing import Any, ClassVar, Self
 
@@ -78,11 +76,3 @@ class EndingSignals:
             signal.setitimer(signal.ITIMER_REAL, _DELAY_S)
         else:
             sys.__unraisablehook__(unraisable)
-
-
-def discard_output() -> None:
-    """Send what is still to be printed nowhere: the terminal, or the reader of a pipe, is gone."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):
-            os.dup2(nowhere, stream.fileno())

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.distinct_names import distinct_names
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
@@ -30,7 +31,8 @@ def write_tum(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     body, wanted = motion.body, options.segment or motion.body.root
     if wanted == ALL:
         others = [segment for segment in body.segments if segment != body.root]
-        return {"": _lines(motion, body.root), **{f".{_path_part(s)}.tum": _lines(motion, s) for s in others}}
+        parts = distinct_names(others, _path_part)
+        return {"": _lines(motion, body.root), **{f".{parts[s]}.tum": _lines(motion, s) for s in others}}
     if wanted in body.segments:
         return {"": _lines(motion, wanted)}
     if wanted in body.mounts:

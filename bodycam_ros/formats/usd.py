@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.distinct_names import distinct_names
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.glb import make_skin
@@ -130,8 +131,9 @@ def _mesh(skin: "Trimesh", rows: NDArray[np.intp]) -> str:
 def _paths(figure: Figure) -> list[str]:
     """Each bone after its parents, as USD names joints."""
     paths: list[str] = []
+    identifiers = distinct_names(figure.names, _identifier)
     for name, parent in zip(figure.names, figure.parents, strict=True):
-        own = _identifier(name)
+        own = identifiers[name]
         paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
     return paths
 

@@ -25,6 +25,9 @@ _UNEVEN = 0.1
 
 _UP = re.compile(r"board (-?)([xyz]) is up")
 
+_LEAST_SHOWN = 0.5  # share of the corners
+_MOST_GROWTH = 10.0  # logarithm of the scale by which the board's first estimate is off; beyond it nothing fits
+
 _MIN_CORNERS = 4  # one tag
 _MIN_ANGLE = 1e-3  # [rad] between the rays of a corner
 _CORNER_NOISE_PX = 0.05  # of a large tag, as measured; errors beyond twice it count linearly
@@ -202,6 +205,13 @@ def align_to_board(
     )
     # An angle, since pixels are finer in larger photographs.
     misfit_mrad = 1e3 * float(np.median(errors_px / views.focal_px[:, None]))
+    # A fit to corners that contradict each other may end with the board behind the cameras, where nothing is off.
+    shown = np.isfinite(_residuals(views, scale, R, t, inset_px, where_unseen=np.inf)).all(axis=2)
+    if np.mean(shown) < _LEAST_SHOWN:
+        raise MapError(
+            f"board: where it fits best, {np.mean(shown):.0%} of its corners could be in the photographs that "
+            f"show them. Is board.yaml of this board, with these tags? {wrong_camera(*distinct(taken_by)[0])}"
+        )
     if misfit_mrad > _MAX_MISFIT_MRAD and residual.median_px > _FINE_MISFIT_PX:
         raise MapError(
             f"board: its corners are {residual.median_px:.1f} px ({misfit_mrad:.1f} mrad, median) from where the "
@@ -272,7 +282,12 @@ def _refine(views: _TagViews, scale: float, R: Array, t: Array) -> tuple[float, 
     from scipy.optimize import least_squares
 
     def unpack(x: Array) -> tuple[float, Array, Array, float]:
-        return scale * float(np.exp(x[0])), R @ exp_so3(x[1:4]), t + scale * x[4:7], float(x[7])
+        return (
+            scale * float(np.exp(np.clip(x[0], -_MOST_GROWTH, _MOST_GROWTH))),
+            R @ exp_so3(x[1:4]),
+            t + scale * x[4:7],
+            float(x[7]),
+        )
 
     growth = np.maximum(1.0, _LARGE_BREADTH_PX / views.breadths.min(axis=1)) ** 2
     noise = _CORNER_NOISE_PX * growth[:, None, None]
@@ -285,8 +300,11 @@ def _refine(views: _TagViews, scale: float, R: Array, t: Array) -> tuple[float, 
     return unpack(solution.x)
 
 
-def _residuals(views: _TagViews, scale: float, R: Array, t: Array, inset_px: float) -> Array:
-    """Pixels (V, 4, 2) from where the board projects, its tags shrunk by the inset, to where the corners were found."""
+def _residuals(views: _TagViews, scale: float, R: Array, t: Array, inset_px: float, where_unseen: float = 0.0) -> Array:
+    """Pixels (V, 4, 2) from where the board projects, its tags shrunk by the inset, to where the corners were found.
+
+    ``where_unseen`` stands for those that a camera could not show.
+    """
     # A corner is its tag's centre and half of its width and height, exactly for any parallelogram.
     corners = views.corners_board
     shrink = (1.0 - 2.0 * inset_px / views.breadths)[:, :, None, None]
@@ -298,7 +316,7 @@ def _residuals(views: _TagViews, scale: float, R: Array, t: Array, inset_px: flo
     for camera, rows in views.by_camera:
         projected, valid = camera.project(points_camera[rows].reshape(-1, 3))
         errors = views.pixels[rows] - projected.reshape(-1, 4, 2)
-        residuals[rows] = np.where(valid.reshape(-1, 4, 1), errors, 0.0)
+        residuals[rows] = np.where(valid.reshape(-1, 4, 1), errors, where_unseen)
     return residuals
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_model import PIXEL_SHIFT, colmap_camera, pycolmap
-from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import inverse
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import Structure, distinct
@@ -25,18 +24,8 @@ _COARSE_TOLERANCE = 1e-4  # relative decrease at which adjustments on the way st
 
 
 def write_database(path: Path, camera_of_name: Mapping[str, CameraModel], features: Sequence[ImageFeatures]) -> None:
-    """Create a COLMAP database with the features of all photographs, and the cameras that took them.
-
-    Raises:
-        MapError: the disk refuses.
-    """
-    try:
-        opened = pycolmap.Database.open(path)
-    except RuntimeError as error:
-        raise MapError(
-            f"{path}: COLMAP cannot make its database here: {error} Is the disk full? TMPDIR names another place"
-        ) from error
-    with opened as database:
+    """Create a COLMAP database with the features of all photographs, and the cameras that took them."""
+    with pycolmap.Database.open(path) as database:
         cameras, camera_of_view = distinct([camera_of_name[image.name] for image in features])
         written = [_write_camera(database, camera) for camera in cameras]
         for image, row in zip(features, camera_of_view.tolist(), strict=True):

@@ -60,7 +60,7 @@ def extract_features(
     Raises:
         MapError: the file is not an image that OpenCV reads, or not of the size that the camera is calibrated for.
     """
-    image = read_image_file(path, cv2.IMREAD_COLOR, MapError)
+    image = read_image_file(path, cv2.IMREAD_COLOR, MapError, camera)
     if image.shape[:2] != (camera.height, camera.width):
         raise MapError(
             f"{path}: has {image.shape[1]}x{image.shape[0]} pixels, but the camera is calibrated for "

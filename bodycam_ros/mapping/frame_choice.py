@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.distinct_names import distinct_names
 from bodycam_ros.errors import LensError, MapError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.moving_camera import MovingCamera, picture_file
@@ -55,12 +56,13 @@ def keep_sharp_frames(
         OutputError: the folder cannot be written.
     """
     each = max(most // len(sources), 2)
+    prefixes = distinct_names(sources, lambda camera: camera.replace("/", "_"))
     with failure_named(folder), progress.step("choosing sharp frames", sum(s.count for s in sources.values())) as step:
 
         def write(camera: str) -> list[str]:
             source, written = sources[camera], []
             part_s = max(_BEYOND_LAST * source.duration_s / each, _LEAST_PART_S)
-            prefix = "frame" if len(sources) == 1 else camera.replace("/", "_")
+            prefix = "frame" if len(sources) == 1 else prefixes[camera]
             for candidate in _sharpest(_candidates(source, step), part_s):
                 suffix, content = candidate.file(source)
                 written.append(f"{prefix}_{candidate.row:06d}{suffix}")

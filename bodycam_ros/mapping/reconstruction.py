@@ -1,8 +1,10 @@
 """Structure from motion on the photographs of a reference folder, with known intrinsics."""
 
+import errno
 import logging
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +23,8 @@ from bodycam_ros.progress import Progress
 from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES)
 
 _REGISTERING_FEATURES = 700  # largest of each photograph that find the poses; with all it takes five times as long
 _MOST = 0.9  # of the photographs that these must register, or all features are used; the others are left out
@@ -53,9 +57,11 @@ def reconstruct(
         progress: shows the steps.
 
     Raises:
-        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics.
+        MapError: fewer than two photographs fit together, or they do so badly, as with another camera's intrinsics; or
+            there is no room for temporary files.
     """
-    with scratch_folder(Path(tempfile.gettempdir())) as scratch, threadpool_limits(1, user_api="blas"):
+    place = Path(tempfile.gettempdir())
+    with _lack_of_room_named(place), scratch_folder(place) as scratch, threadpool_limits(1, user_api="blas"):
         # COLMAP's lists of pairs take no spaces in names.
         pictures = scratch / "photographs"
         pictures.mkdir()
@@ -91,6 +97,24 @@ def reconstruct(
             structure = colmap.structure_from(model, camera_of_name)
             advance()
     return _keep_observed(replace(structure, names=[name_of[number] for number in structure.names]))
+
+
+@contextmanager
+def _lack_of_room_named(place: Path) -> Iterator[None]:
+    """Raise as MapError what COLMAP and the system say of a folder for temporary files that is full or cannot be used.
+
+    Of COLMAP's database that is a RuntimeError, which may come from any call that writes.
+    """
+    try:
+        yield
+    except (RuntimeError, OSError) as error:
+        in_database = isinstance(error, RuntimeError) and "database" in str(error)
+        if not in_database and getattr(error, "errno", None) not in _NO_ROOM:
+            raise
+        raise MapError(
+            f"{place}: temporary files of the map cannot be written there ({str(error).rstrip('.')}); make room, or "
+            "name another place with TMPDIR"
+        ) from error
 
 
 def _coarse_model(

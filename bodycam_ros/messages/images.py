@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import ENCODINGS, CameraImage, FilePicture, RawPicture, VideoPacket
+from bodycam_ros.camera.camera_info import part_of_image
 from bodycam_ros.camera.model import optical_frame
-from bodycam_ros.errors import RecordingError
+from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.factory import Message, MessageFactory, header_message, numbers, stamp_ns
 from bodycam_ros.shown import shown
 
@@ -113,14 +114,30 @@ INFO, INFO_TYPE = "/camera_info", "sensor_msgs/msg/CameraInfo"
 
 
 def camera_model(message: Message, camera: str) -> CameraModel:
-    """Camera model of a sensor_msgs/CameraInfo.
+    """Camera model of the images that a sensor_msgs/CameraInfo is sent with.
+
+    The message has the intrinsics of the full image; the images are its region of interest, binned (REP-104).
 
     Raises:
-        LensError: malformed intrinsics or an unknown distortion model.
+        LensError: malformed intrinsics, an unknown distortion model, or a region that is not in the image.
     """
     d = numbers(message.d, np.float64, len(message.d)).tolist()
     k = numbers(message.k, np.float64, len(message.k)).tolist()
-    return camera_from_info(camera, int(message.width), int(message.height), message.distortion_model, d, k)
+    full = camera_from_info(camera, int(message.width), int(message.height), message.distortion_model, d, k)
+    roi, binning = message.roi, (max(1, int(message.binning_x)), max(1, int(message.binning_y)))
+    offset, size = (int(roi.x_offset), int(roi.y_offset)), (int(roi.width), int(roi.height))
+    if size == (0, 0) and offset == (0, 0):
+        size = full.width, full.height
+    if offset[0] + size[0] > full.width or offset[1] + size[1] > full.height or not all(size):
+        raise LensError(
+            f"camera '{camera}': its camera_info has a region of interest of {size[0]}x{size[1]} pixels at "
+            f"{offset[0]}, {offset[1]}, which is not in an image of {full.width}x{full.height}"
+        )
+    if min(size[0] // binning[0], size[1] // binning[1]) < 1:
+        raise LensError(
+            f"camera '{camera}': its camera_info has a binning of {binning[0]}x{binning[1]}: no pixel is left"
+        )
+    return part_of_image(full, offset, size, binning)
 
 
 def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int) -> Message:

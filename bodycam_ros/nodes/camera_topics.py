@@ -18,6 +18,7 @@ from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, UNKNOWN_CLOCK, timing_message
 from bodycam_ros.nodes.parameters import best_effort, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
+from bodycam_ros.shown import printable
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 _INFO_DEPTH = 10
@@ -134,7 +135,8 @@ class CameraModels:
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is rejected.
         on_info: called with the stamp of each camera_info [ns].
-        fatal: whether an unusable camera_info ends the node; otherwise the camera is not used.
+        fatal: whether an unusable camera_info ends the node; otherwise the camera is not used. One that comes after a
+            usable one changes nothing: anybody may have published it.
 
     Attributes:
         models: camera -> its model.
@@ -154,6 +156,7 @@ class CameraModels:
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
         self.rejected: set[str] = set()
+        self._warned: set[str] = set()
         self.changes = 0
         self._cameras = tuple(cameras)
         for camera in self._cameras:
@@ -168,17 +171,24 @@ class CameraModels:
 
     def _update(self, camera: str, message: Message) -> None:
         self._on_info(stamp_ns(message.header.stamp))
-        content = (message.width, message.height, message.distortion_model, tuple(message.d), tuple(message.k))
+        roi = message.roi
+        part = (roi.x_offset, roi.y_offset, roi.width, roi.height, message.binning_x, message.binning_y)
+        content = (message.width, message.height, message.distortion_model, *part, tuple(message.d), tuple(message.k))
         before = self._contents.get(camera)
         if content == before:
             return
-        self._contents[camera] = content
         try:
             self.models[camera] = camera_model(message, camera)
+            self._contents[camera] = content
         except LensError as error:
+            if camera in self.models:
+                if camera not in self._warned:
+                    self._warned.add(camera)
+                    self._log.warning(f"{printable(str(error))}; the camera_info before it is used (reported once)")
+                return
             if self._fatal:
                 raise
-            self.models.pop(camera, None)
+            self._contents[camera] = content
             self.rejected.add(camera)
             self._log.error(f"{error}; this camera_info is ignored")
         else:

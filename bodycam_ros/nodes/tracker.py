@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.camera_image import CameraImage, check_image_size, decode_grey
 from bodycam_ros.camera_pipeline import landmark_tracker
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.inertial.camera_turn import CameraTurn
@@ -88,6 +88,7 @@ class TrackerStage(Stage[TrackerParameters]):
         assert self._tracker is not None
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
+            check_image_size(image, self._models.models[self.camera])
             frame = self._tracker.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.dropped.add("images unusable", str(error))

@@ -28,7 +28,7 @@ from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, 
 from bodycam_ros.offline.map_updates import MapReplica, MapUpdate
 from bodycam_ros.own_process import bound_inputs
 from bodycam_ros.pipeline_settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -50,6 +50,7 @@ class RegisteredImage:
 
     camera: str
     stamp_ns: int
+    recorded_ns: int
     matches: LandmarkMatches
     messages: tuple[SerializedMessage, ...]
     keyframe: BodyKeyframe | None = None
@@ -57,9 +58,10 @@ class RegisteredImage:
 
 @dataclass(frozen=True)
 class AwaitedUpdate:
-    """The worker has no results before this time, and waits for an update of the map."""
+    """The worker has no results before this image, and waits for an update of the map."""
 
-    stamp_ns: int
+    camera: str
+    recorded_ns: int
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class UnusableImages:
         kind: undecodable, unordered by their stamps, or missing: counted by the bag's metadata, but not in it.
         reason: why, for the user.
         count: how many.
+        recorded_ns: when the image was recorded [ns]; of several, after the last.
     """
 
     camera: str
@@ -79,6 +82,7 @@ class UnusableImages:
     kind: Literal["undecodable", "unordered", "missing"]
     reason: str
     count: int = 1
+    recorded_ns: int = LAST_NS
 
 
 class UnusableCount:
@@ -87,11 +91,13 @@ class UnusableCount:
     Attributes:
         skipped: images that are in the recording.
         lost: images that are not in it.
+        reasons: why, of the first of each kind.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
+        self.reasons: list[str] = []
         self._reported: set[tuple[str, str]] = set()
 
     def add(self, item: UnusableImages) -> None:
@@ -100,6 +106,7 @@ class UnusableCount:
         counts[item.camera] += item.count
         if (item.camera, item.kind) not in self._reported:
             self._reported.add((item.camera, item.kind))
+            self.reasons.append(item.reason)
             logger.warning("%s", item.reason)
 
 
@@ -110,6 +117,7 @@ class LeftOutImages:
     camera: str
     stamp_ns: int
     count: int
+    recorded_ns: int = LAST_NS
 
 
 Result = RegisteredImage | UnusableImages | LeftOutImages
@@ -225,22 +233,23 @@ def register_images(
             if not limit.is_due(image.camera, stamp_ns):
                 continue
             if replica is not None:
-                if replica.is_behind(stamp_ns):
-                    yield AwaitedUpdate(stamp_ns)
-                replica.advance(stamp_ns)
+                # By the time of recording, which goes on alike for all cameras, whichever this process has.
+                if replica.is_behind(image.recorded_ns):
+                    yield AwaitedUpdate(image.camera, image.recorded_ns)
+                replica.advance(image.recorded_ns)
             try:
                 tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
                 limit.discard(image.camera)
                 text = f"{error}; it is left out, and so will be others like it"
-                yield UnusableImages(image.camera, stamp_ns, "undecodable", text)
+                yield UnusableImages(image.camera, stamp_ns, "undecodable", text, recorded_ns=image.recorded_ns)
                 continue
             messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
-            yield RegisteredImage(image.camera, stamp_ns, matches, messages, keyframe)
+            yield RegisteredImage(image.camera, stamp_ns, image.recorded_ns, matches, messages, keyframe)
         for camera, count in sorted(limit.left_out.items()):
             yield LeftOutImages(camera, stamp_ns, count)
         for camera, count in sorted((+recording.dropped).items()):
-            text = f"camera {camera}: stamps of {count} images do not increase; they are left out"
+            text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are left out"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)
         yield from missing_images(recording, stamp_ns)
 

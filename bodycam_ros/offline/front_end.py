@@ -23,8 +23,8 @@ from bodycam_ros.offline.camera_worker import (
     run_camera_worker,
 )
 from bodycam_ros.offline.map_updates import MapUpdate, MapUpdateSource
-from bodycam_ros.offline.worker_process import ready_to_start, warm_up
-from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.offline.worker_process import ready_to_start, refusal_named, warm_up
+from bodycam_ros.recording.bag_reader import LAST_NS, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _QUEUE_LENGTH = 256 // BATCH
@@ -67,7 +67,9 @@ def registered_images(
 def merged_results(
     workers: Sequence["Worker"], growth: GrowthSettings, reference_map: ReferenceMap
 ) -> Iterator[Result]:
-    """Results of all workers in order of their stamps, whatever the number of processes and the pace of each.
+    """Results of all workers in order of recording, whatever the number of processes and the pace of each.
+
+    Of images recorded at one time, that of the first camera by name is first, as each worker has them.
 
     Args:
         workers: as they were started.
@@ -86,10 +88,10 @@ def merged_results(
     updates = MapUpdateSource(reference_map, growth.capacity, send) if growth.enabled else None
     pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
     while pending:
-        earliest = min(pending, key=lambda number: (pending[number].stamp_ns, number))
+        earliest = min(pending, key=lambda number: (pending[number].recorded_ns, pending[number].camera))
         item = pending.pop(earliest)
-        if updates is not None:
-            updates.advance(item.stamp_ns)
+        if updates is not None and item.recorded_ns < LAST_NS:
+            updates.advance(item.recorded_ns)
             if isinstance(item, RegisteredImage) and item.keyframe is not None:
                 updates.mapper.wait_for_turn(item.keyframe)
         if not isinstance(item, AwaitedUpdate):
@@ -102,11 +104,15 @@ def merged_results(
 
 @contextmanager
 def start_workers(task: RegistrationTask, cameras: Collection[str], jobs: int) -> Iterator[list["Worker"]]:
-    """Processes that register an equal share of the cameras each, until the end of the block."""
+    """Processes that register an equal share of the cameras each, until the end of the block.
+
+    Raises:
+        RecordingError: the system refuses them.
+    """
     shares = [tuple(cameras)[start::jobs] for start in range(min(jobs, len(cameras)))]
     workers: list[Worker] = []
     try:
-        with ready_to_start() as context:
+        with refusal_named(), ready_to_start() as context:
             for share in shares:
                 own = replace(task, turns={camera: task.turns[camera] for camera in share if camera in task.turns})
                 outbox: Queue[list[WorkerItem]] = context.Queue(_QUEUE_LENGTH)

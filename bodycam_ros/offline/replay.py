@@ -18,8 +18,8 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.camera_pipeline import camera_turns
-from bodycam_ros.errors import BodycamError, BodyError, MapError, StationError
+from bodycam_ros.camera_pipeline import camera_turns, unused_sensors
+from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StationError
 from bodycam_ros.offline.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
 from bodycam_ros.offline.extend import ExtensionRound, extend_map
 from bodycam_ros.offline.front_end import merged_results, start_workers
@@ -104,7 +104,10 @@ def replay(
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
-        imus = read_imus((recording_path, *imu_paths), mounted) if settings.inertial.enabled and mounted else {}
+        sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
+        imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
+        for remark in unused_sensors(body, imus):
+            logger.warning("%s", remark)
         # Cameras are registered while the rest is made ready.
         task = RegistrationTask(
             recording_path,
@@ -127,7 +130,7 @@ def replay(
                 outside, stations, body, body_path, settings, lambda *measured: out.write_measured(*measured)
             )
             if not cameras and outside.start is None:
-                raise _nothing_solved(recording_path, map_path, outside)
+                raise _nothing_solved(recording_path, map_path, outside, "")
         log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         skeleton = SkeletonPipeline(
             person,
@@ -166,7 +169,7 @@ def replay(
                 on_step(images_step, 1e-9 * (item.stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9))
         out.write_states(skeleton.flush())
         if not summary.solved:
-            raise _nothing_solved(recording_path, map_path, outside)
+            raise _nothing_solved(recording_path, map_path, outside, out.unusable)
         # Hands that the body file does not have were added here, and need not be observed.
         out.finish([name for name in own.segments if not any(each in cameras for each in own.cameras_on(name))])
     summary.elapsed_s = time.monotonic() - started
@@ -200,8 +203,12 @@ def _with_images(
     yield from missing_images(recording, recording.start_ns)
 
 
-def _nothing_solved(recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None) -> BodycamError:
-    """Why there is no motion to write."""
+def _nothing_solved(
+    recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None, unusable: str
+) -> BodycamError:
+    """Why there is no motion to write; ``unusable``: why no image could be used, if none could."""
+    if unusable:
+        return RecordingError(f"{recording_path}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
         return StationError(
             f"{recording_path}: no worn camera was registered, so where the body is at first is unknown; place it "

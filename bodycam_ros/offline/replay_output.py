@@ -37,6 +37,7 @@ from bodycam_ros.verdict import VERDICT, verdict_text
 logger = logging.getLogger(__name__)
 
 _DIAGNOSTICS_PERIOD_NS = 1_000_000_000
+_SHOWN_REASONS = 2
 
 
 class ReplayOutput:
@@ -72,6 +73,11 @@ class ReplayOutput:
         self._unusable = UnusableCount()
         self._readouts, self._spans = ReadoutLog(cameras), CameraSpans([*cameras, *stations])
         self._coupled, self._static = EquipmentLog(), StaticCameraLog()
+
+    @property
+    def unusable(self) -> str:
+        """Why no image could be used, if none could; else empty."""
+        return "" if self._summary.images else "; ".join(self._unusable.reasons[:_SHOWN_REASONS])
 
     def write_image(self, item: Result | CameraImage) -> None:
         """One image's tracks, landmarks and pose, if it has any, and the cameras' health once a second."""

@@ -134,7 +134,8 @@ def check_sensors(sensors: Mapping[str, ImuSamples]) -> Iterator[Finding]:
     found: dict[str, SensorQuality] = {}
     for camera, samples in sorted(sensors.items()):
         if len(samples) < MIN_SAMPLES:
-            what, remedy = f"its inertial sensor has {len(samples)} samples", "it will be left out"
+            why = f": {samples.left_out}" if samples.left_out else ""
+            what, remedy = f"its inertial sensor has {len(samples)} usable samples{why}", "it will be left out"
             yield Finding(camera, Level.DOUBTFUL, what, remedy=remedy, check=_CHECK)
         else:
             found[camera] = sensor_quality(samples)

@@ -4,7 +4,7 @@ import logging
 import struct
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -14,6 +14,14 @@ from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import Message
+from bodycam_ros.own_process import is_bounded
+from bodycam_ros.recording.bounded_unpacking import (
+    UnpackingError,
+    bound_rosbags,
+    check_overlap,
+    check_packed_file,
+    unpack,
+)
 from bodycam_ros.recording.damaged_bag import DamagedBag
 from bodycam_ros.recording.typestore import recording_typestore
 from bodycam_ros.shown import shown
@@ -22,7 +30,7 @@ from bodycam_ros.yaml_file import read_yaml
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_LENGTH = 29  # opcode, length, two offsets, checksum; the magic follows
 _HEADER_OPCODE, _FOOTER_OPCODE = 0x01, 0x02
-_STORAGE_SUFFIXES = (".mcap", ".db3")
+_STORAGE_SUFFIXES, _PACKED_SUFFIX = (".mcap", ".db3"), ".zstd"
 
 METADATA = "metadata.yaml"
 """Of a bag folder: its topics, and how many messages each has."""
@@ -40,17 +48,32 @@ def check_files(path: Path) -> None:
         RecordingError: a pipe or device in the place of a bag's file, metadata that no recorder writes, or a path that
             the system refuses.
     """
-    files = [path]
+    files, packed = [path], list[Path]()
     try:
         if path.is_dir():
-            files = [file for file in path.iterdir() if file.suffix in _STORAGE_SUFFIXES]
+            packed = [file for file in path.iterdir() if file.suffix == _PACKED_SUFFIX]
+            files = packed + [file for file in path.iterdir() if file.suffix in _STORAGE_SUFFIXES]
             if (metadata := path / METADATA).exists():
-                read_yaml(metadata, "bag's metadata", RecordingError)
+                facts = metadata.stat()
+                _check_metadata(metadata, facts.st_mtime_ns, facts.st_size)
         for file in files:
             if file.exists() and not file.is_file():
                 raise RecordingError(f"{file}: is a folder, pipe or device, not a bag's file")
+        for file in packed:
+            check_packed_file(file)
     except OSError as error:
         raise RecordingError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+@lru_cache(maxsize=8)
+def _check_metadata(path: Path, changed_ns: int, size: int) -> None:
+    """Read a bag's metadata as a whole file of limited YAML, once for each state of it; of a thousand topics it takes
+    half a second.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    read_yaml(path, "bag's metadata", RecordingError)
 
 
 def fault_of(path: Path) -> str | None:
@@ -108,6 +131,7 @@ def _profile(start: bytes) -> str | None:
     return start[at + 13 : at + 13 + length].decode(errors="replace")
 
 
+_LONGEST_CAUSE = 300
 _STAMP_END = 12  # behind the four bytes of CDR's byte order
 _OF_BODY = ("/robot_description", "/joint_states", "/odometry")
 _OUR_MESSAGES = "bodycam_msgs/"
@@ -137,11 +161,20 @@ class BagFile:
             check_files(path)
             self._reader: Reader | DamagedBag = Reader(path)
         self._namespace = self.damage = ""
+        self._unpacks = False
 
     def __enter__(self) -> "BagFile":
+        if is_bounded:
+            bound_rosbags()
         self._reader = _opened(self.path)
         if isinstance(self._reader, DamagedBag):
             self._note_damage(self._reader.damage, self._reader.end_time - 1)
+        else:
+            try:
+                self._bound_parts(self._reader)
+            except BaseException:
+                self._reader.close()
+                raise
         self._namespace = _namespace(self._reader.connections)
         return self
 
@@ -149,6 +182,15 @@ class BagFile:
         self, error_type: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self._reader.close()
+
+    def _bound_parts(self, reader: Reader) -> None:
+        """Refuse parts that unpack to too much, and have messages that are compressed one by one come as they are."""
+        storage: Any = reader.storage
+        with _fault_named(self.path):
+            check_overlap(getattr(storage, "storages", (storage,)))
+        if getattr(storage.metadata, "compression_mode", None) == "message":
+            storage.metadata = storage.metadata._replace(compression_mode=None)
+            self._unpacks = True
 
     @cached_property
     def topics(self) -> dict[str, str]:
@@ -216,12 +258,15 @@ class BagFile:
         try:
             for connection, stamp_ns, cdr in stream:
                 latest_ns = stamp_ns
-                yield connection, stamp_ns, cdr
+                yield connection, stamp_ns, unpack(cdr) if self._unpacks else cdr
+        except UnpackingError as error:
+            raise RecordingError(f"{self.path}: {error}") from error
         except Exception as error:  # a damaged file can raise nearly anything in a parser
+            cause = _shortened(repr(error))
             if latest_ns is None:
                 remedy = "copy it again, or save what 'mcap recover' can"
-                raise RecordingError(f"{self.path}: is damaged inside ({error!r}); {remedy}") from error
-            self._note_damage(f"{self.path}: is damaged inside ({error!r})", latest_ns)
+                raise RecordingError(f"{self.path}: is damaged inside ({cause}); {remedy}") from error
+            self._note_damage(f"{self.path}: is damaged inside ({cause})", latest_ns)
 
     def _note_damage(self, damage: str, until_ns: int) -> None:
         after_s = 1e-9 * (until_ns - self.start_ns)
@@ -278,5 +323,13 @@ def _fault_named(path: Path) -> Iterator[None]:
         yield
     except RecordingError:
         raise
+    except UnpackingError as error:
+        raise RecordingError(f"{path}: {error}") from error
     except Exception as error:  # a damaged file can raise nearly anything in a parser
-        raise RecordingError(f"{path}: {fault_of(path) or f'cannot be read as a ROS 2 bag ({error!r})'}") from error
+        raise RecordingError(
+            f"{path}: {fault_of(path) or f'cannot be read as a ROS 2 bag ({_shortened(repr(error))})'}"
+        ) from error
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST_CAUSE else f"{text[:_LONGEST_CAUSE]} ..."

@@ -3,15 +3,16 @@
 import logging
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from itertools import chain
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from itertools import chain, groupby, islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
+from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_image_size
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.inertial.imu_samples import ImuSamples
@@ -26,6 +27,11 @@ logger = logging.getLogger(__name__)
 
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
+
+LAST_NS = 2**63 - 1
+"""Time of recording of what comes after the last message."""
+
+_TRIED_INFOS = 30  # messages, of which one may be usable: a second of them
 
 _CONVERTERS = {each.ending: each.convert for each in TRANSPORTS.values()}
 
@@ -62,6 +68,7 @@ class Recording:
         self.lost: Counter[str] = Counter()
         self._bag = bag
         self._image_topic: dict[str, str] = {}
+        self._lenses: dict[str, CameraModel | None] = {}
         for transport in TRANSPORTS.values():
             for topic, camera in bag.camera_topics(transport.ending, transport.kind).items():
                 self._image_topic.setdefault(camera, topic)
@@ -78,6 +85,11 @@ class Recording:
     def start_ns(self) -> int:
         """When the first message was recorded [ns]."""
         return self._bag.start_ns
+
+    @property
+    def has_sensors(self) -> bool:
+        """Whether an inertial sensor of a camera is in the bag."""
+        return bool(sensor_topics(self._bag, self.cameras, required=False))
 
     @property
     def first_stamp_ns(self) -> int:
@@ -99,17 +111,28 @@ class Recording:
         return self._bag.message_count(self._topic_of(camera))
 
     def camera_model(self, camera: str) -> CameraModel:
-        """The camera's intrinsics, from its first CameraInfo.
+        """The camera's intrinsics, from its first CameraInfo that can be used; a damaged one costs no camera.
 
         Raises:
-            LensError: there is none, it is malformed, or its distortion model is unknown.
+            LensError: there is none, all are malformed, or their distortion model is unknown.
         """
         self._topic_of(camera)
         topic = f"/{camera}{INFO}"
         if self._bag.topics.get(topic, INFO_TYPE) != INFO_TYPE:
             raise LensError(f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {INFO_TYPE}")
-        for _, _, message in self._bag.messages([topic]):
-            return camera_model(message, camera)
+        first: LensError | None = None
+        for _, _, message in islice(self._bag.messages([topic]), _TRIED_INFOS):
+            try:
+                return camera_model(message, camera)
+            except LensError as error:
+                first = first or error
+        if first is not None:
+            raise first
+        if count := self._bag.message_count(topic):
+            raise LensError(
+                f"camera {camera}: none of {count} messages on {topic} in {self.path} can be read: they are damaged, "
+                f"or of another definition of {INFO_TYPE}; copy the recording again"
+            )
         raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
 
     def readout(self, camera: str) -> Readout | None:
@@ -132,6 +155,8 @@ class Recording:
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
+        Of those recorded at one time that of the first camera by name is first, so that images of some cameras are in
+        the same order as among those of all. ``recorded_ns`` never decreases.
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
         the first of them warned about, and so is one of before 1970. ``lost`` counts missing ones once all are read.
         Of a video every frame is decoded, wanted or not: the next one is made of it.
@@ -140,8 +165,14 @@ class Recording:
         for camera in wanted:
             self.dropped[camera] = self.lost[camera] = 0
         decoders = {camera: VideoDecoder() for camera in wanted}
-        decoded = (ready for image in self._messages(wanted) for ready in decoders[image.camera].feed(image))
-        last = (image for decoder in decoders.values() for image in decoder.flush())
+        decoded = (
+            replace(ready, recorded_ns=image.recorded_ns)
+            for image in _in_order_of_names(self._messages(wanted))
+            for ready in decoders[image.camera].feed(image)
+        )
+        last = (
+            replace(image, recorded_ns=LAST_NS) for camera in sorted(decoders) for image in decoders[camera].flush()
+        )
         yield from self._increasing(chain(decoded, last))
 
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
@@ -181,17 +212,20 @@ class Recording:
     ) -> Iterator[CameraImage]:
         """The images of some cameras as they are in the bag; between two times, if they are given."""
         source = {self._topic_of(camera): camera for camera in cameras}
+        lenses = {camera: self._lens(camera) for camera in cameras}
         found: Counter[str] = Counter()
-        for topic, _, message in self._bag.messages(source, start_ns, stop_ns):
+        for topic, recorded_ns, message in self._bag.messages(source, start_ns, stop_ns):
             camera = source[topic]
             found[camera] += 1
             convert = _CONVERTERS[topic.removeprefix(f"/{camera}")]
             try:
                 image = convert(message, camera)
+                if (lens := lenses[camera]) is not None:
+                    check_image_size(image, lens)
             except RecordingError as error:
                 # One bad image must not cost the others: it is refused where it is decoded.
                 image = CameraImage(camera, image_stamp_ns(message), error)
-            yield image
+            yield replace(image, recorded_ns=recorded_ns)
         for camera in cameras if start_ns is None else ():
             self.lost[camera] = max(0, self.image_count(camera) - found[camera])
 
@@ -207,7 +241,13 @@ class Recording:
 
     def _drop(self, image: CameraImage, latest_ns: int) -> None:
         self.dropped[image.camera] += 1
-        if self.dropped[image.camera] == 1:
+        if self.dropped[image.camera] == 1 and image.stamp_ns < 0:
+            logger.warning(
+                "camera %s: the stamp of an image is %d ns, before 1970; such images are left out",
+                image.camera,
+                image.stamp_ns,
+            )
+        elif self.dropped[image.camera] == 1:
             logger.warning(
                 "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are left out",
                 image.camera,
@@ -215,10 +255,24 @@ class Recording:
                 latest_ns,
             )
 
+    def _lens(self, camera: str) -> CameraModel | None:
+        """The camera's intrinsics, by which the size of its images is checked; None where it has none."""
+        if camera not in self._lenses:
+            self._lenses[camera] = None
+            with suppress(LensError):
+                self._lenses[camera] = self.camera_model(camera)
+        return self._lenses[camera]
+
     def _topic_of(self, camera: str) -> str:
         if camera not in self._image_topic:
             raise RecordingError(f"{self.path}: no camera '{camera}'; there are {', '.join(self.cameras)}")
         return self._image_topic[camera]
+
+
+def _in_order_of_names(images: Iterable[CameraImage]) -> Iterator[CameraImage]:
+    """Images in order of their recording; of one time in order of their cameras' names."""
+    for _, together in groupby(images, key=lambda image: image.recorded_ns):
+        yield from sorted(together, key=lambda image: image.camera)
 
 
 def _stands_alone(image: CameraImage) -> bool:

@@ -17,6 +17,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.recording.bounded_unpacking import check_stated
 from bodycam_ros.yaml_file import read_yaml
 
 _INFORMATION = "rosbag2_bagfile_information"
@@ -166,6 +167,7 @@ def _records_in(record: McapRecord) -> Sequence[McapRecord]:
         record.compression or len(record.data) == record.uncompressed_size
     ):
         raise ValueError(f"a chunk of {len(record.data)} bytes, compressed as {record.compression!r}")
+    check_stated(len(record.data), record.uncompressed_size)
     return breakup_chunk(record, validate_crc=True)
 
 

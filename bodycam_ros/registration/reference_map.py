@@ -169,10 +169,17 @@ class ReferenceMap:
 
         Raises:
             OutputError: something is at ``path`` that must not be replaced, or the disk refuses.
+            MapError: it has values that are not finite, so that it could not be read again.
         """
         words = self.index_words(len(self.descriptors))
         arrays: dict[str, Any] = dict(zip(_WORDS, (words.centres, words.word_of_descriptor), strict=True))
         arrays |= {name: np.asarray(getattr(self, name), form.split()[0]) for name, form in _ARRAYS.items()}
+        for name, values in arrays.items():
+            if values.dtype.kind == "f" and not np.isfinite(values).all():
+                raise MapError(
+                    f"{path}: the map would have {name} that are not finite numbers, so it is not written; do the "
+                    "photographs, their camera.yaml and board.yaml belong together?"
+                )
         header = msgspec.to_builtins(_Header(VERSION, self.metric, self.gravity_aligned, self.grown))
         document = header | {name: value for name, value in self.summary.items() if name not in header}
         with whole_folder(path, partial(check_replaceable, force=force)) as folder, failure_named(path):

@@ -31,6 +31,7 @@ from bodycam_ros.results.topics import (
     published_body,
     wrong_message_named,
 )
+from bodycam_ros.shown import few
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +160,8 @@ class BodyMessages:
         if missing := [name for name in self._names if name not in column]:
             others = [name for name in column if name not in self._names]
             raise RecordingError(
-                f"{self._path}: {JOINT_STATES} lacks {', '.join(missing)}, which {ROBOT} has"
-                f"{', but has ' if others else ''}{', '.join(others)}; are both of the same body?"
+                f"{self._path}: {JOINT_STATES} lacks {few(missing, 6)}, which {ROBOT} has"
+                f"{', but has ' if others else ''}{few(others, 6)}; are both of the same body?"
             )
         angles: Array = numbers(message.position, np.float64, len(message.name))[[column[n] for n in self._names]]
         return angles

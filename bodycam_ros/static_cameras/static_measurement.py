@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 
 from bodycam_ros.body_state import BodyFrame, SegmentPose
-from bodycam_ros.camera.camera_image import CameraImage, decode_colour
+from bodycam_ros.camera.camera_image import CameraImage, check_image_size, decode_colour
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.factors.motion import MotionSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
@@ -98,6 +98,7 @@ def decode_images(
     pictures = {}
     for name, image in images.items():
         try:
+            check_image_size(image, stations[name].camera)
             picture = decode_colour(image)
             stations[name].check_size(picture)
         except RecordingError as error:

@@ -80,8 +80,10 @@ def _read_surface(content: bytes, kind: str) -> Surface:
     try:
         # Without the folder it finds neither materials nor textures, and opens no other file.
         mesh = trimesh.load(io.BytesIO(content), file_type=kind, force="mesh", process=False)
+    except IndexError as error:
+        raise BodyError("has faces with vertices that it does not have") from error
     except Exception as error:  # trimesh checks the forms of files by nothing but what goes wrong
-        raise BodyError(f"cannot be read as a mesh: {type(error).__name__}: {str(error)[:200]}") from error
+        raise BodyError(f"is damaged, or no {kind.upper()} file: {str(error)[:200]}") from error
     vertices = np.asarray(getattr(mesh, "vertices", np.empty((0, 3))), np.float64)
     faces = np.asarray(getattr(mesh, "faces", np.empty((0, 3))), np.int64)
     if not faces.size:

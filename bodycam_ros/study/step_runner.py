@@ -15,6 +15,7 @@ from threading import Lock
 
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study.done_steps import DoneSteps, state_of
+from bodycam_ros.study.parent_pipe import ParentPipe
 from bodycam_ros.study.study import Step
 from bodycam_ros.verdict import WRONG_RESULT
 from bodycam_ros.whole_file import failure_named
@@ -54,6 +55,7 @@ class StepRunner:
         self._notes, self._cores, self._logs, self._lock = notes, cores, logs, lock
         self._processes: list[subprocess.Popen[bytes]] = []
         self._starting, self._is_ending = Lock(), False
+        self._parent = ParentPipe()
 
     def run(self, steps: Sequence[Step]) -> Generator[Step | StepEnd, None, None]:
         """Run steps; yields each when it starts and its ``StepEnd``. An interruption ends all processes."""
@@ -88,6 +90,7 @@ class StepRunner:
         finally:
             self._end_processes(running)
             pool.shutdown()
+            self._parent.close()
 
     def _run(self, step: Step, cores: int) -> StepEnd:
         """Run one step to its end; on a thread of its own, which no signal interrupts."""
@@ -109,7 +112,8 @@ class StepRunner:
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=log,
-                    pass_fds=(self._lock,),
+                    pass_fds=(self._lock, self._parent.descriptor),
+                    env=self._parent.environment(),
                     start_new_session=True,
                 )
                 self._processes.append(process)

@@ -130,7 +130,7 @@ class Editor(Generic[E]):
         self._place.disabled = parent_T_part is None or not can_move
 
     def remark(self, text: str, *, can_write: bool = True) -> None:
-        """Show a remark, and whether there is something to write."""
+        """Show a remark (Markdown: see ``markdown_text``), and whether there is something to write."""
         self._remark.content = text
         self._write.disabled = not can_write
 
@@ -178,7 +178,10 @@ class Editor(Generic[E]):
     def _drag(self) -> None:
         if self._controls is None:
             return
-        pose = rigid(rotation_from_xyzw(np.roll(self._controls.wxyz, -1)), np.array(self._controls.position))
+        wxyz, position = np.array(self._controls.wxyz), np.array(self._controls.position)
+        if wxyz.shape != (4,) or position.shape != (3,) or not np.isfinite([*wxyz, *position]).all() or not wxyz.any():
+            return  # a page of ours never sends it
+        pose = rigid(rotation_from_xyzw(np.roll(wxyz, -1)), position)
         if np.allclose(pose, self._parent_T_part, rtol=0.0, atol=_STILL):
             return
         self._is_dragged = True

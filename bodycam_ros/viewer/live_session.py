@@ -4,6 +4,7 @@ import time
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.shown import markdown_text
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.panels import add_switches
@@ -31,7 +32,7 @@ class LiveSession(Page):
         self._count, self._since, self._last = 0, time.monotonic(), float("-inf")
         self._is_framed = False
         self.text = "waiting for /robot_description: is the graph running, on the same ROS_DOMAIN_ID?"
-        self._remark = server.gui.add_markdown(self.text)
+        self._remark = server.gui.add_markdown(markdown_text(self.text))
         self._follow = server.gui.add_checkbox("follow the body", True)
 
     def put_body(self, body: BodyModel | str) -> None:
@@ -54,7 +55,7 @@ class LiveSession(Page):
         if self._scene is not None:
             is_silent = now - self._last >= _SILENT_S
             self.text = "no state of the body is published" if is_silent else f"{rate:.0f} states a second"
-        self._remark.content = self.text
+        self._remark.content = markdown_text(self.text)
 
     def _take_body(self, body: BodyModel | str) -> None:
         if isinstance(body, str):

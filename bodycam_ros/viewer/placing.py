@@ -17,6 +17,7 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.shown import markdown_text
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
@@ -205,5 +206,5 @@ def support_table(support: Mapping[str, float]) -> str:
     for segment, share in sorted(support.items(), key=lambda item: (np.isnan(item[1]), item[1])):
         word = "yes" if share >= CONFIRMED else "perhaps" if share >= _POSSIBLE else "**no: move it**"
         word = "hidden" if np.isnan(share) else f"{word} ({share:.2f})"
-        lines.append(f"| {segment.replace('_', ' ')} | {word} |")
+        lines.append(f"| {markdown_text(segment.replace('_', ' '))} | {word} |")
     return "\n".join(lines)

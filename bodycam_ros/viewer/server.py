@@ -5,25 +5,23 @@ page are made by the thread that takes these from it, so no lock is needed.
 """
 
 import logging
-import re
+import secrets
 import threading
-from collections.abc import Callable, Coroutine, Iterator
-from contextlib import contextmanager, redirect_stdout
-from functools import partial
+from collections.abc import Callable, Coroutine
+from contextlib import redirect_stdout
 from io import StringIO
 from typing import Any, Literal, TypeVar
 
+import numpy as np
 import viser
-from websockets.asyncio import server as websockets_server
 
 from bodycam_ros.errors import BodycamError, ViewError
 from bodycam_ros.terminal import Terminal
 
 HOST = "127.0.0.1"
 
-_OUR_PAGES = re.compile(r"http://(127\.0\.0\.1|localhost)(:\d+)?")
-"""Origins that may connect: any page of the web that the user has open could reach a server on this machine too."""
-
+_TOKEN_BYTES = 16
+_POLICY_VIOLATION = 1008  # of the WebSocket protocol
 _HIGHEST_PORT = 65535
 _NOTICE_S = 6.0
 
@@ -52,7 +50,8 @@ class LocalServer(viser.ViserServer):
     """viser's server, bound to this machine.
 
     viser itself takes the next port when one is in use, offers to share the scene through a server of its authors, and
-    lets any page connect. All three are off here.
+    lets any page connect. All three are off here: only a page of this server's own origin may connect, and only with
+    the token in ``address``. Other pages and other users of this machine know neither.
 
     Raises:
         ViewError: the port cannot be used.
@@ -65,8 +64,13 @@ class LocalServer(viser.ViserServer):
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
         self._queue: list[tuple[str | None, Action]] = []
         self._changed = threading.Condition()
-        with redirect_stdout(StringIO()), _only_our_pages():
+        self._token = secrets.token_hex(_TOKEN_BYTES)
+        with redirect_stdout(StringIO()):
             super().__init__(HOST, port, label, verbose=False)
+        # viser hands neither websockets' check of origins nor its HTTP handler through. This runs before any message of
+        # a page is read; what connected before there was anything to see has to connect again.
+        self._connection.on_client_connect(self._check_page)
+        self._connection.disconnect_all_clients()
         self.gui.configure_theme(show_logo=False, show_share_button=False)
         self.gui.main_panel.dock_right()
         if port not in (0, self.get_port()):
@@ -78,8 +82,27 @@ class LocalServer(viser.ViserServer):
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
-        return f"http://{HOST}:{self.get_port()}"
+        """What to open in a browser; the page connects to the address in its query."""
+        server = f"{HOST}:{self.get_port()}"
+        return f"http://{server}/?websocket=ws://{server}/{self._token}"
+
+    async def _check_page(self, client: viser.infra.WebsockClientConnection) -> None:
+        """Close the connection of a page that is not this server's.
+
+        Raises:
+            ConnectionRefusedError: it is not; viser then reads nothing from it.
+        """
+        server = self._connection
+        connection = server._live_connections[client.client_id]
+        request, port = connection.request, self.get_port()
+        origins = {f"http://{name}:{port}" for name in (HOST, "localhost")}
+        path, origin = ("", None) if request is None else (request.path, request.headers.get("Origin"))
+        if origin in origins and secrets.compare_digest(path.encode(), f"/{self._token}".encode()):
+            return
+        for clients in (server._live_connections, server._client_state_from_id):
+            clients.pop(client.client_id, None)
+        await connection.close(_POLICY_VIOLATION, "open the address that bodycam view printed")
+        raise ConnectionRefusedError("a page of another origin, or without the token")
 
     def put(self, action: Action, instead_of: str | None = None) -> None:
         """Append an action to the queue.
@@ -114,9 +137,18 @@ class LocalServer(viser.ViserServer):
     def on_input(
         self, handle: viser.GuiInputHandle[Value], act: Callable[[Value], object], instead_of: str | None = None
     ) -> None:
-        """Put ``act(value)`` whenever a person, and not the program, changes an input."""
+        """Put ``act(value)`` whenever a person, and not the program, changes an input.
+
+        A value that the input cannot have, which a page of ours never sends, is taken back.
+        """
+        possible = handle.value
 
         async def changed(event: Any) -> None:
+            nonlocal possible
+            if not _can_be(handle, possible):
+                set_value(handle, possible)
+                return
+            possible = handle.value
             if event.client_id is not None:
                 self.put(lambda: act(handle.value), instead_of)
 
@@ -164,12 +196,14 @@ def set_value(handle: viser.GuiInputHandle[Value], value: Value) -> None:
     handle.value = value  # type: ignore[misc]  # mypy overlooks the setter, which does not follow its getter
 
 
-@contextmanager
-def _only_our_pages() -> Iterator[None]:
-    """Servers that are started meanwhile refuse other pages: viser does not hand this setting through."""
-    serve = websockets_server.serve
-    websockets_server.serve = partial(serve, origins=[_OUR_PAGES])  # type: ignore[assignment, misc]
-    try:
-        yield
-    finally:
-        websockets_server.serve = serve  # type: ignore[misc]
+def _can_be(handle: Any, like: Any) -> bool:
+    """Whether an input can have its value: one of its options, or as many finite numbers as another, in its bounds."""
+    value = handle.value
+    if hasattr(handle, "options"):
+        return value in handle.options
+    if isinstance(value, bool | str):
+        return True
+    numbers = np.asarray(value, float)
+    low, high = (getattr(handle, bound, None) for bound in ("min", "max"))
+    is_inside = (low is None or np.all(numbers >= low)) and (high is None or np.all(numbers <= high))
+    return bool(numbers.shape == np.shape(like) and np.all(np.isfinite(numbers)) and is_inside)

@@ -8,6 +8,7 @@ import numpy as np
 from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.results.camera_picture import CameraPicture
 from bodycam_ros.results.footage import Footage
+from bodycam_ros.shown import markdown_text
 from bodycam_ros.viewer.correction import Correction, Part, can_turn, place_of
 from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.panels import CurvePanel, PicturePanel, TimePanel, add_switches
@@ -126,7 +127,7 @@ class Session(Page):
             segment, segment_T_part = place_of(correction.body, part)
             can_turn_part = can_turn(correction.body, part)
             self._editor.show(str(part), segment_name(segment), segment_T_part, can_turn=can_turn_part)
-        moves = [f"{part}: {move}" for part, move in correction.moves()]
+        moves = [markdown_text(f"{part}: {move}") for part, move in correction.moves()]
         can_write = bool(moves and self._body_file)
         self._editor.remark("\n\n".join(["**not written yet**", *moves]) if moves else "", can_write=can_write)
 

@@ -84,7 +84,10 @@ def test_errors_of_the_user_are_one_line(monkeypatch: pytest.MonkeyPatch, capsys
     [
         (OSError(errno.ENAMETOOLONG, "File name too long", "x" * 300), "x" * 300 + ": File name too long"),
         (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
-        (MemoryError(), "there is not enough memory for this"),
+        (
+            MemoryError(),
+            "there is not enough memory for this; give fewer processes (--jobs), or smaller input",
+        ),
         (RecordingError("topic /\x1b[2J\x9bcam\udcfc"), r"topic /\x1b[2J\x9bcam\udcfc"),
     ],
 )

@@ -54,6 +54,17 @@ def test_all_photographs_register_and_the_summary_says_so(built, sample):
     assert "Traceback" not in done.stderr and "glog" not in done.stderr
 
 
+def test_a_board_whose_tags_are_exchanged_is_refused(few, tmp_path, capsys):
+    """Its fit had the board behind the cameras, with a residual of 0 px and a map that could not be read."""
+    board = yaml.safe_load((few / "board.yaml").read_text())
+    corners = board["corners_in_board"]
+    board["corners_in_board"] = dict(zip(corners, [*list(corners.values())[1:], corners[0]], strict=True))
+    (few / "board.yaml").write_text(yaml.safe_dump(board))
+    assert main(["map", str(few), "-o", str(tmp_path / "map"), *QUICK]) == 1
+    assert "board.yaml" in capsys.readouterr().err
+    assert not (tmp_path / "map").exists()
+
+
 def test_a_photograph_of_another_place_is_left_out_and_named(few, tmp_path, capsys):
     """The first by its name, so that those after it keep their features."""
     like = cv2.imread(str(few / NEAR[0]))

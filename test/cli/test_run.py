@@ -12,6 +12,8 @@ from altered_sample import write_altered_sample
 
 import bodycam_ros
 from bodycam_ros.cli.main import main
+from bodycam_ros.errors import StudyError
+from bodycam_ros.study.step_runner import study_lock
 
 ROOT = Path(bodycam_ros.__file__).parent.parent
 
@@ -75,4 +77,25 @@ def test_ctrl_c_ends_it_and_leaves_nothing_half_written(folder: Path) -> None:
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in err and "interrupted" in err
+    assert list(take.iterdir()) == []
+
+
+def test_its_step_ends_soon_after_it_was_killed(folder: Path, sample: Path) -> None:
+    write_altered_sample(sample, folder / "takes" / "longer", frames=60)
+    command = [sys.executable, "-m", "bodycam_ros.cli.main", "run", str(folder), "--jobs", "1"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        take = folder / "solved" / "takes" / "longer"
+        deadline = time.monotonic() + 60.0
+        while time.monotonic() < deadline and not list(take.glob(".bodycam.*/out/*.mcap")):
+            time.sleep(0.01)
+        process.kill()
+    ended = time.monotonic()
+    while time.monotonic() < ended + 8.0:
+        try:
+            with study_lock(folder / "solved"):
+                break
+        except StudyError:
+            time.sleep(0.1)
+    else:
+        pytest.fail("another run is locked out: a step of the one that was killed goes on")
     assert list(take.iterdir()) == []

@@ -4,13 +4,14 @@ import argparse
 import os
 import shutil
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
-from faults.cases import KINDS, Case, chosen, named
+from faults.cases import INTACT, KINDS, Case, chosen, named
 from faults.outcome import Outcome, snapshot
 from faults.run import warm_up
-from faults.table import by_kind, failures, on_paper
-from faults.trials import run_cases
+from faults.table import by_kind, failures, on_paper, unreached
+from faults.trials import Trial, run_cases
 from faults.work import make_stock
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -19,7 +20,7 @@ _SHORT = 30
 
 
 def main() -> int:
-    """Run the campaign; 1 if there is a fault, else 0."""
+    """Run the campaign; 1 if there is a fault, or if cases proved nothing; else 0."""
     arguments = _arguments()
     cases = _cases(arguments)
     if arguments.list:
@@ -32,7 +33,9 @@ def main() -> int:
     finally:
         shutil.rmtree(folder)
     on_paper().print(by_kind(results))
-    return int(any(outcome.faults for _, outcome in results))
+    for line in (in_vain := unreached(results)):
+        on_paper().print(line)
+    return int(bool(in_vain) or any(outcome.faults for _, outcome in results))
 
 
 def _arguments() -> argparse.Namespace:
@@ -50,8 +53,10 @@ def _arguments() -> argparse.Namespace:
 def _cases(arguments: argparse.Namespace) -> list[Case]:
     if arguments.case:
         return [named(arguments.case)]
-    kinds = frozenset(arguments.only or KINDS) & KINDS.keys()
-    return list(chosen(_SHORT if arguments.short else arguments.cases, arguments.seed, kinds)) if kinds else []
+    kinds = frozenset(arguments.only or KINDS) & KINDS.keys() - {INTACT}
+    count = _SHORT if arguments.short else arguments.cases
+    damaged = list(chosen(count, arguments.seed, kinds)) if kinds else []
+    return [*chosen(None, arguments.seed, frozenset({INTACT})), *damaged]
 
 
 def _all_run(cases: list[Case], folder: Path, arguments: argparse.Namespace) -> list[tuple[Case, Outcome]]:
@@ -66,7 +71,7 @@ def _all_run(cases: list[Case], folder: Path, arguments: argparse.Namespace) -> 
         stock.mkdir()
         make_stock(stock)
         untouched = snapshot(stock)
-        for trial, outcome in run_cases(cases, arguments.seed, stock, folder, arguments.jobs):
+        for trial, outcome in _good_ones_first(cases, arguments, stock, folder):
             results.append((trial.case, outcome))
             for fault in failures(trial.case, outcome, arguments.seed):
                 progress.console.print(fault)
@@ -77,6 +82,19 @@ def _all_run(cases: list[Case], folder: Path, arguments: argparse.Namespace) -> 
         if snapshot(stock) != untouched:
             raise RuntimeError("a command changed a file that it was given as input, outside of its case's folder")
     return results
+
+
+def _good_ones_first(
+    cases: list[Case], arguments: argparse.Namespace, stock: Path, folder: Path
+) -> Iterator[tuple[Trial, Outcome]]:
+    """Run the intact cases, then the others: where good input is refused, damaged input proves nothing."""
+    intact, damaged = ([case for case in cases if (case.kind == INTACT) == good] for good in (True, False))
+    is_good = True
+    for trial, outcome in run_cases(intact, arguments.seed, stock, folder, arguments.jobs):
+        is_good = is_good and not outcome.faults
+        yield trial, outcome
+    if is_good:
+        yield from run_cases(damaged, arguments.seed, stock, folder, arguments.jobs)
 
 
 def _show(command: tuple[str, ...], printed: bytes, outcome: Outcome) -> None:

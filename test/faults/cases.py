@@ -7,7 +7,17 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from faults import bag_damage, byte_damage, map_damage, place_damage, stream_damage, urdf_damage, yaml_damage
+from faults import (
+    bag_damage,
+    byte_damage,
+    lie_damage,
+    map_damage,
+    place_damage,
+    result_damage,
+    stream_damage,
+    urdf_damage,
+    yaml_damage,
+)
 from faults.work import Attempt, Make, Work
 
 Run = Callable[[Work], Attempt]
@@ -21,6 +31,9 @@ _EXPORT: Run = lambda work: work.export()  # noqa: E731
 
 _LEAST = 3
 """Cases of a kind."""
+
+INTACT = "intact"
+"""The kind of good inputs."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +175,10 @@ def _intact() -> dict[str, Make]:
         "export": _EXPORT,
         "export a body": _body_exported,
         "map": _MAP,
+        "evaluate against points": lambda work: work.evaluate(
+            "--truth", str(work.of("points.trc")), "--points", str(work.of("points.yaml")), solved="walked"
+        ),
+        **{f"export {to}": (lambda work, to=to: work.export_motion(to)) for to in result_damage.FORMATS},
     }
     return {name: (lambda work, random, run=run: replace(run(work), is_good=True)) for name, run in runs.items()}
 
@@ -169,7 +186,7 @@ def _intact() -> dict[str, Make]:
 _BYTES, _YAML = byte_damage.DAMAGES, yaml_damage.DAMAGES
 
 KINDS: Mapping[str, Mapping[str, Make]] = {
-    "intact": _intact(),
+    INTACT: _intact(),
     "bag": {
         **_bytes_of("recording/recording.mcap", {**_BYTES, **bag_damage.DAMAGES}, _REPLAY, _BODY, _with_pixels),
         **_bytes_of("recording/metadata.yaml", _BYTES, _REPLAY),
@@ -206,6 +223,8 @@ KINDS: Mapping[str, Mapping[str, Make]] = {
     "swapped": _swapped(),
     "place": place_damage.DAMAGES,
     "stream": stream_damage.DAMAGES,
+    "result": result_damage.DAMAGES,
+    "lie": lie_damage.DAMAGES,
     "signal": _stopped(),
 }
 """Kind -> name of the damage -> what prepares it."""

@@ -41,12 +41,15 @@ class Outcome:
         faults: what is ours to mend -> in some words.
         said: the last line that was printed.
         memory_mb: of the largest process.
+        inputs: name of each input of the stock that was the case's own -> whether the run opened a file of it: a run
+            that stops before proves nothing about what was damaged.
     """
 
     result: str
     faults: Mapping[str, str]
     said: str
     memory_mb: float
+    inputs: Mapping[str, bool]
 
 
 def snapshot(folder: Path) -> Snapshot:
@@ -65,8 +68,8 @@ def snapshot(folder: Path) -> Snapshot:
     return found
 
 
-def judged(run: Run, before: Snapshot) -> Outcome:
-    """What came of a run in a folder that was so before."""
+def judged(run: Run, before: Snapshot, stock: Path) -> Outcome:
+    """What came of a run in a folder that was so before, with copies of the stock's inputs."""
     text = run.printed.decode("utf-8", "replace")
     faults = {}
     if run.hung:
@@ -86,7 +89,10 @@ def judged(run: Run, before: Snapshot) -> Outcome:
         faults[REFUSED] = f"exit code {run.exit_code}"
     result = FAULTY if faults else SURVIVED if run.exit_code == 0 else NAMED
     lines = [line for line in text.splitlines() if line.strip()]
-    return Outcome(result, faults, lines[-1][:300] if lines else "", run.memory_mb)
+    own = {path.relative_to(run.folder).parts[0] for path in before}
+    opened = {path.relative_to(run.folder).parts[0] for path in run.opened}
+    inputs = {name: name in opened for name in sorted(own) if (stock / name).exists()}
+    return Outcome(result, faults, lines[-1][:300] if lines else "", run.memory_mb, inputs)
 
 
 def _stack(run: Run, text: str) -> str:
@@ -158,6 +164,8 @@ def _not_whole(path: Path, kind: str) -> str:
             json.loads((path / "summary.json").read_text())
             picture = np.frombuffer((path / "summary.png").read_bytes(), np.uint8)
             return "" if cv2.imdecode(picture, cv2.IMREAD_COLOR) is not None else "holds no picture"
+        if kind == "file":
+            return "" if path.stat().st_size else "is empty"
         if kind == "page":
             return "" if path.read_text().rstrip().endswith("</html>") else "is cut"
         if kind == "urdf":

@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 
 from faults.limits import limit, obey_permissions
+from faults.opened import OpenedFiles
 from faults.processes import cpu_of_session, end_session, of_session
 from faults.work import Attempt
 
@@ -53,6 +54,7 @@ class Run:
         memory_mb: of its largest process.
         hung: why it was ended from outside; empty if it was not.
         left: processes that it left behind.
+        opened: files that were in its folder before, and that it opened.
     """
 
     attempt: Attempt
@@ -63,6 +65,8 @@ class Run:
     memory_mb: float = 0.0
     hung: str = ""
     left: int = 0
+    opened: set[Path] = field(default_factory=set)
+    _watch: OpenedFiles | None = None
     _pid: int = 0
     _pipe: int = -1
     _started_s: float = field(default_factory=time.monotonic)
@@ -75,6 +79,7 @@ class Run:
     def started(cls, attempt: Attempt, folder: Path, fresh: bool) -> "Run":
         """Start a command in a folder; afresh, or forked from this process."""
         run = cls(attempt, folder, fresh, _to_stop=attempt.stop is not None)
+        run._watch = OpenedFiles(folder)
         (folder / "tmp").mkdir(exist_ok=True)
         run._pipe, theirs = os.pipe()
         run._pid = os.fork()
@@ -137,6 +142,8 @@ class Run:
         while (left := of_session(self._pid)) and time.monotonic() < deadline_s:
             time.sleep(0.05)
         self.left = len(left)
+        if self._watch is not None:
+            self.opened = self._watch.read()
         end_session(self._pid)
         self._read()
         os.close(self._pipe)

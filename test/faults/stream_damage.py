@@ -24,16 +24,16 @@ Change = Callable[[str, str, int, Any], Iterable[Said]]
 """(camera, kind of topic, number of the message on it, message) -> what is recorded instead."""
 
 
-def _replay_of(change: Change, must_say: str = "") -> Make:
+def _replay_of(change: Change, must_say: str = "", recorded: Callable[[int, int], int] = lambda row, ns: ns) -> Make:
     def make(work: Work, random: np.random.Generator) -> Attempt:
         source, target = work.stock / "walk", work.folder / "recording"
         counts: dict[str, int] = {}
         with BagFile(source) as bag, write_recording(target) as writer:
-            for topic, recorded_ns, message in bag.messages(bag.topics):
+            for row, (topic, recorded_ns, message) in enumerate(bag.messages(bag.topics)):
                 camera, kind = topic[1:].split("/", 1)
                 number = counts[topic] = counts.get(topic, -1) + 1
                 for new_camera, new_kind, new in change(camera, kind, number, message):
-                    writer.write(f"/{new_camera}/{new_kind}", recorded_ns, new)
+                    writer.write(f"/{new_camera}/{new_kind}", recorded(row, recorded_ns), new)
         return dataclasses.replace(work.replay(), must_say=must_say)
 
     return make
@@ -144,6 +144,15 @@ DAMAGES: Mapping[str, Make] = {
     "clock drifts by 1 %": _stamped(_of_one(lambda number: 333_333 * number)),
     "clock jumps back": _stamped(_of_one(lambda number: -400_000_000 if number > 15 else 0), _WHO),
     "all clocks jump back": _stamped(lambda camera, number, ns: ns - (2_000_000_000 if number > 15 else 0), "stamp"),
+    # Stamps by the cameras' own clocks go on; half of the messages were recorded a second before those before them.
+    "the recorder's clock is set back": _replay_of(
+        lambda camera, kind, number, message: [(camera, kind, message)],
+        recorded=lambda row, ns: ns - (1_000_000_000 if row > 4 * WALK_FRAMES else 0),
+    ),
+    "the recorder's clock at random": _replay_of(
+        lambda camera, kind, number, message: [(camera, kind, message)],
+        recorded=lambda row, ns: ns + int(np.random.default_rng(row).integers(10**9)),
+    ),
     "one stamp of tomorrow": _stamped(_of_one(lambda number: _DAY_NS if number == 12 else 0), _WHO),
     "all stamps 0": _stamped(lambda camera, number, ns: 0, "stamp"),
     "stamps of a camera 0": _stamped(lambda camera, number, ns: 0 if camera == _WRONG else ns, _WHO),

@@ -10,11 +10,14 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+_SOME = 3
+"""Cases; of fewer, all may be those in which there is nothing to be opened."""
+
 
 def by_kind(results: Sequence[tuple[Case, Outcome]]) -> Table:
-    """Tried, survived, named, and every sort of fault."""
+    """Tried, those whose damaged input was opened, survived, named, and every sort of fault."""
     table = Table("kind", title="corrupted inputs")
-    for column in ("tried", SURVIVED, NAMED, *FAULTS, "most memory [MB]"):
+    for column in ("tried", "reached", SURVIVED, NAMED, *FAULTS, "most memory [MB]"):
         table.add_column(column, justify="right")
     rows = defaultdict(list)
     for case, outcome in results:
@@ -25,9 +28,23 @@ def by_kind(results: Sequence[tuple[Case, Outcome]]) -> Table:
         good = [sum(outcome.result == result for outcome in outcomes) for result in (SURVIVED, NAMED)]
         faulty = [sum(fault in outcome.faults for outcome in outcomes) for fault in FAULTS]
         memory = max((outcome.memory_mb for outcome in outcomes), default=0.0)
-        figures = (len(outcomes), *good, *(count or "" for count in faulty), round(memory))
+        reached = sum(any(outcome.inputs.values()) for outcome in outcomes) if any(o.inputs for o in outcomes) else "-"
+        figures = (len(outcomes), reached, *good, *(count or "" for count in faulty), round(memory))
         table.add_row(kind, *map(str, figures), style="red" if any(faulty) else None, end_section=False)
     return table
+
+
+def unreached(results: Sequence[tuple[Case, Outcome]]) -> list[Text]:
+    """Kinds of damage to an input that were tried some times, and of which no run opened the input."""
+    opened = defaultdict(list)
+    for case, outcome in results:
+        for name, was_opened in outcome.inputs.items():
+            opened[case.kind, name].append(was_opened)
+    return [
+        Text(f"{kind}: none of {len(each)} cases with a damaged {name} reached what reads it")
+        for (kind, name), each in opened.items()
+        if len(each) >= _SOME and not any(each)
+    ]
 
 
 def failures(case: Case, outcome: Outcome, seed: int) -> list[Text]:

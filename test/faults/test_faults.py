@@ -5,7 +5,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from faults.cases import KINDS, chosen, named
+from faults.cases import KINDS, Case, chosen, named
+from faults.outcome import NAMED, Outcome
+from faults.table import unreached
 
 pytestmark = pytest.mark.long
 
@@ -19,6 +21,32 @@ def test_no_traceback_no_half_file_no_hang() -> None:
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
     for kind in KINDS:
         assert f"│ {kind} " in done.stdout, "every kind is tried"
+
+
+_WITHOUT_MAPS = """
+import sys
+sys.path[0] = sys.argv.pop(1)
+from faults import campaign, work
+work._QUICK_MAP = ("--features.nobodys", "1")
+sys.exit(campaign.main())
+"""
+
+
+def test_a_campaign_whose_good_inputs_are_refused_fails_at_once() -> None:
+    command = [sys.executable, "-c", _WITHOUT_MAPS, str(CAMPAIGN.parent), "--only", "reference", "--cases", "3"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=_LONGEST_S, cwd=CAMPAIGN.parents[1])
+    assert done.returncode == 1, f"{done.stdout}\n{done.stderr}"
+    assert "good refused" in done.stdout and "│ reference " not in done.stdout
+
+
+def test_cases_that_stop_before_the_damaged_file_is_opened_are_no_proof() -> None:
+    def outcomes(opened: int) -> list[tuple[Case, Outcome]]:
+        case = named("reference/camera.yaml: empty/0")
+        return [(case, Outcome(NAMED, {}, "", 0.0, {"reference": number < opened})) for number in range(5)]
+
+    assert not unreached(outcomes(1))
+    (line,) = unreached(outcomes(0))
+    assert line.plain == "reference: none of 5 cases with a damaged reference reached what reads it"
 
 
 def test_a_case_is_what_its_title_and_the_seed_say() -> None:

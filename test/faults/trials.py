@@ -39,7 +39,7 @@ def run_cases(
             ended = [trial for trial in under_way if trial.run.is_over()]
             for trial in ended:
                 under_way.remove(trial)
-                yield trial, judged(trial.run, trial.before)
+                yield trial, judged(trial.run, trial.before, stock)
                 _remove(trial.run.folder)
             if not ended:
                 time.sleep(_LOOK_S)

@@ -4,13 +4,17 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from altered_sample import CAMERAS, write_altered_sample
+from unshown_progress import Unshown
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.formats.export import export
+from bodycam_ros.formats.sampled_motion import MotionOptions
 from bodycam_ros.offline.replay import replay as replay_recording
 from bodycam_ros.pipeline_settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
@@ -20,9 +24,10 @@ REPOSITORY = Path(__file__).parents[2]
 _SAMPLE = REPOSITORY / "bags"
 _PHOTOGRAPHS = ("ref_0099.jpg", "ref_0101.jpg", "ref_0103.jpg", "ref_0105.jpg", "camera.yaml", "board.yaml")
 _FRAMES = 4
+_POINTS = ("spine", "knee_left", "knee_right", "hip_left", "hip_right", "shoulder_left", "ankle_left", "ankle_right")
 WALK_CAMERAS, WALK_FRAMES = ("waist_front", "torso_front", "thigh_left", "shin_left"), 42
 """Of the recording ``walk``, of which streams are broken."""
-_QUICK_MAP = ("--features.max_features", "1200", "--features.contrast", "0.03", "--jobs", "1")
+_QUICK_MAP = ("--features.max_features", "1200", "--jobs", "1")
 
 
 def make_stock(folder: Path) -> None:
@@ -46,6 +51,11 @@ def make_stock(folder: Path) -> None:
     _write_small_map(folder)
     map_path, body = folder / "map", folder / "body.yaml"
     replay_recording(folder / "recording", map_path, body, folder / "solved", PipelineSettings(), jobs=1)
+    replay_recording(folder / "walk", map_path, body, folder / "walked", PipelineSettings(), jobs=1)
+    with TemporaryDirectory() as place:
+        export([folder / "walked"], "trc", Path(place) / "points.trc", False, MotionOptions(), Unshown())
+        shutil.copyfile(Path(place) / "points.trc", folder / "points.trc")
+    (folder / "points.yaml").write_text("".join(f"{name}: {name}\n" for name in _POINTS))
 
 
 def _write_small_map(folder: Path) -> None:
@@ -131,10 +141,12 @@ class Work:
         own = self.folder / name
         return own if own.exists() or own.is_symlink() else self.stock / name
 
-    def replay(self, *more: str, out: Path | None = None, body: str = "body.yaml") -> Attempt:
+    def replay(
+        self, *more: str, out: Path | None = None, body: str = "body.yaml", recording: str = "recording"
+    ) -> Attempt:
         """Bodycam replay."""
         out = out or self.folder / "out"
-        inputs = (self.of("recording"), "--map", self.of("map"), "--body", self.of(body))
+        inputs = (self.of(recording), "--map", self.of("map"), "--body", self.of(body))
         arguments = ("replay", *map(str, inputs), "-o", str(out), "--jobs", "1", *more)
         return Attempt(arguments, {out: "bag"})
 
@@ -150,10 +162,16 @@ class Work:
         out = out or self.folder / "made"
         return Attempt(("map", str(self.of("reference")), "-o", str(out), *_QUICK_MAP, *more), {out: "map"})
 
-    def evaluate(self, *more: str, out: Path | None = None) -> Attempt:
+    def evaluate(self, *more: str, out: Path | None = None, solved: str = "solved") -> Attempt:
         """Bodycam evaluate."""
         out = out or self.folder / "report"
-        return Attempt(("evaluate", str(self.of("solved")), "-o", str(out), *more), {out: "report"})
+        return Attempt(("evaluate", str(self.of(solved)), "-o", str(out), *more), {out: "report"})
+
+    def export_motion(self, to: str) -> Attempt:
+        """Bodycam export of a longer motion, in any format."""
+        out = self.folder / f"made.{to}"
+        made = {out: "file", out.with_suffix(".osim"): "file"} if to in ("trc", "mot") else {out: "file"}
+        return Attempt(("export", str(self.of("walked")), "--to", to, "-o", str(out)), made)
 
     def export(self, source: str = "solved", out: Path | None = None) -> Attempt:
         """Bodycam export."""

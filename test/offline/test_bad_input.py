@@ -13,7 +13,10 @@ from altered_sample import CAMERAS, write_altered_sample
 from mcap.reader import make_reader
 from tiny_bag import write_by_rosbags
 
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.camera_pipeline import unused_sensors
 from bodycam_ros.cli.main import main
+from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.offline.camera_worker import UnusableCount, UnusableImages
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.solved_body import read_solved_body
@@ -123,6 +126,26 @@ def test_a_body_of_other_cameras_is_refused(sample: Path, tmp_path: Path, capfd:
     assert_refused(capfd, code, tmp_path / "out", "none of the cameras", "waist_front")
 
 
+def test_stamps_before_1970_are_the_cause_and_not_the_map(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def alter(topic: str, number: int, message: object) -> object:
+        stamp = dataclasses.replace(message.header.stamp, sec=-1)
+        return dataclasses.replace(message, header=dataclasses.replace(message.header, stamp=stamp))
+
+    bag = write_altered_sample(sample, tmp_path / "bag", alter, frames=3)
+    code = run(sample, bag, tmp_path / "out")
+    assert_refused(capfd, code, tmp_path / "out", "none of its images could be used", "before 1970")
+
+
+def test_a_sensor_that_the_body_has_no_calibration_of_is_not_ignored_without_a_word(sample: Path) -> None:
+    body = read_body(sample / "body.yaml")
+    rows = [(number * 5_000_000, (0.0, 0.0, 0.0, 0.0, 0.0, 9.8)) for number in range(40)]
+    (remark,) = unused_sensors(body, {"thigh_left": ImuSamples.from_rows(rows), "nobodys": ImuSamples.from_rows(rows)})
+    assert "inertial sensors of thigh_left are not used" in remark and "bodycam body" in remark
+    assert not unused_sensors(body, {})
+
+
 @pytest.mark.long
 def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
@@ -144,7 +167,7 @@ def test_stamps_that_jump_back_and_broken_or_grey_images_do_not_stop_the_rest(
     printed = capfd.readouterr()
     warnings = " ".join(caplog.text.split())
     assert "camera waist_front: the image of stamp" in warnings and "cannot be decoded" in warnings
-    assert "camera torso_front: stamps of 1 images do not increase" in warnings
+    assert "camera torso_front: stamps of 1 images do not increase, or are before 1970" in warnings
     rows = {words[0]: words for line in printed.out.splitlines() if len(words := line.split()) > 2}
     assert ["camera", "images", "registered", "dropped"] in [line.split()[:4] for line in printed.out.splitlines()]
     assert rows["waist_front"][3] == rows["torso_front"][3] == "1"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import check_sensors, noise_density, sensor_quality
@@ -81,7 +82,7 @@ def test_the_coarse_steps_of_a_sensor_at_rest_are_not_the_end_of_its_range() -> 
 
 
 def test_few_samples_are_named_and_none_are_silent() -> None:
-    assert "has 50 samples" in faults(thinned(sensor(), 24))[0][1]
+    assert "has 50 usable samples" in faults(thinned(sensor(), 24))[0][1]
     assert not list(check_sensors({}))
 
 
@@ -101,3 +102,16 @@ def thinned(samples: ImuSamples, step: int) -> ImuSamples:
 
 def chosen(samples: ImuSamples, rows: np.ndarray) -> ImuSamples:  # type: ignore[type-arg]
     return ImuSamples(samples.stamps_ns[rows], samples.angular_velocity[rows], samples.acceleration[rows])
+
+
+@pytest.mark.parametrize(
+    ("stamps_ns", "reading", "words"),
+    [
+        (np.arange(300) * 5_000_000, np.nan, "300 samples are not finite numbers"),
+        (np.arange(300)[::-1] * 5_000_000, 1.0, "299 samples have a stamp that does not increase"),
+    ],
+)
+def test_why_a_sensor_has_no_samples(stamps_ns: NDArray[np.int64], reading: float, words: str) -> None:
+    samples = ImuSamples.from_rows([(stamp_ns, (reading,) * 6) for stamp_ns in stamps_ns.tolist()])
+    ((level, what),) = faults(samples)
+    assert level == Level.DOUBTFUL and what.endswith(words)

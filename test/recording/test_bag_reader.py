@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from mcap.writer import Writer as McapWriter
 from tiny_bag import (
     FRAME_NS,
@@ -24,6 +25,7 @@ from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.messages.factory import header_message
+from bodycam_ros.messages.images import INFO_TYPE
 from bodycam_ros.messages.timing import timing_message
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
@@ -114,6 +116,71 @@ def test_malformed_intrinsics_name_the_camera(tmp_path: Path, change: dict[str, 
 
     bag = write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)
     with open_recording(bag) as recording, pytest.raises(LensError, match="right"):
+        recording.camera_model("right")
+
+
+def test_a_damaged_camera_info_costs_no_camera(tmp_path: Path) -> None:
+    def alter(writer: RecordingWriter) -> None:
+        for number, k in enumerate((np.zeros(9), np.array([31.0, 0.0, 31.5, 0.0, 30.0, 23.5, 0.0, 0.0, 1.0]))):
+            write_camera_info(writer, "right", START_NS + number, k=k)
+
+    with open_recording(write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)) as recording:
+        assert recording.camera_model("right").fx == 31.0
+
+
+def test_a_camera_info_that_cannot_be_decoded_is_there_and_damaged(tmp_path: Path) -> None:
+    def alter(writer: RecordingWriter) -> None:
+        for number in range(3):
+            writer.write_serialized("/right/camera_info", INFO_TYPE, START_NS + number, b"\0\1\0\0 odd")
+
+    with (
+        open_recording(write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)) as recording,
+        pytest.raises(LensError, match="camera right: none of 3 messages on /right/camera_info .* can be read"),
+    ):
+        recording.camera_model("right")
+
+
+def test_the_camera_of_a_binned_part_of_the_image(tmp_path: Path) -> None:
+    make = recorded_messages()
+
+    def alter(writer: RecordingWriter) -> None:
+        roi = make("sensor_msgs/msg/RegionOfInterest", x_offset=8, y_offset=4, width=48, height=40, do_rectify=False)
+        write_camera_info(writer, "left", START_NS)
+        write_camera_info(writer, "right", START_NS, binning_x=2, binning_y=4, roi=roi)
+
+    with open_recording(write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)) as recording:
+        full, part = recording.camera_model("left"), recording.camera_model("right")
+    assert (part.width, part.height) == (24, 10)
+    points = np.random.default_rng(1).uniform([-0.4, -0.3, 1.0], [0.4, 0.3, 2.0], (50, 3))
+    # Of images whose first pixel's corner is 0, parts and sizes are sums and quotients.
+    corners = full.project(points)[0] + 0.5
+    np.testing.assert_allclose(part.project(points)[0] + 0.5, (corners - [8, 4]) / [2, 4], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("region", "binning", "words"),
+    [
+        ((0, 0, 65, 48), 1, "65x48 pixels at 0, 0, which is not in an image of 64x48"),
+        ((40, 0, 30, 48), 1, "30x48 pixels at 40, 0"),
+        ((4, 4, 0, 0), 1, "0x0 pixels at 4, 4"),
+        ((0, 0, 0, 0), 100, "no pixel is left"),
+    ],
+)
+def test_a_region_of_interest_that_cannot_be_is_named(
+    tmp_path: Path, region: tuple[int, int, int, int], binning: int, words: str
+) -> None:
+    make = recorded_messages()
+
+    def alter(writer: RecordingWriter) -> None:
+        x, y, width, height = region
+        fields = {"x_offset": x, "y_offset": y, "width": width, "height": height, "do_rectify": False}
+        roi = make("sensor_msgs/msg/RegionOfInterest", **fields)
+        write_camera_info(writer, "right", START_NS, binning_x=binning, binning_y=binning, roi=roi)
+
+    with (
+        open_recording(write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)) as recording,
+        pytest.raises(LensError, match=words),
+    ):
         recording.camera_model("right")
 
 
@@ -297,7 +364,7 @@ def test_negative_stamps_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureF
     with open_recording(write_tiny_bag(tmp_path / "bag", alter=alter)) as recording:
         assert [image.stamp_ns for image in recording.images(["front"])] == [START_NS]
         assert recording.dropped["front"] == 2
-    assert "camera front: stamp -1000000000 ns" in caplog.text
+    assert "camera front: the stamp of an image is -1000000000 ns, before 1970" in caplog.text
 
 
 def test_pipes_and_metadata_of_nobody_are_refused_at_once(tiny_bag: Path, tmp_path: Path) -> None:
@@ -349,3 +416,13 @@ def test_real_recording_has_sixteen_cameras(shared: Path) -> None:
         images = list(recording.images(["head"]))
     assert len(images) == 180
     assert decode_grey(images[0]).shape == (480, 640)
+
+
+def test_metadata_of_many_missing_files_is_a_short_error(tmp_path: Path) -> None:
+    bag = write_tiny_bag(tmp_path / "bag")
+    document = yaml.safe_load((bag / "metadata.yaml").read_text())
+    document["rosbag2_bagfile_information"]["relative_file_paths"] = [f"part_{row}.mcap" for row in range(100_000)]
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(document))
+    with pytest.raises(RecordingError) as caught, open_recording(bag):
+        pass
+    assert str(bag) in str(caught.value) and len(str(caught.value)) < 1000

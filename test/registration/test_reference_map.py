@@ -110,7 +110,6 @@ def test_another_version_is_an_error(tmp_path, small_map):
     "change",
     [
         {"points_world": np.zeros((4, 3))},
-        {"points_world": np.full((10, 3), np.nan)},
         {"descriptor_landmark": np.full(20, 10, np.uint32)},
         {"descriptor_landmark": np.arange(20, dtype=np.uint32)[::-1] // 2},
     ],
@@ -128,3 +127,10 @@ def test_landmarks_are_found_by_their_ids_in_any_order(small_map):
     assert rows[known].tolist() == [1, 3, 5, 0, 1]
     rows, known = named.rows_of(np.zeros(0, np.uint32))
     assert len(rows) == len(known) == 0
+
+
+def test_a_map_that_could_not_be_read_is_not_written(tmp_path, small_map):
+    broken = dataclasses.replace(small_map, descriptor_view=small_map.descriptor_view * np.float32(np.nan))
+    with pytest.raises(MapError, match=r"map: .* descriptor_view that are not finite"):
+        broken.save(tmp_path / "map")
+    assert not (tmp_path / "map").exists()

@@ -99,6 +99,18 @@ def test_what_is_no_mesh_is_refused(tmp_path: Path, body: BodyModel, name: str, 
         read_surfaces(tmp_path, body)
 
 
+def test_what_is_wrong_with_a_mesh_is_told_and_not_what_went_wrong(tmp_path: Path, body: BodyModel) -> None:
+    vertices = b"".join(b"%g %g 0\n" % (0.1 * (number % 3), 0.1 * (number // 3)) for number in range(9))
+    header = b"ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\n"
+    header += b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    for name, content in (("thigh.ply", header + vertices + b"3 0 1 98\n"), ("thigh.obj", b"v 0 0 0\nf 1 2 99\n")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(BodyError, match=name) as caught:
+            read_surfaces(tmp_path, body)
+        assert "Error" not in str(caught.value) and "vertices that it does not have" in str(caught.value)
+        (tmp_path / name).unlink()
+
+
 def test_too_many_faces_are_refused(tmp_path: Path, body: BodyModel) -> None:
     faces = np.tile(np.arange(3), (200_001, 1))
     trimesh.Trimesh(0.1 * np.eye(3), faces, process=False).export(tmp_path / "thigh.ply")

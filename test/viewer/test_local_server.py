@@ -6,9 +6,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
@@ -57,14 +59,84 @@ def test_a_page_that_is_closed_while_it_connects_is_no_news() -> None:
     assert (ended.stdout, ended.stderr) == ("", "")
 
 
-def test_pages_from_elsewhere_cannot_connect(server: LocalServer) -> None:
-    address = server.address.replace("http", "ws")
-    with pytest.raises(InvalidStatus, match="403"):
-        connect(address, origin=Origin("https://example.org"), subprotocols=protocol(server))
-    with pytest.raises(InvalidStatus, match="403"):  # a name that its owner lets point to this machine
-        connect(address, origin=Origin(f"http://example.org:{server.get_port()}"), subprotocols=protocol(server))
-    with connect(address, origin=Origin(server.address), subprotocols=protocol(server)) as page:
-        assert page.recv(timeout=30)
+def received(server: LocalServer, origin: str, token: str) -> bytes:
+    """What a page is sent first."""
+    address = f"ws://{HOST}:{server.get_port()}/{token}"
+    with connect(address, origin=Origin(origin), subprotocols=protocol(server)) as page:
+        first = page.recv(timeout=30)
+        assert isinstance(first, bytes)
+        return first
+
+
+def test_only_pages_of_its_own_origin_with_its_token_connect(server: LocalServer) -> None:
+    port, token = server.get_port(), server.address.rpartition("/")[2]
+    own = f"http://{HOST}:{port}"
+    for name in (HOST, "localhost"):
+        assert received(server, f"http://{name}:{port}", token)
+    others = (
+        "https://example.org",
+        f"http://example.org:{port}",
+        f"http://{HOST}:{port - 1}",
+        "http://localhost",
+        "null",
+    )
+    for origin, word in [*((origin, token) for origin in others), (own, ""), (own, token[:-1] + "x")]:
+        with pytest.raises(ConnectionClosed, match="open the address that bodycam view printed"):
+            received(server, origin, word)
+    assert not server.get_clients()
+
+
+def test_what_a_page_sends_before_it_is_refused_changes_nothing(server: LocalServer) -> None:
+    from viser._messages import GuiUpdateMessage
+
+    done: list[str] = []
+    choice = server.gui.add_dropdown("choice", ("left", "right"))
+    server.on_input(choice, done.append)
+    update = GuiUpdateMessage(uuid=choice._impl.uuid, updates={"value": "right"})
+    address = f"ws://{HOST}:{server.get_port()}/"
+    with (
+        pytest.raises(ConnectionClosed),
+        connect(address, origin=Origin(f"http://{HOST}:1"), subprotocols=protocol(server)) as page,
+    ):
+        page.send(_sent(update))
+        page.recv(timeout=30)
+    assert choice.value == "left" and not done
+
+
+def test_a_value_that_an_input_cannot_have_is_taken_back(server: LocalServer) -> None:
+    from viser._messages import GuiUpdateMessage
+
+    done: list[object] = []
+    inputs: list[tuple[Any, object, object]] = [
+        (server.gui.add_dropdown("choice", ("left", "right")), "nobody's name", "right"),
+        (server.gui.add_slider("seconds", 0.0, 2.0, 0.1, 0.0), float("nan"), 1.0),
+        (server.gui.add_vector3("place", (0.0, 0.0, 0.0)), (1.0, 2.0), (1.0, 2.0, 3.0)),
+    ]
+    for handle, _, _ in inputs:
+        server.on_input(handle, done.append)
+    origin, subprotocols = Origin(server.address.split("/?")[0]), protocol(server)
+    with connect(server.address.partition("=")[2], origin=origin, subprotocols=subprotocols) as page:
+        _connected(page)
+        for handle, *values in inputs:
+            for value in values:
+                page.send(_sent(GuiUpdateMessage(uuid=handle._impl.uuid, updates={"value": value})))
+        for _ in inputs:
+            server.act(30.0)
+    assert done == ["right", 1.0, (1.0, 2.0, 3.0)]
+
+
+def _connected(page: Any) -> None:
+    """What viser's page sends at first; before it, nothing else of it counts."""
+    from viser._messages import ViewerCameraMessage
+
+    rest: dict[str, Any] = {name: 1.0 for name in ("fov", "near", "far")} | {"image_height": 1, "image_width": 1}
+    ones = dict.fromkeys(("position", "look_at", "up_direction"), (1.0, 1.0, 1.0))
+    page.send(_sent(ViewerCameraMessage(wxyz=(1.0, 0.0, 0.0, 0.0), **ones, **rest)))
+
+
+def _sent(message: Any) -> bytes:
+    """A message as a page sends it."""
+    return msgspec.msgpack.encode(message.as_serializable_dict([]))
 
 
 def test_nothing_is_shared_through_others_servers(server: LocalServer) -> None:
