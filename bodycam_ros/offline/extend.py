@@ -105,13 +105,13 @@ def extend_map(
                 absolute += len(image.matches.landmark_ids) - image.matches.grown >= settings.registrar.min_inliers
                 if image.keyframe is not None:
                     # 2D-2D matches between all registered images, triangulated (A 4.1).
-                    mapper.add_keyframe(_anew(image.keyframe, mapper.map.first_id))
+                    mapper.wait_for_turn(_anew(image.keyframe, mapper.map.first_id))
                     keyframes[image.camera, image.stamp_ns] = image.keyframe.world_T_camera
             total = max(1, images.total())
             shares = {camera: registered[camera] / max(1, images[camera]) for camera in models}
             rounds.append(ExtensionRound(shares, registered.total() / total, absolute / total))
             logger.info("%s: %.1f %% of all images registered", step, 100 * rounds[-1].share)
-            mapper.take_changes()
+            mapper.add_waiting()
             extended = mapper.extended_map(list(_kept_images(recording_path, keyframes)), models)
             if _is_complete([each.share for each in rounds]):
                 break
