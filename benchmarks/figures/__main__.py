@@ -75,7 +75,7 @@ def measurements(mode: str) -> Iterator[Measurement]:
     if mode == "full":
         yield Measurement("ordinary cameras", recorded_motion.ordinary_cameras)
         yield Measurement("worn footage", recorded_motion.worn_footage)
-        for which, passes in (("north", 1), ("south", 1), ("south", 3)):
+        for which, passes in (("north", 1), ("north", 3), ("south", 1), ("south", 3)):
             yield Measurement(f"half map {which} {passes}", partial(maps.half, walk=walk, which=which, passes=passes))
         yield Measurement("map from body cameras", maps.body_cameras_alone)
     spans = {"sample": ((0.5, 1.5), (0.5, 1.5), (0.8, 1.3))}.get(mode, ((2.0, 4.0), (1.0, 5.5), (2.0, 2.5)))

@@ -1,6 +1,6 @@
 """Keyframes of body cameras: their features, and which images become keyframes while cameras are registered."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,28 @@ class BodyKeyframe(PosedFeatures):
         stamp_ns: of the image [ns].
         position_sigma: standard deviation of its position [m].
         landmark_ids: (N,) uint32 landmarks that the features show; ``NO_LANDMARK`` where none is known.
+        matched_ids: (M,) uint32 all landmarks that the camera was registered by.
+        matched_points: (M, 3) their places [m].
+        matched_rays: (M, 3) unit rays to them, in the world's axes.
     """
 
     camera: str
     stamp_ns: int
     position_sigma: float
     landmark_ids: NDArray[np.uint32]
+    matched_ids: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    matched_points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    matched_rays: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def moved_to(self, world_T_camera: Array) -> "BodyKeyframe":
+        """The keyframe at another pose (4, 4); its rays turn with it."""
+        turn = self.world_T_camera[:3, :3] @ world_T_camera[:3, :3].T
+        return replace(
+            self,
+            world_T_camera=world_T_camera,
+            rays_world=self.rays_world @ turn,
+            matched_rays=self.matched_rays @ turn,
+        )
 
 
 @dataclass(frozen=True)
@@ -79,12 +95,16 @@ class KeyframeSelection:
         ids[features] = matches.landmark_ids[rows]
         pixels = steady_pixels(camera, frame.pixels[described], matches.turning, matches.readout_in_use)
         posed, in_view = pose_features(camera, matches.world_T_camera, pixels, frame.scales, frame.descriptors)
+        bearings, fits = camera.unproject(matches.pixels)
         return BodyKeyframe(
             **vars(posed),
             camera=camera.name,
             stamp_ns=matches.stamp_ns,
             position_sigma=matches.position_sigma,
             landmark_ids=ids[in_view],
+            matched_ids=matches.landmark_ids[fits],
+            matched_points=matches.points_world[fits].astype(np.float64),
+            matched_rays=bearings[fits] @ matches.world_T_camera[:3, :3].T,
         )
 
     def is_due(self, matches: LandmarkMatches) -> bool:

@@ -1,7 +1,7 @@
 """Map extension by keyframes of registered body cameras: relative registration (A 4.1, second half).
 
 The paper matches every newly registered image with the others, triangulates, and adjusts with the reference structure
-fixed. Here keyframes of all cameras are processed in order of time.
+fixed. Here keyframes of all cameras are processed in order of time; ``adjust`` is the adjustment.
 """
 
 from collections import OrderedDict, deque
@@ -16,6 +16,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.body_keyframe import MAX_SIGMA_M, BodyKeyframe
 from bodycam_ros.mapping.epipolar_matching import match_posed
 from bodycam_ros.mapping.extendable_map import VIEWS, AddedLandmarks, ExtendableMap, empty_slots
+from bodycam_ros.mapping.local_bundle import KeyframeBundle
 from bodycam_ros.mapping.small_photographs import normals_towards
 from bodycam_ros.mapping.triangulation import spread_directions, triangulate
 from bodycam_ros.registration.map_photographs import MapPhotographs
@@ -38,15 +39,22 @@ _MAX_SIGHTINGS = 10  # rays that a point keeps: those farthest from each other, 
 NO_SLOT, REMOVED = -1, -2
 
 
-@dataclass(frozen=True)
-class Sighting:
-    """One feature of one keyframe: a ray and its descriptor."""
+@dataclass(eq=False)
+class View:
+    """An image that shows points, and its pose (4, 4), which the bundle adjustment moves."""
 
     camera: str
     stamp_ns: int
-    centre: Array
-    direction: Array
     focal_px: float
+    world_T_camera: Array
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One feature of one keyframe: a unit ray (3,) in the axes of the view's camera, and its descriptor."""
+
+    view: View
+    ray: Array
     descriptor: NDArray[np.uint8]
     size: float
 
@@ -69,13 +77,13 @@ class MapPoint:
 
     def add(self, sighting: Sighting) -> bool:
         """Add a sighting; whether it is kept. An image counts once, however many of its features show the point."""
-        image, is_of_earlier_run = (sighting.camera, sighting.stamp_ns), self.slot >= 0 and not self.sightings
-        if is_of_earlier_run or any((own.camera, own.stamp_ns) == image for own in self.sightings):
+        is_of_earlier_run = self.slot >= 0 and not self.sightings
+        if is_of_earlier_run or any(own.view is sighting.view for own in self.sightings):
             return False
         if len(self.sightings) >= _MAX_SIGHTINGS:
-            directions = np.array([own.direction for own in self.sightings])
-            cosines = np.tril(directions @ directions.T, -1)
-            if (directions @ sighting.direction).max() >= cosines.max():
+            directions = np.array([own.view.world_T_camera[:3, :3] @ own.ray for own in (*self.sightings, sighting)])
+            cosines = np.tril(directions[:-1] @ directions[:-1].T, -1)
+            if (directions[:-1] @ directions[-1]).max() >= cosines.max():
                 return False
             del self.sightings[int(cosines.argmax()) // len(cosines)]
         self.sightings.append(sighting)
@@ -83,7 +91,7 @@ class MapPoint:
 
     def write(self, into: np.void) -> None:
         """Write the landmark (``ADDED``): descriptors from directions far from each other, the nearest first."""
-        towards = np.array([s.centre for s in self.sightings]) - self.position
+        towards = np.array([s.view.world_T_camera[:3, 3] for s in self.sightings]) - self.position
         distances = np.linalg.norm(towards, axis=1)
         towards /= distances[:, None]
         order = np.argsort(distances, kind="stable")
@@ -104,11 +112,12 @@ class KeptImage:
     jpeg: bytes
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Keyframe:
-    """A keyframe, and the point (N,) that each feature shows."""
+    """A keyframe, its view, and the point (N,) that each feature shows."""
 
     keyframe: BodyKeyframe
+    view: View
     points: list[MapPoint | None]
 
     def point(self, feature: int) -> MapPoint | None:
@@ -187,7 +196,8 @@ class LocalMapper:
         if keyframe.position_sigma > MAX_SIGMA_M:
             return
         ids = keyframe.landmark_ids
-        mine = _Keyframe(keyframe, [None] * len(ids))
+        view = View(keyframe.camera, keyframe.stamp_ns, keyframe.focal_length, keyframe.world_T_camera)
+        mine = _Keyframe(keyframe, view, [None] * len(ids))
         touched: dict[MapPoint, None] = {}
         # Added landmarks that are observed again.
         for feature in np.flatnonzero((ids >= self.map.first_id) & (ids != NO_LANDMARK)).tolist():
@@ -209,6 +219,31 @@ class LocalMapper:
         self._triangulate(list(touched))
         self._kept.append(mine)
 
+    def image_poses(self) -> dict[tuple[str, int], Array]:
+        """(camera, stamp [ns]) -> world_T_camera (4, 4) of the images that show added landmarks."""
+        views = dict.fromkeys(s.view for point in self.added_points() for s in point.sightings)
+        return {(view.camera, view.stamp_ns): view.world_T_camera for view in views}
+
+    def adjust(self) -> None:
+        """Adjust the poses of all keyframes that are kept, and the landmarks that they show (A 4.1).
+
+        Reference landmarks are fixed: they anchor the keyframes, which would drift else.
+        """
+        moving = list(self._kept)
+        landmarks = list(dict.fromkeys(p for one in moving for p in one.points if p and p.slot in self._landmarks))
+        bundle = KeyframeBundle([point.position for point in landmarks])
+        for row, point in enumerate(landmarks):
+            for sighting in point.sightings:
+                bundle.add(sighting.view, row, sighting.ray)
+        for one in moving:
+            of, R = one.keyframe, one.view.world_T_camera[:3, :3]
+            fixed = of.matched_ids < self.map.first_id
+            bundle.anchor(one.view, of.matched_ids[fixed], of.matched_points[fixed], of.matched_rays[fixed] @ R)
+        bundle.solve([one.view for one in moving])
+        for one in moving:
+            one.keyframe = one.keyframe.moved_to(one.view.world_T_camera)
+        self._triangulate(landmarks)
+
     def take_changes(self) -> AddedLandmarks | None:
         """Apply the changes since the last call to the map, and return them for its copies."""
         if not self._changed:
@@ -229,7 +264,7 @@ class LocalMapper:
             cameras: models of the body cameras by name.
         """
         reference_map, points = self.map.compact(), self.added_points()
-        observed = {(s.camera, s.stamp_ns) for point in points for s in point.sightings}
+        observed = {(s.view.camera, s.view.stamp_ns) for point in points for s in point.sightings}
         images = [image for image in images if (image.camera, image.stamp_ns) in observed]
         poses = np.array([image.world_T_camera for image in images]).reshape(-1, 4, 4)
         world_T_camera = np.concatenate([reference_map.world_T_camera, poses])
@@ -241,7 +276,7 @@ class LocalMapper:
             observations = [
                 (first + row, view)
                 for row, point in enumerate(points)
-                for view in sorted({view_of[s.camera, s.stamp_ns] for s in point.sightings})
+                for view in sorted({view_of[s.view.camera, s.view.stamp_ns] for s in point.sightings})
             ]
             landmarks, views = np.array(observations, np.int64).reshape(-1, 2).T
             towards = world_T_camera[views, :3, 3] - reference_map.points_world[landmarks]
@@ -277,12 +312,9 @@ class LocalMapper:
             self._landmarks.move_to_end(point.slot)
         of = kept.keyframe
         sighting = Sighting(
-            camera=of.camera,
-            stamp_ns=of.stamp_ns,
-            centre=of.world_T_camera[:3, 3].copy(),
-            direction=of.rays_world[feature].copy(),  # a view would keep all of the keyframe
-            focal_px=of.focal_length,
-            descriptor=of.descriptors[feature].copy(),
+            view=kept.view,
+            ray=of.rays_world[feature] @ kept.view.world_T_camera[:3, :3],
+            descriptor=of.descriptors[feature].copy(),  # a slice would keep all of the keyframe
             size=float(of.sizes[feature]),
         )
         if point.add(sighting):
@@ -297,8 +329,9 @@ class LocalMapper:
         directions[:, :, 2] = 1.0
         for row, point in enumerate(points):
             for column, one in enumerate(point.sightings):
-                centres[row, column], directions[row, column] = one.centre, one.direction
-                focal_px[row, column] = one.focal_px
+                pose = one.view.world_T_camera
+                centres[row, column], directions[row, column] = pose[:3, 3], pose[:3, :3] @ one.ray
+                focal_px[row, column] = one.view.focal_px
         found = triangulate(centres, directions, focal_px)
         is_good = found.errors_px.max(axis=1) <= _MAX_ERROR_PX
         is_wide = found.angles >= _MIN_ANGLE
@@ -310,7 +343,7 @@ class LocalMapper:
             if point.slot in self._landmarks:
                 self._changed[point.slot] = None
             elif wide and len(point.sightings) >= _MIN_VIEWS and point.slot == NO_SLOT:
-                stamps_ns = [sighting.stamp_ns for sighting in point.sightings]
+                stamps_ns = [sighting.view.stamp_ns for sighting in point.sightings]
                 if max(stamps_ns) - min(stamps_ns) >= _MIN_DURATION_NS:
                     self._insert(point)
 

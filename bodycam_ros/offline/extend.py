@@ -96,7 +96,7 @@ def extend_map(
     with scratch_folder(Path(gettempdir())) as scratch:
         while len(rounds) < settings.extend.rounds:
             step = f"round {len(rounds) + 1}"
-            mapper, keyframes = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS), {}
+            mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS)
             images, registered, absolute = Counter[str](), Counter[str](), 0
             # Absolute and relative registration, by photographs and by added landmarks (A 4.1).
             for image in registered_images(task, models, jobs, partial(on_progress, step)):
@@ -104,15 +104,16 @@ def extend_map(
                 registered[image.camera] += image.matches.world_T_camera is not None
                 absolute += len(image.matches.landmark_ids) - image.matches.grown >= settings.registrar.min_inliers
                 if image.keyframe is not None:
-                    # 2D-2D matches between all registered images, triangulated (A 4.1).
-                    mapper.add_keyframe(_anew(image.keyframe, mapper.map.first_id))
-                    keyframes[image.camera, image.stamp_ns] = image.keyframe.world_T_camera
+                    mapper.wait_for_turn(_anew(image.keyframe, mapper.map.first_id))
             total = max(1, images.total())
             shares = {camera: registered[camera] / max(1, images[camera]) for camera in models}
             rounds.append(ExtensionRound(shares, registered.total() / total, absolute / total))
             logger.info("%s: %.1f %% of all images registered", step, 100 * rounds[-1].share)
+            # 2D-2D matches between all registered images, triangulated; poses and points adjusted together (A 4.1).
+            mapper.add_waiting()
+            mapper.adjust()
             mapper.take_changes()
-            extended = mapper.extended_map(list(_kept_images(recording_path, keyframes)), models)
+            extended = mapper.extended_map(list(_kept_images(recording_path, mapper.image_poses())), models)
             if _is_complete([each.share for each in rounds]):
                 break
             task = replace(task, map_path=scratch / f"round_{len(rounds)}")

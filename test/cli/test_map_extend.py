@@ -65,6 +65,20 @@ def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: P
     assert again.returncode == 1 and "--force" in again.stderr and str(out) in again.stderr
 
 
+def test_the_map_is_the_same_whatever_the_number_of_processes(sample: Path, part: Path, tmp_path: Path) -> None:
+    """Of two processes the images of one instant come in another order than of one."""
+    seen = ("torso_back", "thigh_right", "shin_right", "forearm_right")
+    bag, made = write_altered_sample(sample, tmp_path / "bag", cameras=seen, frames=30), []
+    for jobs in ("1", "2"):
+        out = tmp_path / jobs
+        arguments = [str(bag), "--map", str(part), "-o", str(out), "--jobs", jobs, "--extend.rounds", "1"]
+        assert main(["map", "extend", *arguments]) == 0
+        made.append(ReferenceMap.load(out))
+    assert made[0].grown > 20
+    for name in ("points_world", "descriptors", "world_T_camera"):
+        np.testing.assert_array_equal(getattr(made[0], name), getattr(made[1], name))
+
+
 def test_replay_in_passes_solves_with_what_has_grown(sample: Path, part: Path, stretch: Path, tmp_path: Path) -> None:
     common = ("--map", part, "--body", sample / "body.yaml", "--jobs", 2)
     done = run("replay", stretch, *common, "--passes", 2, "-o", tmp_path / "out")

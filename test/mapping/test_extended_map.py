@@ -81,7 +81,8 @@ def test_every_landmark_is_in_the_images_that_saw_it_and_looks_as_it_did(grown) 
     for number, point in enumerate(points):
         row = settled + number
         views = photographs.observation_view[photographs.observation_landmark == row]
-        assert {whole.image_names[view] for view in views} == {f"{s.camera}/{s.stamp_ns}" for s in point.sightings}
+        seen_in = {f"{s.view.camera}/{s.view.stamp_ns}" for s in point.sightings}
+        assert {whole.image_names[view] for view in views} == seen_in
         looks = whole.descriptors[whole.descriptor_landmark == row]
         assert len(looks) == VIEWS
         assert {look.tobytes() for look in looks} <= {s.descriptor.tobytes() for s in point.sightings}
