@@ -399,8 +399,9 @@ class BodyEstimator:
         return self._window.at(state.number) if state.number in self._window else state.chart.origin
 
     def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
-        report, rows, root_observed = None, self._published, bool(state.observed[self._root])
-        uncertainty = state.static.widen(body_uncertainty(at, covariance, state.dt_s, root_observed))
+        report, rows, static = None, self._published, state.static
+        uncertainty = body_uncertainty(at, covariance, state.dt_s, static.on_body, state.joints_observed)
+        uncertainty = static.widen(uncertainty)
         if not state.converged:
             uncertainty = widened(uncertainty)
         if self._coupling:

@@ -18,12 +18,12 @@ class EvidenceSettings:
     """Accuracy of body cameras."""
 
     mount_rotation_sigma: float = setting(
-        0.00024,
+        0.0004,
         unit="rad",
         limits=(0.0, 0.1),
         reason="least sigma of a registration's rotation: errors that map, lens and strap share, at any count",
     )
-    mount_translation_sigma: float = setting(0.0006, unit="m", limits=(0.0, 0.1), reason="the same for its position")
+    mount_translation_sigma: float = setting(0.001, unit="m", limits=(0.0, 0.1), reason="the same for its position")
 
 
 def evidence_floor(settings: EvidenceSettings) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ class PoseFitSettings:
     """Noise of the measurements."""
 
     pixel_sigma: float = setting(
-        0.42,
+        0.7,
         unit="px",
         limits=(0.05, 10.0),
         reason="noise of a landmark's pixel per axis, patches, SIFT and map together; a larger one weighs cameras less "
