@@ -400,7 +400,8 @@ class BodyEstimator:
 
     def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
         report, rows, static = None, self._published, state.static
-        uncertainty = body_uncertainty(at, covariance, state.dt_s, static.on_body, state.joints_observed)
+        by_cameras = static.on_body, state.joints_observed
+        uncertainty = body_uncertainty(at, covariance, state.dt_s, *by_cameras, state.is_triggered)
         uncertainty = static.widen(uncertainty)
         if not state.converged:
             uncertainty = widened(uncertainty)

@@ -20,7 +20,12 @@ _UNCONVERGED = np.diag(np.repeat([0.3, 0.1], 3) ** 2)  # [rad], [m] of a state w
 
 
 def body_uncertainty(
-    at: Coordinates, covariance: Array, dt_s: float, observed: NDArray[np.bool_], joints_observed: NDArray[np.bool_]
+    at: Coordinates,
+    covariance: Array,
+    dt_s: float,
+    observed: NDArray[np.bool_],
+    joints_observed: NDArray[np.bool_],
+    is_triggered: bool,
 ) -> BodyUncertainty:
     """Covariances of root, joints and segments.
 
@@ -30,14 +35,16 @@ def body_uncertainty(
         dt_s: since the state before [s]; 0 where there is none.
         observed: (S,) segments that body cameras observe.
         joints_observed: (J,) joints of which they observe both segments.
+        is_triggered: whether their images were taken at one time; errors of the clocks of others are larger.
     """
     tangent, J = at.tangent, at.jacobians
     K = tangent.count
     P = covariance[K:, K:]
     segments = (J.reshape(-1, K) @ P).reshape(J.shape) @ np.swapaxes(J, -1, -2)
     joints = tangent.child_turns @ P @ np.swapaxes(tangent.child_turns, -1, -2)
-    segments[observed] *= _OBSERVED
-    joints[joints_observed] *= _OBSERVED
+    if is_triggered:
+        segments[observed] *= _OBSERVED
+        joints[joints_observed] *= _OBSERVED
     segments += _BODY
     root = segments[tangent.root]
     twist = covariance[:6, :6].copy()
