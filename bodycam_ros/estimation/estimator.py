@@ -318,12 +318,15 @@ class BodyEstimator:
         try:
             state.square_root = link.enter(self._window, state.chart, resting, measured, oldest)
         except WindowError as error:
-            logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * state.stamp_ns, error)
-            self.counts.restarted += 1
+            self._note_failure(state.stamp_ns, error)
             self._window = self._new_window()
             state.square_root = link.restart(self._window, state.chart, measured)
         if self._coupling and self._coupling.has_lengths:
             self._coupling.remember_lengths(self._window.at(state.number), state.covariance)
+
+    def _note_failure(self, stamp_ns: int, error: WindowError) -> None:
+        logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * stamp_ns, error)
+        self.counts.restarted += 1
 
     def _gated(
         self, registered: Mapping[str, SegmentPose], prediction: Prediction
@@ -388,11 +391,14 @@ class BodyEstimator:
             waiting = [state for state in self._states if not state.is_published]
         solutions = [(self._smoothed(state), state.covariance) for state in waiting]
         if self.settings.whole_recording:
-            solutions = self._whole.solve(waiting, len(pending), [at for at, _ in solutions], self._coupling)
+            try:
+                solutions = self._whole.solve(waiting, len(pending), [at for at, _ in solutions], self._coupling)
+            except WindowError as error:
+                self._note_failure(pending[0].stamp_ns, error)  # its states are those of the forward pass
         for state in pending:
             state.is_published = True
         self._states = [state for state in self._states[:-1] if not state.is_published] + self._states[-1:]
-        return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=True)]
+        return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=False)]
 
     def _smoothed(self, state: SolvedState) -> Coordinates:
         """Coordinates of a state by the window, or as they were when a window failed."""

@@ -1,6 +1,7 @@
 """The window of iSAM2 against gtsam's batch solution of the same graph, with every kind of factor; and its failures."""
 
 from dataclasses import replace
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -9,7 +10,8 @@ from moving_body import COVARIANCE, STEP_NS, body_with_cameras, lenses, position
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState
-from bodycam_ros.estimation import state_solution
+from bodycam_ros.estimation import estimator as estimator_module
+from bodycam_ros.estimation import state_solution, whole_recording
 from bodycam_ros.estimation import window as window_module
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.estimator import BodyEstimator
@@ -171,6 +173,37 @@ def test_where_gtsam_fails_a_new_window_goes_on(monkeypatch: pytest.MonkeyPatch,
     by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states}
     assert list(by_frame) == list(range(40))
     assert position_errors(body, by_frame).max() < 0.012
+
+
+@pytest.mark.parametrize("number", [20, 45, 70])
+def test_where_the_second_pass_fails_a_whole_recording_is_still_solved(
+    monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """In a block, in what follows it, and in the last block; an error of gtsam ended the recording before."""
+    monkeypatch.setattr(estimator_module, "_BLOCK_S", 1.3)
+    monkeypatch.setattr(estimator_module, "_OVERLAP_S", 0.5)
+    failed = list[int]()
+
+    class Failing(Window):
+        def add(self, at: int, *others: Any) -> None:
+            super().add(at, *others)
+            if at == number and not failed:
+                failed.append(at)
+                raise WindowError("Indeterminate linear system")
+
+    monkeypatch.setattr(whole_recording, "Window", Failing)
+    body = body_with_cameras()
+    states, estimator = states_of(seen_frames(body, 80), body, output_delay="offline")
+    assert failed and estimator.counts.restarted == 1
+    by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states}
+    assert list(by_frame) == list(range(80))
+    assert position_errors(body, by_frame).max() < 0.012
+
+
+def test_every_error_of_gtsam_is_one_of_the_window(graph: Graph) -> None:
+    window, _ = graph.window(2)
+    with pytest.raises(WindowError):
+        window.square_root(0)
 
 
 def test_a_third_of_wrong_registrations_makes_no_wrong_state() -> None:
