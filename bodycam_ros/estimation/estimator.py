@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 Mask = NDArray[np.bool_]
 
 _BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
-_BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb to be observed again
+_BLIND_WAIT_S = 10.0  # a state waits this long at most for cameras that see again; offline, for those of a limb, too
 CARRIED_S = 5.0
 """The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
 
@@ -372,11 +372,13 @@ class BodyEstimator:
                 return []
             end_ns = self._states[0].stamp_ns + 1e9 * _BLOCK_S
             return self._publish_until(sum(state.stamp_ns < end_ns for state in self._states))
-        until, observed_after = 0, sum(state.is_observed for state in self._states)
-        for state in self._states:
+        until, delay = 0, int(self.settings.output_delay)
+        observed_after = sum(state.is_observed for state in self._states)
+        for number, state in enumerate(self._states):
             observed_after -= state.is_observed
+            is_short = observed_after < delay or (self._offline and state.is_waiting)
             is_recent = latest.stamp_ns - state.stamp_ns < 1e9 * _BLIND_WAIT_S
-            if observed_after < int(self.settings.output_delay) or (self._offline and state.is_waiting and is_recent):
+            if len(self._states) - 1 - number < delay or (is_short and is_recent):
                 break
             until += 1
         return self._publish_until(until)

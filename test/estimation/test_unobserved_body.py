@@ -8,6 +8,7 @@ from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, positio
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState
+from bodycam_ros.estimation import estimator
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.factors.motion import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
@@ -55,6 +56,21 @@ def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float
     states = solve(BodyEstimator(body, lenses(body), motion=motion), frames)
     assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
     assert np.isfinite([state.world_T_segment for state in states]).all()
+
+
+@pytest.mark.parametrize("offline", [False, True])
+def test_a_body_that_no_camera_sees_does_not_make_the_window_grow(
+    monkeypatch: pytest.MonkeyPatch, offline: bool
+) -> None:
+    """All states waited for it, and every one took longer than the one before."""
+    monkeypatch.setattr(estimator, "_BLIND_WAIT_S", 1.0)
+    body, rng = body_with_cameras(), np.random.default_rng(0)
+    smoother = BodyEstimator(body, lenses(body), offline=offline)
+    published = list[int]()
+    for number in range(120):
+        matches = {camera: seen_by(body, camera, number, rng, lost=number >= 30) for camera in body.mounts}
+        published += [state.stamp_ns for state in smoother.update(BodyFrame((number + 1) * STEP_NS, matches))]
+    assert published == [(number + 1) * STEP_NS for number in range(89)]
 
 
 @pytest.mark.parametrize("camera", ["chest", "wrist"])
