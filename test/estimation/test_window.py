@@ -56,7 +56,7 @@ class Graph:
         for number in range(STATES):
             poses, graph = true_poses(body, number), gtsam.NonlinearFactorGraph()
             true = Coordinates(self.tangent, body.motion_of(poses), np.zeros(self.tangent.count))
-            chart = Chart(true.moved(rng.normal(scale=0.01, size=self.tangent.count)))
+            chart = Chart(true.moved(rng.normal(scale=0.003, size=self.tangent.count)))
             # The forearm's camera is blind at times: its joint is expected, its rotation measured.
             rows = np.array([0, 0, 1] if number % 4 == 1 else [0, 0, 1, 2])
             noise = rng.standard_normal((len(rows), 6)) * np.sqrt(np.diag(COVARIANCE))
@@ -110,11 +110,14 @@ def graph() -> Graph:
     return Graph()
 
 
-@pytest.mark.parametrize(("threshold", "apart"), [(0.05, 1.5e-3), (1e-7, 1e-5)])
+@pytest.mark.parametrize(("threshold", "apart", "share"), [(0.05, 1.5e-3, 0.2), (1e-7, 1e-5, 1e-3)])
 def test_an_unlimited_window_is_the_batch_solution(
-    graph: Graph, monkeypatch: pytest.MonkeyPatch, threshold: float, apart: float
+    graph: Graph, monkeypatch: pytest.MonkeyPatch, threshold: float, apart: float, share: float
 ) -> None:
-    """To the cameras' 4 mm with the usual threshold of relinearisation, exactly where all is relinearised."""
+    """Exactly where all is relinearised, and within the cameras' 2 mrad and 4 mm with the usual threshold.
+
+    With that the weights of cameras stay those of the charts, by which variances differ.
+    """
     monkeypatch.setattr(window_module, "_RELINEARISE", threshold)
     monkeypatch.setattr(window_module, "_ITERATIONS", 20 if threshold < 0.01 else 3)
     window, _ = graph.window(STATES)
@@ -125,7 +128,7 @@ def test_an_unlimited_window_is_the_batch_solution(
     root = window.square_root(STATES - 1)
     theirs = marginals.marginalCovariance(state_key(STATES - 1))
     np.testing.assert_allclose(np.linalg.inv(root.T @ root), theirs, atol=2e-2 * np.abs(np.diag(theirs)).max())
-    assert np.abs(np.diag(np.linalg.inv(root.T @ root)) / np.diag(theirs) - 1.0).max() < 0.02
+    assert np.abs(np.diag(np.linalg.inv(root.T @ root)) / np.diag(theirs) - 1.0).max() < share
 
 
 def test_a_window_keeps_what_left_it_in_its_marginal(graph: Graph) -> None:
