@@ -241,11 +241,14 @@ class BodyEstimator:
             return link
         both = np.concatenate([columns, columns])
         at = replace(at, velocity=np.where(columns, 0.0, at.velocity))
+        known = np.full(len(both), _NO_OPINION) if link.initial is None else link.initial.sigmas
+        initial = Initial(at, np.where(both, self._motion.first_sigmas, known))
         if link.before is None or link.motion is None:
-            assert link.initial is not None  # of a first state
-            return StateLink.first(Initial(at, np.where(both, self._motion.first_sigmas, link.initial.sigmas)))
-        initial = Initial(at, np.where(both, self._motion.first_sigmas, _NO_OPINION))
-        return StateLink.after(self._window, link.before, link.motion.restarted(columns), link.steps, initial)
+            return StateLink.first(initial)
+        # What was measured since the state before is of segments as they were then.
+        anew = at.jacobians[:, :, columns].any(axis=(1, 2))
+        steps = tuple(step for step in link.steps if not anew[step.segment])
+        return StateLink.after(self._window, link.before, link.motion.restarted(columns), steps, initial)
 
     def _solve(
         self,
@@ -255,7 +258,7 @@ class BodyEstimator:
         placed: Sequence[SegmentPose] = (),
     ) -> SolvedState:
         """One state: gate the cameras, collect the other measurements, fit, add contacts, and enter the window."""
-        ends, dt_s = self.body.joint_ends, link.prediction.dt_s
+        ends, dt_s, steps = self.body.joint_ends, link.prediction.dt_s, link.steps
         accepted, start = self._gated(registered, link.prediction)
         self.counts.rejected.update(registered.keys() - accepted.keys())
         known = [*accepted.values(), *placed]
@@ -297,7 +300,7 @@ class BodyEstimator:
             chart=Chart(fit.at),
             dt_s=dt_s,
             motion=link.motion,
-            steps=(*link.steps, *resting),
+            steps=(*steps, *resting),  # a second pass knows better where a segment was that began anew
             measured=measured,
             joints_observed=joints_observed,
             turning=joints_turning,

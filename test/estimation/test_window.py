@@ -25,7 +25,7 @@ from bodycam_ros.estimation.factors.segment_steps import SegmentSteps
 from bodycam_ros.estimation.factors.segment_turn import SegmentTurn
 from bodycam_ros.estimation.solved_state import Measurements
 from bodycam_ros.estimation.state_factors import StateFactors
-from bodycam_ros.estimation.state_link import Initial
+from bodycam_ros.estimation.state_link import Initial, StateLink
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.estimation.window import Window, WindowError
 from bodycam_ros.geometry import exp_se3, exp_so3
@@ -33,6 +33,7 @@ from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 STATES, DT_S = 12, 1e-9 * STEP_NS
+JOINTS = ("elbow", "shoulder")
 
 
 def tethered_body() -> BodyModel:
@@ -201,6 +202,24 @@ def test_where_the_second_pass_fails_a_whole_recording_is_still_solved(
     by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states}
     assert list(by_frame) == list(range(80))
     assert position_errors(body, by_frame).max() < 0.012
+
+
+def test_what_begins_anew_has_no_past_and_keeps_its_first_sigmas() -> None:
+    """A rotation measured since before held a limb where it had been; a second restart took all sigmas of the first."""
+    body = body_with_cameras()
+    _, estimator = states_of(seen_frames(body, 10), body, output_delay=4)
+    tangent, before = estimator._tangent, estimator._states[-1]
+    motion = estimator._motion.between(estimator._window.at(before.number), DT_S)
+    elbow, shoulder = np.eye(2, dtype=bool)[[body.joint_row[joint] for joint in JOINTS]]
+    step = SegmentTurn(body.segment_index["forearm"], np.eye(3), 0.001)
+    link = StateLink.after(estimator._window, before, motion, (step,))
+    elsewhere = link.prediction.at.moved(np.where(tangent.columns_of(elbow), 0.8, 0.0))
+    anew = estimator._restarted(link, elsewhere, tangent.columns_of(elbow))
+    assert np.abs(anew.prediction.at.step_to(elsewhere)[tangent.columns_of(elbow)]).max() < 1e-6
+    both = estimator._restarted(anew, anew.prediction.at, tangent.columns_of(shoulder))
+    sigmas = np.sqrt(np.diag(np.linalg.inv(both.prediction.information)))
+    np.testing.assert_allclose(sigmas[6:], 1.0, rtol=1e-6)
+    assert sigmas[:6].max() < 0.05
 
 
 def test_every_error_of_gtsam_is_one_of_the_window(graph: Graph) -> None:
