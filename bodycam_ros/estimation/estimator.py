@@ -246,7 +246,7 @@ class BodyEstimator:
         if link.before is None or link.motion is None:
             return StateLink.first(initial)
         # What was measured since the state before is of segments as they were then.
-        anew = at.jacobians[:, :, columns].any(axis=(1, 2))
+        anew = np.asarray(at.jacobians[:, :, columns].any(axis=(1, 2)))
         steps = tuple(step for step in link.steps if not anew[step.segment])
         return StateLink.after(self._window, link.before, link.motion.restarted(columns), steps, initial)
 
