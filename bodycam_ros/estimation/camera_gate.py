@@ -16,6 +16,7 @@ from bodycam_ros.estimation.state_solution import Prediction, solve_normal_equat
 
 _GATE = 40.0  # squared sigmas of 6 degrees of freedom; chance exceeds them once in two million
 _GROSS = np.repeat([0.06, 0.02], 3)  # [rad], [m] a smaller strap slip bends the body less than rejecting its camera
+_ELSEWHERE_M = 1000.0  # from the prediction: such a pose is rejected before its turns, by this lever, outweigh all else
 _UNEVEN = 0.25  # share of what joints moved a segment since the state before that may be missed: a foot lands
 
 
@@ -29,8 +30,9 @@ def gate_cameras(
         cameras: their poses.
         unobserved: (K,) predicted coordinates that had no measurement: no reason to reject a camera.
     """
-    predicted, accepted = prediction.at, np.ones(len(cameras), bool)
-    at = predicted
+    predicted = at = prediction.at
+    off_m = np.linalg.norm((cameras.world_T_segment - predicted.poses[cameras.segments])[:, :3, 3], axis=1)
+    accepted = off_m < _ELSEWHERE_M
     # By joints alone: the root of a body that rides is fast, and predicted as well as at rest.
     moved = prediction.dt_s * (at.jacobians[cameras.segments, :, 6:] @ at.velocity[6:]).reshape(-1, 2, 3)
     missed = _UNEVEN * np.linalg.norm(moved, axis=2).repeat(3, axis=1)

@@ -48,7 +48,7 @@ logger = logging.getLogger(__name__)
 Mask = NDArray[np.bool_]
 
 _BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
-_BLIND_WAIT_S = 10.0  # offline, a state waits this long for an unobserved limb to be observed again
+_BLIND_WAIT_S = 10.0  # a state waits this long at most for cameras that see again; offline, for those of a limb, too
 CARRIED_S = 5.0
 """The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
 
@@ -241,11 +241,14 @@ class BodyEstimator:
             return link
         both = np.concatenate([columns, columns])
         at = replace(at, velocity=np.where(columns, 0.0, at.velocity))
+        known = np.full(len(both), _NO_OPINION) if link.initial is None else link.initial.sigmas
+        initial = Initial(at, np.where(both, self._motion.first_sigmas, known))
         if link.before is None or link.motion is None:
-            assert link.initial is not None  # of a first state
-            return StateLink.first(Initial(at, np.where(both, self._motion.first_sigmas, link.initial.sigmas)))
-        initial = Initial(at, np.where(both, self._motion.first_sigmas, _NO_OPINION))
-        return StateLink.after(self._window, link.before, link.motion.restarted(columns), link.steps, initial)
+            return StateLink.first(initial)
+        # What was measured since the state before is of segments as they were then.
+        anew = np.asarray(at.jacobians[:, :, columns].any(axis=(1, 2)))
+        steps = tuple(step for step in link.steps if not anew[step.segment])
+        return StateLink.after(self._window, link.before, link.motion.restarted(columns), steps, initial)
 
     def _solve(
         self,
@@ -255,7 +258,7 @@ class BodyEstimator:
         placed: Sequence[SegmentPose] = (),
     ) -> SolvedState:
         """One state: gate the cameras, collect the other measurements, fit, add contacts, and enter the window."""
-        ends, dt_s = self.body.joint_ends, link.prediction.dt_s
+        ends, dt_s, steps = self.body.joint_ends, link.prediction.dt_s, link.steps
         accepted, start = self._gated(registered, link.prediction)
         self.counts.rejected.update(registered.keys() - accepted.keys())
         known = [*accepted.values(), *placed]
@@ -297,7 +300,7 @@ class BodyEstimator:
             chart=Chart(fit.at),
             dt_s=dt_s,
             motion=link.motion,
-            steps=(*link.steps, *resting),
+            steps=(*steps, *resting),  # a second pass knows better where a segment was that began anew
             measured=measured,
             joints_observed=joints_observed,
             turning=joints_turning,
@@ -318,12 +321,15 @@ class BodyEstimator:
         try:
             state.square_root = link.enter(self._window, state.chart, resting, measured, oldest)
         except WindowError as error:
-            logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * state.stamp_ns, error)
-            self.counts.restarted += 1
+            self._note_failure(state.stamp_ns, error)
             self._window = self._new_window()
             state.square_root = link.restart(self._window, state.chart, measured)
         if self._coupling and self._coupling.has_lengths:
             self._coupling.remember_lengths(self._window.at(state.number), state.covariance)
+
+    def _note_failure(self, stamp_ns: int, error: WindowError) -> None:
+        logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * stamp_ns, error)
+        self.counts.restarted += 1
 
     def _gated(
         self, registered: Mapping[str, SegmentPose], prediction: Prediction
@@ -369,11 +375,13 @@ class BodyEstimator:
                 return []
             end_ns = self._states[0].stamp_ns + 1e9 * _BLOCK_S
             return self._publish_until(sum(state.stamp_ns < end_ns for state in self._states))
-        until, observed_after = 0, sum(state.is_observed for state in self._states)
-        for state in self._states:
+        until, delay = 0, int(self.settings.output_delay)
+        observed_after = sum(state.is_observed for state in self._states)
+        for number, state in enumerate(self._states):
             observed_after -= state.is_observed
+            is_short = observed_after < delay or (self._offline and state.is_waiting)
             is_recent = latest.stamp_ns - state.stamp_ns < 1e9 * _BLIND_WAIT_S
-            if observed_after < int(self.settings.output_delay) or (self._offline and state.is_waiting and is_recent):
+            if len(self._states) - 1 - number < delay or (is_short and is_recent):
                 break
             until += 1
         return self._publish_until(until)
@@ -388,11 +396,14 @@ class BodyEstimator:
             waiting = [state for state in self._states if not state.is_published]
         solutions = [(self._smoothed(state), state.covariance) for state in waiting]
         if self.settings.whole_recording:
-            solutions = self._whole.solve(waiting, len(pending), [at for at, _ in solutions], self._coupling)
+            try:
+                solutions = self._whole.solve(waiting, len(pending), [at for at, _ in solutions], self._coupling)
+            except WindowError as error:
+                self._note_failure(pending[0].stamp_ns, error)  # its states are those of the forward pass
         for state in pending:
             state.is_published = True
         self._states = [state for state in self._states[:-1] if not state.is_published] + self._states[-1:]
-        return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=True)]
+        return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=False)]
 
     def _smoothed(self, state: SolvedState) -> Coordinates:
         """Coordinates of a state by the window, or as they were when a window failed."""

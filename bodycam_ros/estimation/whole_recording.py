@@ -65,11 +65,14 @@ class WholeRecording:
             count: of those that are followed by enough others, or by none of the recording.
             smoothed: coordinates of all by the forward pass.
             coupling: to equipment, if any.
+
+        Raises:
+            WindowError: gtsam cannot solve them; those after them can be solved.
         """
         coasted = self._coast(states, smoothed, coupling) if coupling else {}
         predicted = self._predicted(states, smoothed, count)
         window, again = Window(self._motion.tangent.count, relinearises=False), list[SolvedState]()
-        before = self._before
+        before, self._before = self._before, None
         if before is not None:
             # All that precedes it is in its information.
             prior = Prediction(before.chart.origin, before.chart.origin, before.square_root, 0.0)

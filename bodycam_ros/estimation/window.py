@@ -4,8 +4,8 @@ Every state is one variable. A new state comes with its factors; gtsam re-elimin
 moved, and marginalises states that are published. Estimates and covariances are its own.
 """
 
-import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import gtsam
 import numpy as np
@@ -13,8 +13,6 @@ import numpy as np
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors.factor import state_key
 from bodycam_ros.geometry import Array
-
-logger = logging.getLogger(__name__)
 
 _RELINEARISE = 0.05  # [rad], [m] by which coordinates move before their factors are linearised anew
 _ITERATIONS = 3  # of it at most in one update
@@ -68,7 +66,7 @@ class Window:
         if self._charts:
             order.constrainedKeys = _groups([key, beside])
         self._charts[number] = chart
-        try:
+        with _failures():
             self._isam.update(graph, values, order)
             if self._relinearises:
                 self.relinearise()
@@ -78,11 +76,13 @@ class Window:
                 leaves.push_back(state_key(published))
                 self._isam.marginalizeLeaves(leaves)
                 del self._charts[published]
-        except (IndexError, RuntimeError, ValueError) as error:
-            raise WindowError(str(error)) from error
 
     def relinearise(self) -> None:
-        """Linearise the factors of states anew that moved, until none does."""
+        """Linearise the factors of states anew that moved, until none does.
+
+        Raises:
+            WindowError: as ``add``.
+        """
         for _ in range(_ITERATIONS):
             delta = self._isam.getDelta()
             if max(np.abs(delta.at(state_key(each))[self._count :]).max() for each in self._charts) < _RELINEARISE:
@@ -94,7 +94,8 @@ class Window:
             for key in chain:
                 keys.push_back(key)
             order.extraReelimKeys, order.force_relinearize = keys, True
-            self._isam.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), order)
+            with _failures():
+                self._isam.update(gtsam.NonlinearFactorGraph(), gtsam.Values(), order)
 
     def __contains__(self, number: int) -> bool:
         """Whether a state is among the window's."""
@@ -110,10 +111,24 @@ class Window:
         return self._charts[number].at(self.vector(number))
 
     def square_root(self, number: int) -> Array:
-        """(2K, 2K) upper triangular square root of the information of a state about its estimate."""
-        conditional = self._isam.marginalFactor(state_key(number))
+        """(2K, 2K) upper triangular square root of the information of a state about its estimate.
+
+        Raises:
+            WindowError: as ``add``.
+        """
+        with _failures():
+            conditional = self._isam.marginalFactor(state_key(number))
         # The matrix is a view of the conditional's memory.
         return np.array(conditional.R())
+
+
+@contextmanager
+def _failures() -> Iterator[None]:
+    """What gtsam raises as ``WindowError``."""
+    try:
+        yield
+    except (IndexError, RuntimeError, ValueError) as error:
+        raise WindowError(str(error)) from error
 
 
 def _key_beside(number: int) -> int:

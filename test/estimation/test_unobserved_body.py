@@ -8,6 +8,7 @@ from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, positio
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState
+from bodycam_ros.estimation import estimator
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.factors.motion import MotionSettings
 from bodycam_ros.estimation.whole_recording import SmootherSettings
@@ -55,6 +56,39 @@ def test_no_setting_ends_it_and_no_instant_is_lost(linear: float, angular: float
     states = solve(BodyEstimator(body, lenses(body), motion=motion), frames)
     assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
     assert np.isfinite([state.world_T_segment for state in states]).all()
+
+
+@pytest.mark.parametrize("cameras", [{"wrist"}, {"chest", "back", "arm", "wrist"}])
+def test_a_registration_in_another_country_is_rejected(cameras: set[str]) -> None:
+    """Ten kilometres off, it ended the recording in gtsam."""
+    body, rng = body_with_cameras(), np.random.default_rng(0)
+    frames, away = list[BodyFrame](), rigid(np.eye(3), np.array([1e4, 1e6, 0.0]))
+    for number in range(30):
+        matches = {camera: seen_by(body, camera, number, rng) for camera in body.mounts}
+        for camera in cameras if number in range(10, 13) else set[str]():
+            pose = matches[camera].world_T_camera
+            assert pose is not None
+            matches[camera] = dataclasses.replace(matches[camera], world_T_camera=away @ pose)
+        frames.append(BodyFrame((number + 1) * STEP_NS, matches))
+    smoother = BodyEstimator(body, lenses(body))
+    states = solve(smoother, frames)
+    assert smoother.counts.rejected == dict.fromkeys(cameras, 3)
+    assert position_errors(body, dict(enumerate(states))).max() < 0.1
+
+
+@pytest.mark.parametrize("offline", [False, True])
+def test_a_body_that_no_camera_sees_does_not_make_the_window_grow(
+    monkeypatch: pytest.MonkeyPatch, offline: bool
+) -> None:
+    """All states waited for it, and every one took longer than the one before."""
+    monkeypatch.setattr(estimator, "_BLIND_WAIT_S", 1.0)
+    body, rng = body_with_cameras(), np.random.default_rng(0)
+    smoother = BodyEstimator(body, lenses(body), offline=offline)
+    published = list[int]()
+    for number in range(120):
+        matches = {camera: seen_by(body, camera, number, rng, lost=number >= 30) for camera in body.mounts}
+        published += [state.stamp_ns for state in smoother.update(BodyFrame((number + 1) * STEP_NS, matches))]
+    assert published == [(number + 1) * STEP_NS for number in range(89)]
 
 
 @pytest.mark.parametrize("camera", ["chest", "wrist"])

@@ -1,6 +1,7 @@
 """The window of iSAM2 against gtsam's batch solution of the same graph, with every kind of factor; and its failures."""
 
 from dataclasses import replace
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -9,7 +10,8 @@ from moving_body import COVARIANCE, STEP_NS, body_with_cameras, lenses, position
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState
-from bodycam_ros.estimation import state_solution
+from bodycam_ros.estimation import estimator as estimator_module
+from bodycam_ros.estimation import state_solution, whole_recording
 from bodycam_ros.estimation import window as window_module
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.estimator import BodyEstimator
@@ -23,7 +25,7 @@ from bodycam_ros.estimation.factors.segment_steps import SegmentSteps
 from bodycam_ros.estimation.factors.segment_turn import SegmentTurn
 from bodycam_ros.estimation.solved_state import Measurements
 from bodycam_ros.estimation.state_factors import StateFactors
-from bodycam_ros.estimation.state_link import Initial
+from bodycam_ros.estimation.state_link import Initial, StateLink
 from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.estimation.window import Window, WindowError
 from bodycam_ros.geometry import exp_se3, exp_so3
@@ -31,6 +33,7 @@ from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 STATES, DT_S = 12, 1e-9 * STEP_NS
+JOINTS = ("elbow", "shoulder")
 
 
 def tethered_body() -> BodyModel:
@@ -54,7 +57,7 @@ class Graph:
         for number in range(STATES):
             poses, graph = true_poses(body, number), gtsam.NonlinearFactorGraph()
             true = Coordinates(self.tangent, body.motion_of(poses), np.zeros(self.tangent.count))
-            chart = Chart(true.moved(rng.normal(scale=0.01, size=self.tangent.count)))
+            chart = Chart(true.moved(rng.normal(scale=0.003, size=self.tangent.count)))
             # The forearm's camera is blind at times: its joint is expected, its rotation measured.
             rows = np.array([0, 0, 1] if number % 4 == 1 else [0, 0, 1, 2])
             noise = rng.standard_normal((len(rows), 6)) * np.sqrt(np.diag(COVARIANCE))
@@ -108,11 +111,14 @@ def graph() -> Graph:
     return Graph()
 
 
-@pytest.mark.parametrize(("threshold", "apart"), [(0.05, 1.5e-3), (1e-7, 1e-5)])
+@pytest.mark.parametrize(("threshold", "apart", "share"), [(0.05, 1.5e-3, 0.2), (1e-7, 1e-5, 1e-3)])
 def test_an_unlimited_window_is_the_batch_solution(
-    graph: Graph, monkeypatch: pytest.MonkeyPatch, threshold: float, apart: float
+    graph: Graph, monkeypatch: pytest.MonkeyPatch, threshold: float, apart: float, share: float
 ) -> None:
-    """To the cameras' 4 mm with the usual threshold of relinearisation, exactly where all is relinearised."""
+    """Exactly where all is relinearised, and within the cameras' 2 mrad and 4 mm with the usual threshold.
+
+    With that the weights of cameras stay those of the charts, by which variances differ.
+    """
     monkeypatch.setattr(window_module, "_RELINEARISE", threshold)
     monkeypatch.setattr(window_module, "_ITERATIONS", 20 if threshold < 0.01 else 3)
     window, _ = graph.window(STATES)
@@ -123,7 +129,7 @@ def test_an_unlimited_window_is_the_batch_solution(
     root = window.square_root(STATES - 1)
     theirs = marginals.marginalCovariance(state_key(STATES - 1))
     np.testing.assert_allclose(np.linalg.inv(root.T @ root), theirs, atol=2e-2 * np.abs(np.diag(theirs)).max())
-    assert np.abs(np.diag(np.linalg.inv(root.T @ root)) / np.diag(theirs) - 1.0).max() < 0.02
+    assert np.abs(np.diag(np.linalg.inv(root.T @ root)) / np.diag(theirs) - 1.0).max() < share
 
 
 def test_a_window_keeps_what_left_it_in_its_marginal(graph: Graph) -> None:
@@ -171,6 +177,55 @@ def test_where_gtsam_fails_a_new_window_goes_on(monkeypatch: pytest.MonkeyPatch,
     by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states}
     assert list(by_frame) == list(range(40))
     assert position_errors(body, by_frame).max() < 0.012
+
+
+@pytest.mark.parametrize("number", [20, 45, 70])
+def test_where_the_second_pass_fails_a_whole_recording_is_still_solved(
+    monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """In a block, in what follows it, and in the last block; an error of gtsam ended the recording before."""
+    monkeypatch.setattr(estimator_module, "_BLOCK_S", 1.3)
+    monkeypatch.setattr(estimator_module, "_OVERLAP_S", 0.5)
+    failed = list[int]()
+
+    class Failing(Window):
+        def add(self, at: int, *others: Any) -> None:
+            super().add(at, *others)
+            if at == number and not failed:
+                failed.append(at)
+                raise WindowError("Indeterminate linear system")
+
+    monkeypatch.setattr(whole_recording, "Window", Failing)
+    body = body_with_cameras()
+    states, estimator = states_of(seen_frames(body, 80), body, output_delay="offline")
+    assert failed and estimator.counts.restarted == 1
+    by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states}
+    assert list(by_frame) == list(range(80))
+    assert position_errors(body, by_frame).max() < 0.012
+
+
+def test_what_begins_anew_has_no_past_and_keeps_its_first_sigmas() -> None:
+    """A rotation measured since before held a limb where it had been; a second restart took all sigmas of the first."""
+    body = body_with_cameras()
+    _, estimator = states_of(seen_frames(body, 10), body, output_delay=4)
+    tangent, before = estimator._tangent, estimator._states[-1]
+    motion = estimator._motion.between(estimator._window.at(before.number), DT_S)
+    elbow, shoulder = np.eye(2, dtype=bool)[[body.joint_row[joint] for joint in JOINTS]]
+    step = SegmentTurn(body.segment_index["forearm"], np.eye(3), 0.001)
+    link = StateLink.after(estimator._window, before, motion, (step,))
+    elsewhere = link.prediction.at.moved(np.where(tangent.columns_of(elbow), 0.8, 0.0))
+    anew = estimator._restarted(link, elsewhere, tangent.columns_of(elbow))
+    assert np.abs(anew.prediction.at.step_to(elsewhere)[tangent.columns_of(elbow)]).max() < 1e-6
+    both = estimator._restarted(anew, anew.prediction.at, tangent.columns_of(shoulder))
+    sigmas = np.sqrt(np.diag(np.linalg.inv(both.prediction.information)))
+    np.testing.assert_allclose(sigmas[6:], 1.0, rtol=1e-6)
+    assert sigmas[:6].max() < 0.05
+
+
+def test_every_error_of_gtsam_is_one_of_the_window(graph: Graph) -> None:
+    window, _ = graph.window(2)
+    with pytest.raises(WindowError):
+        window.square_root(0)
 
 
 def test_a_third_of_wrong_registrations_makes_no_wrong_state() -> None:

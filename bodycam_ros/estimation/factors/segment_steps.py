@@ -28,7 +28,6 @@ class SegmentSteps:
 
     Args:
         steps: one at least.
-        velocities: whether any of them depends on velocities.
     """
 
     def __init__(self, steps: Sequence[SegmentStep]) -> None:
@@ -36,10 +35,6 @@ class SegmentSteps:
         self._segments = [step.segment for step in steps]
         identity = np.eye(4)
         self.rows = sum(len(step.residual(identity, identity, *np.zeros((2, 6)))[0]) for step in self._steps)
-
-    def __add__(self, others: Sequence[SegmentStep]) -> "SegmentSteps":
-        """These and others."""
-        return SegmentSteps([*self._steps, *others])
 
     def linearise(self, before: Coordinates, after: Coordinates) -> tuple[Array, Array, Array]:
         """See ``StepFactor``."""
