@@ -132,6 +132,7 @@ def _profile(start: bytes) -> str | None:
 
 
 _LONGEST_CAUSE = 300
+_LATEST_NS = (1 << 63) - 1  # ROS counts in signed 64 bits, MCAP in unsigned ones
 _STAMP_END = 12  # behind the four bytes of CDR's byte order
 _OF_BODY = ("/robot_description", "/joint_states", "/odometry")
 _OUR_MESSAGES = "bodycam_msgs/"
@@ -257,6 +258,9 @@ class BagFile:
         latest_ns: int | None = None
         try:
             for connection, stamp_ns, cdr in stream:
+                if stamp_ns > _LATEST_NS:
+                    logger.debug("%s: a message on %s of %d ns, no time", self.path, connection.topic, stamp_ns)
+                    continue
                 latest_ns = stamp_ns
                 yield connection, stamp_ns, unpack(cdr) if self._unpacks else cdr
         except UnpackingError as error:
@@ -326,9 +330,12 @@ def _fault_named(path: Path) -> Iterator[None]:
     except UnpackingError as error:
         raise RecordingError(f"{path}: {error}") from error
     except Exception as error:  # a damaged file can raise nearly anything in a parser
-        raise RecordingError(
-            f"{path}: {fault_of(path) or f'cannot be read as a ROS 2 bag ({_shortened(repr(error))})'}"
-        ) from error
+        fault = fault_of(path)
+        if fault is None:
+            reindex = "if its metadata.yaml is damaged, give its file itself, or run 'ros2 bag reindex'"
+            remedy = reindex if path.is_dir() else "copy it again"
+            fault = f"cannot be read as a ROS 2 bag ({_shortened(repr(error))}); {remedy}"
+        raise RecordingError(f"{path}: {fault}") from error
 
 
 def _shortened(text: str) -> str:

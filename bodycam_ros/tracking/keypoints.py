@@ -84,7 +84,8 @@ class KeypointDetector:
         """Keypoints of an (H, W) grey image where the (H, W) mask is not zero; more for a camera that is lost."""
         scale, most = self._settings.image_scale, self._settings.max_keypoints
         if scale < 1.0:
-            image = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
+            size = [max(1, round(scale * side)) for side in image.shape[::-1]]
+            image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
             mask = np.asarray(cv2.resize(mask, image.shape[::-1], interpolation=cv2.INTER_NEAREST), np.uint8)
         raw, descriptors = self._detect(image, mask, max(most, _MAX_KEYPOINTS_LOST) if lost else most)
         if descriptors is None:

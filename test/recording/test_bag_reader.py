@@ -298,7 +298,8 @@ def test_folder_without_metadata_points_to_its_file(tiny_bag: Path) -> None:
 @pytest.mark.parametrize("text", ["", ": [", "rosbag2_bagfile_information: {version: 99}", "[1, 2]"])
 def test_folder_with_broken_metadata(tiny_bag: Path, text: str) -> None:
     (tiny_bag / "metadata.yaml").write_text(text)
-    refused(tiny_bag)
+    said = refused(tiny_bag)
+    assert "metadata is not YAML" in said or "give its file itself" in said
 
 
 @pytest.mark.parametrize("share", [0.05, 0.5])
@@ -426,3 +427,9 @@ def test_metadata_of_many_missing_files_is_a_short_error(tmp_path: Path) -> None
     with pytest.raises(RecordingError) as caught, open_recording(bag):
         pass
     assert str(bag) in str(caught.value) and len(str(caught.value)) < 1000
+
+
+def test_messages_of_times_that_ros_cannot_count_are_left_out(tmp_path: Path) -> None:
+    bag = write_tiny_bag(tmp_path / "bag", alter=lambda writer: write_jpeg(writer, "left", 1 << 63, START_NS, 10))
+    with open_recording(bag / "bag.mcap") as recording:
+        assert len(recording.image_times()["left"]) == 4

@@ -23,3 +23,8 @@ def test_bright_clothes_over_half_of_the_picture_leave_the_room_its_keypoints() 
     rows = [np.flatnonzero((everything.pixels == pixel).all(axis=1)) for pixel in spread.pixels]
     for descriptor, candidates in zip(spread.descriptors, rows, strict=True):
         assert (everything.descriptors[candidates] == descriptor).all(axis=1).any()
+
+
+def test_an_image_of_one_pixel_has_no_keypoints() -> None:
+    pixel = np.zeros((1, 1), np.uint8)
+    assert len(KeypointDetector(KeypointSettings()).detect(pixel, pixel + 255).pixels) == 0
