@@ -18,7 +18,8 @@ def main() -> None:
     parameters = file["parameters"]["POINT"]
     # Names of the markers; those beyond the 255th are in LABELS2 and so on.
     keys = sorted((key for key in parameters if key.startswith("LABELS")), key=lambda key: int(key[6:] or "1"))
-    labels = [str(label).strip() for key in keys for label in parameters[key]["value"]]
+    # Bytes that are no UTF-8 are surrogates in the library's text, which no file or terminal takes.
+    labels = [_printable(str(label)).strip() for key in keys for label in parameters[key]["value"]]
     np.savez(
         sys.stdout.buffer,
         positions=np.asarray(file["data"]["points"], np.float64)[:3].transpose(1, 2, 0),
@@ -27,6 +28,10 @@ def main() -> None:
         unit=str((parameters.get("UNITS", {}).get("value") or ["mm"])[0]).strip().lower(),
         up=str((parameters.get("Y_SCREEN", {}).get("value") or ["+Z"])[0]).strip().upper(),
     )
+
+
+def _printable(name: str) -> str:
+    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 if __name__ == "__main__":

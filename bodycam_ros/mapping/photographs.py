@@ -48,6 +48,9 @@ def find_photographs(folder: Path, camera_path: Path | None = None) -> Photograp
     if not folder.is_dir():
         raise MapError(f"{folder}: no such folder; expected one with photographs (jpg, png) and {CAMERA_FILE}")
     paths = tuple(sorted(p for p in folder.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()))
+    for path in paths:
+        if not path.name.isprintable():
+            raise MapError(f"{folder}: photograph {path.name!a} has a name that cannot be written; rename it")
     if len(paths) < 2:
         raise MapError(f"{folder}: {len(paths)} photographs (jpg, png); a map needs two or more, better 50 to 150")
     if camera_path is None and not (folder / CAMERA_FILE).is_file():

@@ -45,6 +45,17 @@ def test_a_c3d_has_its_markers_and_what_nobody_saw(walk: Walk, tmp_path: Path) -
         np.testing.assert_allclose(1e-9 * captured.stamps_ns, np.arange(60) / 30.0, atol=1e-8)
 
 
+def test_a_c3d_whose_label_is_no_text_has_names_that_can_be_written(walk: Walk, tmp_path: Path) -> None:
+    """Such a name ended a report."""
+    path = write_c3d(tmp_path / "walk.c3d", 30.0, origins(walk), "mm", 1e3)
+    content = path.read_bytes()
+    assert b"torso" in content
+    path.write_bytes(content.replace(b"torso", b"tor\xff\xfe", 1))
+    names = read_captured(path).points
+    assert "torso" not in names and any(name.startswith("tor") for name in names)
+    assert all(name.encode("utf-8") for name in names)
+
+
 @pytest.mark.parametrize("orders", [("ZXY",), ("XYZ", "YZX", "ZYX", "XZY", "YXZ")])
 def test_a_bvh_stands_where_another_reader_has_it(walk: Walk, tmp_path: Path, orders: tuple[str, ...]) -> None:
     path = write_bvh(tmp_path / "walk.bvh", walk, FRAME_S, orders=orders)
