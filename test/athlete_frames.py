@@ -16,8 +16,8 @@ from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.estimation.attachments import CouplingSettings
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.factors.motion import MotionSettings
-from bodycam_ros.estimation.whole_recording import SmootherSettings
+from bodycam_ros.estimation.motion_settings import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 

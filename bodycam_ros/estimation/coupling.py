@@ -24,8 +24,8 @@ from bodycam_ros.estimation.coordinates import Coordinates
 from bodycam_ros.estimation.equipment_motion import EquipmentMotion, coasting
 from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M, JointRotations
-from bodycam_ros.estimation.factors.motion import MotionSettings
 from bodycam_ros.estimation.factors.resting_point import RestingPoint
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array, exp_so3
 from bodycam_ros.kinematics.joint import LOOSE_M, LOOSE_RAD
 from bodycam_ros.kinematics.tangent import TreeTangent

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import ActiveAttachments
 from bodycam_ros.estimation.factors.joint_rotations import JointRotations
-from bodycam_ros.estimation.factors.motion import FADE_S, LASTS_S, MotionPrior, MotionSettings
+from bodycam_ros.estimation.factors.motion import FADE_S, LASTS_S, MotionPrior
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 

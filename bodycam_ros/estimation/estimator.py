@@ -22,15 +22,17 @@ from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import CoupledState, Coupling
 from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
-from bodycam_ros.estimation.factors.motion import LASTS_S, MotionModel, MotionSettings
+from bodycam_ros.estimation.factors.motion import LASTS_S, MotionModel
 from bodycam_ros.estimation.factors.resting_point import RestingPoint
 from bodycam_ros.estimation.factors.segment_steps import SegmentStep
 from bodycam_ros.estimation.factors.segment_turn import SegmentTurn, measured_turns
 from bodycam_ros.estimation.frame_gaps import FrameGaps
 from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.initial_pose import first_poses
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.pose_prior import PosePrior
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.estimation.solved_state import Measurements, SolvedState
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.state_factors import StateFactors
@@ -38,7 +40,7 @@ from bodycam_ros.estimation.state_link import Initial, StateLink
 from bodycam_ros.estimation.state_solution import Prediction, fit_state
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
 from bodycam_ros.estimation.uncertainty import body_uncertainty, widened
-from bodycam_ros.estimation.whole_recording import SmootherSettings, WholeRecording, first_initial
+from bodycam_ros.estimation.whole_recording import WholeRecording, first_initial
 from bodycam_ros.estimation.window import Window, WindowError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent

@@ -1,14 +1,13 @@
 """A whole recording: unobserved joints follow from what is observed before and after; the graph is solved again."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Any
 
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import SettingsError
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.equipment_motion import coasting, coasting_trajectory
@@ -23,7 +22,6 @@ from bodycam_ros.estimation.state_solution import Prediction, fit_state
 from bodycam_ros.estimation.window import Window
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import hinge_angle
-from bodycam_ros.settings import setting
 
 Solution = tuple[Coordinates, Array]
 
@@ -147,44 +145,3 @@ class WholeRecording:
         self._earlier = [each[recent] for each in known]
         improved = RecordedPoses(self._prior, *known).improve(by_prior)
         return [each.replaced(state.static.joints()) for each, state in zip(improved, states, strict=True)]
-
-
-OFFLINE: Final = "offline"
-"""The delay of a recording that is solved as a whole."""
-
-
-@dataclass(frozen=True)
-class SmootherSettings:
-    """Length of the window, and how it is solved."""
-
-    output_delay: int | str = setting(
-        4,
-        unit="frames",
-        limits=(0, 60),
-        words=(OFFLINE,),
-        reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides; "
-        "'offline' solves the whole recording together, and is for recordings only",
-    )
-    max_pause: float = setting(
-        1.0,
-        unit="s",
-        limits=(0.05, 10.0),
-        reason="a gap without images up to this long is filled; after a longer one the body is initialised again",
-    )
-
-    @property
-    def whole_recording(self) -> bool:
-        """Whether the recording is solved as a whole."""
-        return self.output_delay == OFFLINE
-
-    def check_live(self) -> None:
-        """Refuse what only a recording can have.
-
-        Raises:
-            SettingsError: the whole recording is asked for.
-        """
-        if self.whole_recording:
-            raise SettingsError(
-                f"smoother.output_delay is '{OFFLINE}', which solves a recording as a whole once it is over; live, "
-                "give the number of frames (0 to 60) that a state waits for later ones"
-            )

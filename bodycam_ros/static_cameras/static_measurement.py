@@ -8,7 +8,7 @@ import numpy as np
 from bodycam_ros.body_state import BodyFrame, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage, check_image_size, decode_colour
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.estimation.factors.motion import MotionSettings
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import PredictedBody

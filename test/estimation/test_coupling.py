@@ -16,8 +16,10 @@ from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.factors.factor import state_key
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
-from bodycam_ros.estimation.factors.motion import MotionModel, MotionSettings
-from bodycam_ros.estimation.whole_recording import SmootherSettings, first_initial
+from bodycam_ros.estimation.factors.motion import MotionModel
+from bodycam_ros.estimation.motion_settings import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.whole_recording import first_initial
 from bodycam_ros.estimation.window import Window
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent

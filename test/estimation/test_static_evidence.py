@@ -11,8 +11,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.smoother_settings import OFFLINE, SmootherSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.estimation.whole_recording import OFFLINE, SmootherSettings
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
 FRAMES = 40

@@ -10,8 +10,8 @@ from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.estimation import estimator
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.factors.motion import MotionSettings
-from bodycam_ros.estimation.whole_recording import SmootherSettings
+from bodycam_ros.estimation.motion_settings import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.pipeline import SkeletonPipeline

@@ -9,7 +9,7 @@ from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.estimation import estimator
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.whole_recording import SmootherSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import log_so3
 
 OFFLINE = SmootherSettings(output_delay="offline")

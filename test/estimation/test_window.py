@@ -19,14 +19,15 @@ from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
 from bodycam_ros.estimation.factors.factor import on_state, on_step, state_key
 from bodycam_ros.estimation.factors.inertial_step import InertialStep
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M, JointRotations
-from bodycam_ros.estimation.factors.motion import MotionModel, MotionSettings
+from bodycam_ros.estimation.factors.motion import MotionModel
 from bodycam_ros.estimation.factors.resting_point import RestingPoint
 from bodycam_ros.estimation.factors.segment_steps import SegmentSteps
 from bodycam_ros.estimation.factors.segment_turn import SegmentTurn
+from bodycam_ros.estimation.motion_settings import MotionSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.estimation.solved_state import Measurements
 from bodycam_ros.estimation.state_factors import StateFactors
 from bodycam_ros.estimation.state_link import Initial, StateLink
-from bodycam_ros.estimation.whole_recording import SmootherSettings
 from bodycam_ros.estimation.window import Window, WindowError
 from bodycam_ros.geometry import exp_se3, exp_so3
 from bodycam_ros.kinematics.joint import Joint

@@ -11,7 +11,7 @@ import pytest
 from altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.estimation.whole_recording import SmootherSettings
+from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.evaluate.comparison import compare, read_true_motion
 from bodycam_ros.messages.factory import stamp_ns, time_message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame

@@ -15,7 +15,7 @@ from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.estimation.factors.motion import MotionSettings
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras import body_measurement, region_tracker, shape_evidence
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody

@@ -13,7 +13,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.estimation.factors.motion import MotionSettings
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.estimation.coordinates import FREE_RAD, UNKNOWN, Chart, Coordinates
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, nearest_rotation, rigid
 from bodycam_ros.kinematics.tangent import TreeTangent
-from bodycam_ros.settings import setting
 
 Mask = NDArray[np.bool_]
 
@@ -23,21 +23,6 @@ FADE_S = 0.2  # in which an unobserved velocity fades: a blind limb comes to res
 LASTS_S = 0.033  # how long an acceleration lasts: with it a standard deviation becomes a spectral density
 FIRST_SPEED = 4.0  # [rad/s], [m/s] sigma of people, before the motion is known
 CONSTANT = 1e-9  # [m^2/s^3] least density: a length that stays wanders by 6 um in a second, and has an inverse
-
-
-@dataclass(frozen=True)
-class MotionSettings:
-    """How suddenly a body changes its motion."""
-
-    acceleration_sigma: float = setting(
-        15.0,
-        unit="m/s^2",
-        limits=(0.1, 1000.0),
-        reason="of a segment's origin; walking feet reach 30, heel strikes more",
-    )
-    angular_acceleration_sigma: float = setting(
-        60.0, unit="rad/s^2", limits=(0.1, 5000.0), reason="of a segment; forearms and shins in quick motion reach 100"
-    )
 
 
 class MotionPrior(NamedTuple):

@@ -7,7 +7,8 @@ from numeric_factor import numeric_jacobian
 
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
-from bodycam_ros.estimation.factors.motion import FADE_S, LASTS_S, MotionModel, MotionSettings
+from bodycam_ros.estimation.factors.motion import FADE_S, LASTS_S, MotionModel
+from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 BODY, DT_S = body_with_cameras(), 0.05
