@@ -100,6 +100,7 @@ def measurements(mode: str) -> Iterator[Measurement]:
         yield Measurement("pose2sim", real_person.pose2sim)
         yield Measurement("wrong lens", partial(faulty_cameras.wrong_lens, walk=walk))
         yield Measurement("slipped strap", partial(faulty_cameras.slipped, walk=walk))
+        yield Measurement("wrong registrations", faulty_cameras.wrong_registrations)
     yield Measurement("exchanged cameras", partial(faulty_cameras.exchanged, walk=walk))
 
 

@@ -1,11 +1,13 @@
 """Cameras that are wrong must be named: another lens, two exchanged, a strap that slipped."""
 
+import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.figures import disturbance
 from benchmarks.figures.bench import Bench, verdict
-from benchmarks.figures.command import Ran
+from benchmarks.figures.command import Ran, run
 from benchmarks.figures.figure import Figure
 
 
@@ -30,6 +32,16 @@ def slipped(bench: Bench, walk: str) -> Iterator[Figure]:
     body = disturbance.write_slipped(_body(bench, walk), bench.work / "slipped.yaml", "thigh_left", 0.10)
     ran = bench.replay("slipped out", bench.recording(walk) / "bag", body)
     yield from _named(f"{walk}, slipped strap", ran, "thigh_left")
+
+
+def wrong_registrations(bench: Bench) -> Iterator[Figure]:
+    """States that are wrong where registrations of 17 cameras are, by chance or in bursts."""
+    printed = run([sys.executable, "-m", "benchmarks.wrong_registrations", "--body", str(bench.body("sample"))]).output
+    for case, wrong, p99_cm in re.findall(
+        r"^(.+?): (\d+) of \d+ states wrong, .* p99 ([\d.]+) cm", printed, re.MULTILINE
+    ):
+        yield Figure(f"registrations, {case}: states that are wrong", int(wrong))
+        yield Figure(f"registrations, {case}: worst segment, 99th percentile [cm]", float(p99_cm))
 
 
 def _named(group: str, ran: Ran, *cameras: str) -> Iterator[Figure]:

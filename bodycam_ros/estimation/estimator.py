@@ -412,10 +412,8 @@ class BodyEstimator:
         return self._window.at(state.number) if state.number in self._window else state.chart.origin
 
     def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
-        report, rows, static = None, self._published, state.static
-        by_cameras = static.on_body, state.joints_observed
-        uncertainty = body_uncertainty(at, covariance, state.dt_s, *by_cameras, state.is_triggered)
-        uncertainty = static.widen(uncertainty)
+        report, rows, root_observed = None, self._published, bool(state.observed[self._root])
+        uncertainty = state.static.widen(body_uncertainty(at, covariance, state.dt_s, root_observed))
         if not state.converged:
             uncertainty = widened(uncertainty)
         if self._coupling:

@@ -93,11 +93,6 @@ class SolvedState:
         return np.asarray(inverse_root @ inverse_root.T, np.float64)
 
     @property
-    def is_triggered(self) -> bool:
-        """Whether all images have its own stamp: those of free-running cameras are interpolated to it."""
-        return all(stamp_ns == self.stamp_ns for stamp_ns in self.stamps_ns.values())
-
-    @property
     def is_observed(self) -> bool:
         """Whether any camera was accepted."""
         return bool(self.observed.any())
