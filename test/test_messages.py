@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -127,6 +127,17 @@ def test_tracks_survive_the_wire(
     message = send(tracks_message(make, sent))
     assert message.header.frame_id == "head_optical_frame"
     assert_same(track_frame(message, "head"), sent)
+
+
+@pytest.mark.parametrize("covariance", [-np.eye(6), np.zeros((6, 6)), np.full((6, 6), np.nan)])
+def test_a_covariance_that_is_none_is_refused(
+    library: tuple[MessageFactory, Send], rng: np.random.Generator, covariance: NDArray[np.float64]
+) -> None:
+    """It ended the solver."""
+    make, send = library
+    sent = replace(random_matches(rng, 3, True), pose_covariance=covariance)
+    with pytest.raises(ValueError, match="covariance"):
+        landmark_matches(send(landmarks_message(make, sent)), "head")
 
 
 @pytest.mark.parametrize(("count", "registered"), [(120, True), (5, False), (0, False)])

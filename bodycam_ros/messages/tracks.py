@@ -106,12 +106,14 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
     """Landmark matches of a bodycam_msgs/LandmarkMatches on the camera's topic.
 
     Raises:
-        ValueError: the lengths of the arrays disagree, or a registered pose is not finite.
+        ValueError: the lengths of the arrays disagree, a registered pose is not finite, or its covariance is none.
     """
     count = len(message.track_ids)
     world_T_camera, covariance = pose_and_covariance(message.pose)
     if message.registered and not (np.isfinite(world_T_camera).all() and np.isfinite(covariance).all()):
         raise ValueError("a registered pose, or its covariance, is not finite")
+    if message.registered and np.linalg.eigvalsh(covariance)[0] <= 0.0:
+        raise ValueError("the covariance of a registered pose is not positive definite")
     return LandmarkMatches(
         camera=camera,
         stamp_ns=stamp_ns(message.header.stamp),
