@@ -117,7 +117,7 @@ def true_poses(recording_path: Path) -> dict[tuple[str, int], Array]:
 def errors(
     poses: Mapping[tuple[str, int], Array], truth: Mapping[tuple[str, int], Array], world_T_map: Array
 ) -> tuple[Array, Array]:
-    """Of each pose its position's [mm] and its rotation's [deg] (N,)."""
+    """Errors (N,) of each pose's position [mm] and rotation [deg]."""
     known = [key for key in poses if key in truth]
     off = np.array([inverse(truth[key]) @ world_T_map @ poses[key] for key in known])
     return 1e3 * np.linalg.norm(off[:, :3, 3], axis=1), np.degrees(np.linalg.norm(log_so3(off[:, :3, :3]), axis=1))

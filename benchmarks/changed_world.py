@@ -17,7 +17,7 @@ from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 _SIDES = (0.08, 0.25)
-"""Of a rectangle, times the picture's."""
+"""Sides of a rectangle, in shares of the picture's."""
 
 _JPEG_QUALITY = 95
 

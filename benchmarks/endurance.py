@@ -42,7 +42,7 @@ class Endurance:
     memory_mb: NDArray[np.float64]
 
     def percentile_ms(self, percent: float) -> float:
-        """Of all states."""
+        """Percentile over all states."""
         return float(np.percentile(self.solve_ms, percent))
 
     @property

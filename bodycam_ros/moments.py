@@ -13,7 +13,7 @@ from typing import NamedTuple
 from bodycam_ros.whole_file import failure_named
 
 COLUMNS = ("moment", "camera", "stamp_ns", "steady_ns", "cpu_ns")
-"""Of the file."""
+"""Columns of the file."""
 
 
 class Moment(Enum):

@@ -3,7 +3,7 @@
 import os
 
 MOST_PIXELS = 200_000_000
-"""Of an image: a few kilobytes of PNG can claim a thousand times as many, and OpenCV would allocate them."""
+"""Bound of an image: a few kilobytes of PNG can claim a thousand times as many, and OpenCV would allocate them."""
 
 
 def bound_inputs() -> None:

@@ -194,7 +194,7 @@ def _usual_parts(stature_m: float, mass_kg: float) -> dict[str, list[Mass]]:
     total = sum(row[1] * (2.0 if kind in _OF_BOTH_SIDES else 1.0) for kind, row in rows.items())
 
     def part(name: str, upper_end: Array, down: Array = -_Z) -> Mass:
-        """Of a line of the table, in a frame in which its upper end and the direction from there are given."""
+        """Mass by a line of the table, in a frame in which its upper end and the direction from there are given."""
         length, share, along, *radii = rows[name]
         radii_m = stature_m * np.array(radii)[list(_AXES.get(name, (0, 1, 2)))]
         kilograms = mass_kg * share / total

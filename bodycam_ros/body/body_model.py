@@ -92,7 +92,7 @@ class BodyModel(KinematicTree):
 
 @dataclass(frozen=True, eq=False)
 class Mass:
-    """Of a segment, in its frame.
+    """Mass of a segment, in its frame.
 
     Attributes:
         kilograms: its mass.

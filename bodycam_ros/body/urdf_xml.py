@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 from bodycam_ros.errors import BodyError
 
 MAX_LETTERS = 4_000_000
-"""Of a document; that of a person with 16 cameras has 20,000."""
+"""Longest text of a document; that of a person with 16 cameras has 20,000."""
 
 
 def xml_elements(text: str) -> ET.Element:

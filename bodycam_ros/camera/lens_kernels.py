@@ -30,7 +30,7 @@ FARTHEST = 1e100
 """Beyond it squares overflow [m]."""
 
 EDGE = 1e-9
-"""Of an angle [rad] or radius, the rounding allowed at the cone's edge: what was unprojected projects again."""
+"""Rounding of an angle [rad] or radius allowed at the cone's edge: what was unprojected projects again."""
 
 
 Array = NDArray[np.float64]
@@ -198,7 +198,7 @@ def _in_angular_cone(lens: Array, angle: float, squared_distance: float) -> bool
 
 @kernel()
 def _gain(lens: Array, r2: float) -> float:
-    """Of the rational polynomial, which with k4 = k5 = k6 = 0 is plumb_bob."""
+    """Gain of the rational polynomial, which with k4 = k5 = k6 = 0 is plumb_bob."""
     k1, k2, k3 = lens[COEFFICIENTS], lens[COEFFICIENTS + 1], lens[COEFFICIENTS + 4]
     k4, k5, k6 = lens[COEFFICIENTS + 5], lens[COEFFICIENTS + 6], lens[COEFFICIENTS + 7]
     gain: float = (1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)))

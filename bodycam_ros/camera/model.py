@@ -174,7 +174,7 @@ def _rows(values: NDArray[np.floating], count: int) -> Array:
 
 
 _SAME = 0.01
-"""Of the ratio of width to height: rounding to even numbers of pixels."""
+"""Tolerance of the ratio of width to height: rounding to even numbers of pixels."""
 
 
 def mode_of_size(lens: tuple[int, int], images: tuple[int, int]) -> str:

@@ -85,6 +85,6 @@ def readout_of(seconds: float, sigma: float) -> Readout | None:
 
 
 def best_known(*readouts: Readout | None) -> Readout | None:
-    """Of several of one camera the one to begin with: the first that is given, else the best known."""
+    """The read-out time to begin with, of several of one camera: the first that is given, else the best known."""
     known = [readout for readout in readouts if readout is not None]
     return min(known, key=lambda readout: readout.sigma, default=None)

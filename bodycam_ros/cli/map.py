@@ -34,7 +34,7 @@ from bodycam_ros.whole_file import scratch_folder
 logger = logging.getLogger(__name__)
 
 _FEW_LANDMARKS = 50
-"""Of a photograph: usual ones have a thousand; where two places look alike some dozen fit the wrong one."""
+"""Landmarks of a photograph: usual ones have a thousand; where two places look alike some dozen fit the wrong one."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

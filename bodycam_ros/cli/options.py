@@ -91,7 +91,7 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, re
 
 
 def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:
-    """Those of some flags that were given, as a user writes them."""
+    """The flags that were given, as a user writes them."""
     return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) not in (None, [])]
 
 

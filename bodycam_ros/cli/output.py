@@ -18,7 +18,7 @@ from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 
 STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"}
-"""Of text on the terminal."""
+"""Colours of text on the terminal."""
 
 
 def print_verdict(terminal: Terminal, verdict: Verdict) -> int:

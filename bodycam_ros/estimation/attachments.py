@@ -88,7 +88,7 @@ class Attachments:
 
     @property
     def active(self) -> ActiveAttachments:
-        """Those of the present state."""
+        """Active attachments of the present state."""
         return ActiveAttachments(self._engaged, self._engaged & self._observed)
 
     def gaps(self, poses: Array) -> Array:

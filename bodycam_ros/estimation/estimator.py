@@ -142,7 +142,7 @@ class BodyEstimator:
 
     @property
     def period_ns(self) -> float:
-        """Of the frames [ns]; infinite before the second."""
+        """Period of the frames [ns]; infinite before the second."""
         return self._gaps.period_ns
 
     def update(self, frame: BodyFrame) -> list[BodyState]:

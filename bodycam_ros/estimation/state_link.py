@@ -78,7 +78,7 @@ class StateLink:
 
     @property
     def number(self) -> int:
-        """Of the state."""
+        """Number of the state."""
         return self.before.number + 1 if self.before else 0
 
     def enter(
@@ -108,20 +108,28 @@ class StateLink:
         if self.before is not None and self.motion is not None:
             keys, charts = (state_key(self.before.number), key), (self.before.chart, chart)
             graph = _factors_between(keys, charts, self.motion, (*self.steps, *resting))
-        if measured:
-            graph.add(on_state(key, chart, measured))
         if self.initial:
             graph.add(self.initial.factor(key, chart))
-        window.add(self.number, chart, graph, oldest)
-        return window.square_root(self.number)
+        return self._solved(window, chart, graph, measured, oldest)
 
     def restart(self, window: Window, chart: Chart, measured: list[StateFactor]) -> Array:
         """As ``enter``, of an empty window, with the prediction in place of what it follows from."""
-        key, graph = state_key(self.number), gtsam.NonlinearFactorGraph()
-        graph.add(self.prediction.factor(key, chart))
+        graph = gtsam.NonlinearFactorGraph()
+        graph.add(self.prediction.factor(state_key(self.number), chart))
+        return self._solved(window, chart, graph, measured, self.number)
+
+    def _solved(
+        self,
+        window: Window,
+        chart: Chart,
+        graph: gtsam.NonlinearFactorGraph,
+        measured: list[StateFactor],
+        oldest: int,
+    ) -> Array:
+        """Square root (2K, 2K) of the state's information, in a window with all of its factors."""
         if measured:
-            graph.add(on_state(key, chart, measured))
-        window.add(self.number, chart, graph, self.number)
+            graph.add(on_state(state_key(self.number), chart, measured))
+        window.add(self.number, chart, graph, oldest)
         return window.square_root(self.number)
 
 

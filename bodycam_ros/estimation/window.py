@@ -1,4 +1,4 @@
-"""The window of states that iSAM2 solves (Kaess et al. 2012): gtsam's incremental fixed-lag smoother.
+"""The window of states that iSAM2 solves (Kaess et al. 2012): gtsam's ``ISAM2``, whose oldest states are marginalised.
 
 Every state is one variable. A new state comes with its factors; gtsam re-eliminates what they affect, relinearises what
 moved, and marginalises states that are published. Estimates and covariances are its own.

@@ -38,10 +38,10 @@ _UNIT_NAMES = {1.0: "m", 0.01: "cm", 0.001: "mm", 0.0254: "inches"}
 _MAX_NAMES = 12  # of points that are listed
 
 _MIN_LEAD = 2.5
-"""Of a clock offset; by nine rates and some 20 offsets, one search in fifty reaches it by chance."""
+"""Least lead of a clock offset; by nine rates and some 20 offsets, one search in fifty reaches it by chance."""
 
 _MAX_SIGMA_S = 0.05
-"""Of the clock offset: joints leave some milliseconds, noisy markers 20 ms."""
+"""Largest sigma of the clock offset: joints leave some milliseconds, noisy markers 20 ms."""
 
 _MAX_SCALE = 0.05
 """Two systems that measured one person differ by less: a board printed wrong by 1 or 2 %."""

@@ -68,7 +68,7 @@ class Coverage:
 
     @property
     def share(self) -> float:
-        """Of all directions at all places, in which a camera registers."""
+        """Share of all directions at all places, in which a camera registers."""
         return float(np.sum(self.weights * self.share_by_direction))
 
 

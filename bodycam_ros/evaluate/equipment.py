@@ -15,7 +15,7 @@ from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MIN_GAP_MM = 0.1  # lower end of the logarithmic scale; cameras measure no less
 _DASHES: tuple[tuple[int, tuple[int, ...]], ...] = ((0, ()), (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)))
-"""Of attachments, by name without the side."""
+"""Dashes of attachments, by name without the side."""
 
 
 def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:

@@ -225,7 +225,7 @@ def gait_figures(strides: Sequence[Stride]) -> dict[str, Any]:
 
 
 def _statistic(strides: Sequence[Stride], key: str, statistic: Callable[[Array], Any]) -> float:
-    """Of the strides that have the figure; NaN of none."""
+    """Statistic of the strides that have the figure; NaN of none."""
     values = np.array([stride.figures[key] for stride in strides])
     known = values[np.isfinite(values)]
     return float(statistic(known)) if known.size else np.nan

@@ -25,7 +25,7 @@ from bodycam_ros.verdict import Level, Verdict
 
 _VERDICT_COLOURS = {Level.GOOD: style.GOOD, Level.DOUBTFUL: style.CAUTION, Level.WRONG: style.WARNING}
 _MAX_LETTERS = 150
-"""Of the line below the name; the report and summary.json have the rest."""
+"""Longest text of the line below the name; the report and summary.json have the rest."""
 
 _WIDTH, _HEIGHT, _EQUIPMENT_HEIGHT = 16.0, 11.6, 2.6  # [in]
 _COLUMN = (0.095, 0.85)  # of all panels over time

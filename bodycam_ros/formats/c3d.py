@@ -76,7 +76,7 @@ _MAGIC = 0x50
 _BLOCK = 512
 _LONGEST_S, _LONGEST_S_PER_MB = 30.0, 2.0
 _MOST_BYTES, _MOST_TIMES = 4 * 1024**3, 60
-"""Of memory: for whoever reads, and as many times the file's size besides."""
+"""Bounds of memory: for whoever reads, and as many times the file's size besides."""
 
 
 def read_c3d(path: Path) -> CapturedMotion:

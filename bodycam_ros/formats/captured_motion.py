@@ -13,7 +13,7 @@ from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.results.body_motion import interpolated
 
 MOST_BYTES = 1_000_000_000
-"""Of a file: an hour of 100 markers at 100 Hz has 0.9 GB."""
+"""Largest size of a file: an hour of 100 markers at 100 Hz has 0.9 GB."""
 
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
 """Rotation (3, 3) from a world with y up to one with z up; x stays."""

@@ -27,7 +27,7 @@ MODEL_MARK, MODEL_SUFFIX = "<OpenSimDocument", ".osim"
 MOTION_MARK = "inDegrees=yes"
 
 OPENSIM_R_OURS = UP_AXES["y"]
-"""Of the ground and of every segment (3, 3)."""
+"""Rotation of the ground and of every segment (3, 3)."""
 
 _ROOT_ROTATIONS, _ROOT_ORDER = ("rotation", "list", "tilt"), "yxz"
 _ROOT_POSITIONS = ("tx", "ty", "tz")

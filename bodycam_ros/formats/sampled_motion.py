@@ -93,7 +93,7 @@ class SampledMotion(SolvedBody):
 
     @property
     def name(self) -> str:
-        """Of the recording, in one word: headers go by lines and columns."""
+        """Name of the recording, in one word: headers go by lines and columns."""
         return "_".join(plain_name(self.path).split())
 
     @property

@@ -70,7 +70,7 @@ class BiasFilter(SensorFilter):
 
     @property
     def sigma(self) -> float:
-        """Of the bias [rad/s]."""
+        """Sigma of the bias [rad/s]."""
         return float(np.sqrt(np.trace(self._P[3:6, 3:6]) / 3.0))
 
     def moved(self, start_ns: int, end_ns: int) -> Preintegrated | None:
@@ -159,7 +159,7 @@ class AccelerometerFilter(SensorFilter):
 
     @property
     def sigma(self) -> float:
-        """Of the bias [m/s^2]."""
+        """Sigma of the bias [m/s^2]."""
         return float(np.sqrt(np.trace(self._P[6:, 6:]) / 3.0))
 
     def observe(self, stamp_ns: int, R: Array, place: Array, motion: SensorMotion) -> None:

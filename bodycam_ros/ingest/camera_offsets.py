@@ -199,7 +199,7 @@ def plausible_time(created: datetime | None) -> datetime | None:
 def _motion(
     cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress, known: Mapping[str, CameraTime]
 ) -> FoundTimes:
-    """By how the cameras turned; only where one is not placed yet, as all images have to be decoded."""
+    """Times by the cameras' rotations; only where one is not placed yet, as all images have to be decoded."""
     by_name = {camera.name: camera for camera in cameras}
 
     def speed(name: str, ended: Event) -> AngularSpeed | None:

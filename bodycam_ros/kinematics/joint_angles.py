@@ -199,7 +199,7 @@ class JointLimits:
         self._at_rest = np.clip(np.zeros(len(pairs)), self.low, self.high)
 
     def excess(self, angles: Array) -> Array:
-        """By how much (..., A) angles (..., A) [rad] are above their limits; negative below, zero within."""
+        """Excess (..., A) of angles (..., A) [rad] above their limits; negative below, zero within."""
         excess: Array = np.maximum(angles - self.high, 0.0) + np.minimum(angles - self.low, 0.0)
         return excess
 

@@ -90,7 +90,7 @@ class BoardLayout:
         return loops
 
     def _centre(self, row: int, column: int) -> Array:
-        """Of a tag or square (2,) [m]."""
+        """Centre of a tag or square (2,) [m]."""
         return (np.array([column, -row]) + [0.5 - 0.5 * self.columns, 0.5 * self.rows - 0.5]) * self.pitch_m
 
 

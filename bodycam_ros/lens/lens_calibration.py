@@ -176,7 +176,7 @@ def _best(trials: Sequence[ValidatedLens], grid: Array) -> ValidatedLens:
 
 
 def _gains(lens: ValidatedLens, other_px: Array) -> Array:
-    """By how much better each picture (V,), left out, is explained by a lens than by another's errors (N,)."""
+    """Gain by which each picture (V,), left out, is explained by a lens than by another's errors (N,)."""
     one, other = lens.errors_px / lens.fit.spreads, other_px / lens.fit.spreads
     scale = _TAIL * min(float(np.median(one)), float(np.median(other)))
     gains = np.log1p((other / scale) ** 2) - np.log1p((one / scale) ** 2)

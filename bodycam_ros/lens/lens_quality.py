@@ -12,7 +12,7 @@ from bodycam_ros.geometry import Array, nearest_rotation
 from bodycam_ros.lens.lens_fit import LensFit, fit_lens, lens_numbers
 
 TRUSTED_RADIUS = 0.9
-"""Of the image radius, up to which rays should be right."""
+"""Share of the image radius, up to which rays should be right."""
 
 CELLS = (6, 8)
 """Rows and columns that a picture is divided into."""

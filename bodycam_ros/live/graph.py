@@ -45,7 +45,7 @@ READERS_OF_LANDMARKS: Final = 2
 
 _OPTICAL = "_optical_frame"
 _CLOCK_HZ = 40.0
-"""Of the clock that is played, as ros2 bag has it."""
+"""Rate of the clock that is played, as ros2 bag has it."""
 
 _OF_STATIONS = ("surface", "start")
 _OF_WORN = ("cameras", "rig", "grown_map")

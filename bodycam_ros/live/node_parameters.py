@@ -16,7 +16,7 @@ SOLVER_GROUPS: Final = (
 
 @dataclass(frozen=True)
 class CommonParameters:
-    """Of every node."""
+    """Parameters of every node."""
 
     frame_prefix: str = setting(
         "",
@@ -28,7 +28,7 @@ class CommonParameters:
 
 @dataclass(frozen=True)
 class ManagedParameters(CommonParameters):
-    """Of every node that can be managed; the player works as long as it lives."""
+    """Parameters of every node that can be managed; the player works as long as it lives."""
 
     autostart: bool = setting(
         True,
@@ -39,7 +39,7 @@ class ManagedParameters(CommonParameters):
 
 @dataclass(frozen=True)
 class ImageParameters(ManagedParameters):
-    """Of a node that processes images."""
+    """Parameters of a node that processes images."""
 
     transport: str = setting(
         "compressed",
@@ -65,7 +65,7 @@ class ImageParameters(ManagedParameters):
 
 @dataclass(frozen=True)
 class TrackerParameters(ImageParameters):
-    """Of the node ``tracker``."""
+    """Parameters of the node ``tracker``."""
 
     camera: str = setting("", reason="the camera; its images are on <camera>/image_raw/compressed")
     map: str = setting(
@@ -87,7 +87,7 @@ class TrackerParameters(ImageParameters):
 
 @dataclass(frozen=True)
 class RegistrationParameters(ManagedParameters):
-    """Of the node ``registration``."""
+    """Parameters of the node ``registration``."""
 
     map: str = setting("", reason="folder of the reference map, made by 'bodycam map'")
     body: str = setting("", reason="body YAML, which names the cameras; not needed if 'cameras' is given")
@@ -122,7 +122,7 @@ class RegistrationParameters(ManagedParameters):
 
 @dataclass(frozen=True)
 class SolverParameters(ImageParameters):
-    """Of the node ``skeleton_solver``; its images are those of static cameras, in colour."""
+    """Parameters of the node ``skeleton_solver``; its images are those of static cameras, in colour."""
 
     body: str = setting("", reason="body YAML: segments, joints, camera mounts; with 'rig' it is written")
     equipment: str = setting(
@@ -180,7 +180,7 @@ class SolverParameters(ImageParameters):
 
 @dataclass(frozen=True)
 class RetargetParameters(ManagedParameters):
-    """Of the node ``retarget``."""
+    """Parameters of the node ``retarget``."""
 
     urdf: str = setting("", reason="URDF of the robot; its meshes are looked for above it, and in the packages of ROS")
     mapping: str = setting("", reason="YAML of which links of the robot follow what, as config/robot/talos.yaml")
@@ -189,7 +189,7 @@ class RetargetParameters(ManagedParameters):
 
 @dataclass(frozen=True)
 class PlayerParameters(CommonParameters):
-    """Of the node ``player``."""
+    """Parameters of the node ``player``."""
 
     bagfile: str = setting("", reason="ros2 bag folder or .mcap file with the cameras")
     imu: str = setting(

@@ -19,7 +19,7 @@ from bodycam_ros.shown import shown
 from bodycam_ros.yaml_file import read_yaml
 
 _LARGEST_M = 100.0
-"""Of a coordinate: a board is smaller."""
+"""Bound of a coordinate: a board is smaller."""
 _UNEVEN = 0.1
 """Sides and diagonals of a printed square differ by less than this share; one mistyped corner by more."""
 

@@ -13,7 +13,7 @@ from bodycam_ros.registration.pose_fit import steady_pixels
 from bodycam_ros.tracking.track_frame import NO_LANDMARK, TrackFrame
 
 MAX_SIGMA_M = 0.02
-"""Of a keyframe's position: rays from uncertain positions make no points."""
+"""Largest sigma of a keyframe's position: rays from uncertain positions make no points."""
 
 _MIN_STEP_M = 0.12  # of a camera between its keyframes: 2 deg of parallax at 3 m
 _MIN_TURN_COSINE = np.cos(np.radians(20.0))  # of a rotation that makes a keyframe too: SIFT tolerates 30 deg

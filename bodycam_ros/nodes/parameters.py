@@ -155,7 +155,7 @@ STAGE_DEPTH = 1000
 """Between stages: 33 s of one camera at 30 Hz, 10 MB. The registration of 16 cameras bears long bursts with it."""
 
 OUTPUT_DEPTH = 200
-"""Of what the solver publishes: a flush sends a whole window at once."""
+"""Queue of what the solver publishes: a flush sends a whole window at once."""
 
 
 def reliable(depth: int) -> QoSProfile:

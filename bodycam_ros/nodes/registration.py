@@ -36,7 +36,7 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2
 _TIMINGS = 10
-"""Those of all who publish the timing of one camera."""
+"""Queue of the messages of all who publish the timing of one camera."""
 
 _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 

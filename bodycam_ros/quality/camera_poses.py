@@ -47,7 +47,7 @@ class CameraCount:
 
     @property
     def share(self) -> float:
-        """Of the images that were registered."""
+        """Share of the images that were registered."""
         return self.registered / self.images if self.images else 0.0
 
     def add(self, stamp_ns: int, *, is_registered: bool) -> None:

@@ -18,12 +18,12 @@ _LEAST_LANDMARKS = 12
 """A pose has six unknowns and the lens four; a landmark gives two equations."""
 
 _RADII = np.linspace(0.0, 1.0, 5)
-"""Of the image in half its width, at which the scale is looked at."""
+"""Radii, in halves of the image's width, at which the scale is looked at."""
 
 
 @dataclass(frozen=True)
 class LensDeviation:
-    """By how much a lens differs from its model.
+    """Difference of a lens from its model.
 
     Attributes:
         scale: share by which the picture is larger, where that is most.

@@ -33,7 +33,7 @@ _HEADER_OPCODE, _FOOTER_OPCODE = 0x01, 0x02
 _STORAGE_SUFFIXES, _PACKED_SUFFIX = (".mcap", ".db3"), ".zstd"
 
 METADATA = "metadata.yaml"
-"""Of a bag folder: its topics, and how many messages each has."""
+"""File of a bag folder that lists its topics, and how many messages each has."""
 
 
 def is_bag(path: Path) -> bool:
@@ -285,7 +285,7 @@ class BagFile:
 
 
 def _namespace(connections: Sequence[Connection]) -> str:
-    """That of the one body that was solved, such as "/anna"; empty where it has none, and of several bodies."""
+    """Namespace of the one body that was solved, such as "/anna"; empty where it has none, and of several bodies."""
     topics = {c.topic for c in connections}
     prefixes = ({each.removesuffix(end) for each in topics if each.endswith(end)} for end in _OF_BODY)
     ours = [c.topic for c in connections if c.msgtype.startswith(_OUR_MESSAGES)]

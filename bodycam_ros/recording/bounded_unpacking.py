@@ -20,11 +20,11 @@ else:
     from backports import zstd
 
 _MOST_RATIO = 100
-"""Of sizes after and before; raw images of a covered lens have more, which the next allows for."""
+"""Ratio of sizes after and before; raw images of a covered lens have more, which the next allows for."""
 
 _ALWAYS_BYTES = 100_000_000
 _MOST_AT_ONCE_BYTES = 300_000_000
-"""Of parts of a file that overlap in time, which rosbags holds at the same time."""
+"""Bytes of parts of a file that overlap in time, which rosbags holds at the same time."""
 
 _PIECE = 1 << 20
 

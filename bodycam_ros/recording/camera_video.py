@@ -101,7 +101,7 @@ class CameraVideo:
 
     @property
     def facts(self) -> FileFacts:
-        """Of all chapters together."""
+        """Facts of all chapters together."""
         facts = [chapter.facts for chapter in self.chapters]
         return replace(
             facts[0],

@@ -22,7 +22,7 @@ from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.own_process import MOST_PIXELS
 
 SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
-"""Of files that are taken for videos in a folder; a file that is named may have any."""
+"""Endings of files that are taken for videos in a folder; a file that is named may have any."""
 
 _BITSTREAM_FILTERS = {"h264": "h264_mp4toannexb", "hevc": "hevc_mp4toannexb"}
 _FORMATS = "mov,matroska,avi,mpegts,mpeg,h264,hevc"
@@ -255,7 +255,7 @@ def _duration_s(container: InputContainer, stream: "av.VideoStream") -> float:
 
 
 def _rotation(packet: "av.Packet[av.VideoStream]") -> int | None:
-    """By how much the first frame has to be turned; None if the packet gives none."""
+    """Angle by which the first frame is turned; None if the packet gives none."""
     try:
         for frame in packet.decode():
             return round(frame.rotation / 90) * 90 % 360

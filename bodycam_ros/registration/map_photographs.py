@@ -65,7 +65,7 @@ def cameras_from(
 
 
 LEVELS: Final = 4
-"""Of a pyramid, down to 1/8: patches of a coarse level reach into photographs of twice the scale.
+"""Levels of a pyramid, down to 1/8: patches of a coarse level reach into photographs of twice the scale.
 
 Level k is smoothed (Burt and Adelson 1983), and its pixel (u, v) lies at (2^k u, 2^k v) of the image. All levels are in
 one array of bytes, as kernels read it.

@@ -24,7 +24,7 @@ from bodycam_ros.tracking.camera_motion import CameraMotion, ImageMotion
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 MAX_SIGMA_M = 0.1
-"""Of a pose's position: a dozen landmarks in a corner of the picture let it drift by metres."""
+"""Largest sigma of a pose's position: a dozen landmarks in a corner of the picture let it drift by metres."""
 
 _MAX_STRIKES = 2  # consecutive frames of disagreement after which a track loses its landmark
 _MAX_PREDICTED_FRAMES = 15  # of a lost camera, by its rotation, before the whole map is searched

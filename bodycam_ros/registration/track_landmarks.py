@@ -23,7 +23,7 @@ NO_TRACKS: TrackLandmarks = np.zeros(0, _TRACK_LANDMARK)
 
 
 def tracks_in_frame(tracks: TrackLandmarks, frame: TrackFrame, reference_map: ReferenceMap) -> TrackLandmarks:
-    """Those of the tracks that continue in a frame, and those by which the tracker found tracks."""
+    """The tracks that continue in a frame, and those by which the tracker found tracks."""
     new, old = NO_TRACKS, tracks
     if frame.landmark_ids is not None:
         found = np.flatnonzero(frame.landmark_ids != NO_LANDMARK)

@@ -42,7 +42,7 @@ def project_landmarks(model: CameraModel, world_T_camera: Array, matches: Landma
 
 
 WIDTH = 640
-"""Of the picture [px]; a larger image is scaled down."""
+"""Width of the picture [px]; a larger image is scaled down."""
 
 _LANDMARK_PX = 3
 _SHIFT = 4  # fraction bits of OpenCV's coordinates

@@ -73,7 +73,7 @@ class Provenance:
 
     @classmethod
     def read(cls, path: Path) -> "Provenance":
-        """Of a bag folder or file."""
+        """Provenance of a bag folder or file."""
         return cls(path, read_bag_records(path))
 
     def copy_to(self, writer: RecordingWriter, stamp_ns: int) -> None:

@@ -153,5 +153,5 @@ def _level(direction: Array) -> Array:
 
 
 def _length(points: Array) -> float:
-    """Of a chain through points (N, 3)."""
+    """Length of a chain through points (N, 3)."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -19,7 +19,7 @@ _RINGS = 20  # between the poles, denser towards them: 4 cm apart in the middle 
 _BETWEEN = 40  # balls that stand for the cone between two
 _PARALLEL = 1e-6
 _CIRCUMSCRIBED = (np.pi / _AROUND) / np.sin(np.pi / _AROUND)
-"""Of the rings' radii: by Cauchy's formula a polygon of this size is, over all directions, as wide as the circle."""
+"""Factor of rings' radii: by Cauchy's formula a polygon of this size is, over all directions, as wide as the circle."""
 
 _X, _Y, _Z = np.eye(3)
 

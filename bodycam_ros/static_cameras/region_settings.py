@@ -8,7 +8,7 @@ LINES_ALIKE = 6.0
 """Lines that err together and count as one: surface and colours are wrong for whole stretches."""
 
 MIN_LINES = 4
-"""Of a segment that measure something; with fewer it is unobserved by a camera."""
+"""Lines of a segment that measure something; with fewer it is unobserved by a camera."""
 
 LEAST_SIGMA_PX = 0.7
 """Sigma of a line whose regions part within a pixel."""

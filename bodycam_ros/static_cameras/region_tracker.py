@@ -32,7 +32,7 @@ _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] deviation of a tried pose from where the images have the segment."""
 
 _SEED = 1
-"""Of the random poses of a search: a replay gives the same result each time."""
+"""Seed of the random poses of a search: a replay gives the same result each time."""
 
 _VAGUE = 1.0
 """[rad], [m] sigma of what no line measures, such as a limb's long axis: open, but with an inverse."""

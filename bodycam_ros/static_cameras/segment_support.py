@@ -106,7 +106,7 @@ class SegmentSupport:
         return self.with_descendants((support < self._least) | self.unconfirmed, ~self._beside)
 
     def with_descendants(self, segments: Mask, within: Mask) -> Mask:
-        """Those of the segments (S,) ``within`` (S,) some, and those that hang on them."""
+        """The segments (S,) ``within`` (S,) some, and those that hang on them."""
         chosen = segments & within
         for parent, child in self._ends.tolist():
             chosen[child] |= chosen[parent] & within[child]

@@ -70,7 +70,7 @@ class BodySurface:
 
     @classmethod
     def of(cls, body: BodyModel, surfaces: Mapping[str, Surface]) -> "BodySurface":
-        """Of surfaces by segment.
+        """A body's surface of surfaces by segment.
 
         Raises:
             BodyError: the body has more segments than labels, or none with a surface.

@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 SUFFIXES = (".obj", ".ply")
 MOST_FACES = 200_000
 KEPT_FACES = 2000
-"""Of a segment: neighbouring contour points are then a centimetre apart."""
+"""Faces of a segment: neighbouring contour points are then a centimetre apart."""
 
 _MOST_BYTES = 100_000_000
 _SEAM_DIGITS = 5  # vertices that agree to so many decimals of a metre are one: files round to micrometres

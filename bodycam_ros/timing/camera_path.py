@@ -90,7 +90,7 @@ def points_on_curve(
 
 @kernel()
 def _between_images(images_ns: NDArray[np.int64], world_T_camera: Array) -> tuple[Array, Array, Array]:
-    """Of the intervals their lengths (N-1) [s] and mean twists (N-1, 6); the twists at the images (N, 6).
+    """Lengths (N-1) [s] of the intervals and mean twists (N-1, 6); the twists at the images (N, 6).
 
     At the ends these are those of the outer intervals.
     """

@@ -52,7 +52,7 @@ class ClockState:
     drift_sigma: float
 
     def offset_ns(self, stamp_ns: int) -> int:
-        """By how much the clock is ahead at a stamp [ns]."""
+        """Lead of the clock at a stamp [ns]."""
         return round(1e9 * (self.offset + self.drift * 1e-9 * (stamp_ns - self.at_ns)))
 
 

@@ -12,7 +12,7 @@ _LEAST_STEP_NS = 1_000_000  # from image to image; those that are sent again may
 _LIVELY = 8  # a camera without an image while each other sent so many has no vote on the time
 
 Message = LandmarkMatches | CameraImage
-"""Of a body camera, or the image of a static one."""
+"""Registration of a body camera, or the image of a static one."""
 
 
 class Timeline:

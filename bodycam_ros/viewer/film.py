@@ -30,7 +30,7 @@ from bodycam_ros.whole_file import whole_file
 Image = NDArray[np.uint8]
 
 WIDTH, HEIGHT = 1280, 720
-"""Of the video from outside [px]."""
+"""Size of the video from outside [px]."""
 
 _REACH_M = 10.0  # of the floor's grid, around the viewer
 _STEPS = 80  # pieces of a grid line: those in front of the camera are drawn

@@ -59,7 +59,7 @@ _JOINT_SUBDIVISIONS, _BONE_SIDES = 2, 12
 """As round as such thin things need be: without a graphics card, faces and shadows are what a picture costs."""
 
 _CAMERA_FOV, _CAMERA_ASPECT = float(np.radians(60.0)), 4.0 / 3.0
-"""Of a body camera's frustum, from top to bottom: that of a wide angle lens would hide the body."""
+"""Angle of a body camera's frustum, from top to bottom: that of a wide angle lens would hide the body."""
 
 _SCALE, _PICTURE_SCALE, _STATIC_SCALE = 0.04, 0.08, 0.25  # of a frustum; a body camera's with an image in it is larger
 _FRUSTUM_LINE_M = 0.006

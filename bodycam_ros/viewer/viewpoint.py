@@ -22,7 +22,7 @@ def grid_lines(low: Array, high: Array, offset_m: float = 0.0) -> Array:
 
 
 FIELD_OF_VIEW = float(np.radians(40.0))
-"""Of the browser's camera, from bottom to top [rad]."""
+"""Field of view of the browser's camera, from bottom to top [rad]."""
 
 _TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
 _ELEVATION = np.radians(12.0)
