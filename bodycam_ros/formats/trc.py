@@ -44,7 +44,7 @@ _UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254}
 _TYPE, _KEYS, _VALUES, _NAMES, _FIRST_ROW = 0, 1, 2, 3, 5
 _AXES = 3
 _MOST_CELLS, _SMALL = 20, 1_000_000
-"""Cells of a table per character of the file: cells missing at the end of a row take memory too; small tables may."""
+"""Most cells per character of the file: cells missing at the end of a row take memory too. Small tables are exempt."""
 
 
 def read_trc(path: Path) -> CapturedMotion:

@@ -19,7 +19,7 @@ from bodycam_ros.static_cameras.station import Image, RegionModel
 from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
 BULGES = 9
-"""Ways of each segment: three to lean, a taper, three to bend, flat rather than round, and thick in the middle."""
+"""Bulges of each segment: three to lean, a taper, three to bend, flat rather than round, and thick in the middle."""
 
 _SHARE = 1e-6  # by which a length is changed to measure how the surface moves
 _LOOSE_ROOT, _LOOSE_JOINT = np.repeat([0.1, 0.05], 3), 0.15

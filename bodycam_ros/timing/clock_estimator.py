@@ -31,7 +31,7 @@ _FIRST_NS, _FIRST_AT_MOST_NS = 1_000_000_000, 5_000_000_000  # of most cameras, 
 
 @dataclass
 class _Camera:
-    """State of one camera: images of the window, clocks since the beginning, and the latest stamp, as given and corrected."""
+    """One camera: images of the window, clocks since the beginning, latest stamp as given and corrected."""
 
     images: deque[LandmarkMatches] = field(default_factory=deque)
     clocks: list[ClockState] = field(default_factory=list)
