@@ -18,11 +18,11 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.camera_pipeline import CameraPipeline
 from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array, inverse, log_so3, rigid, umeyama
 from bodycam_ros.kernels import load_kernels, prepare_kernels
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.camera import CameraPipeline
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap

@@ -20,8 +20,8 @@ from benchmarks.registrations import registrations
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 _MINUTE_S = 60.0

@@ -17,9 +17,9 @@ from rich.box import SIMPLE_HEAD
 from rich.progress import Progress
 from rich.table import Table
 
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.whole_file import scratch_folder
+from bodycam_ros.files.whole_file import scratch_folder
 
 if TYPE_CHECKING:
     from benchmarks.latency_stages import Latency

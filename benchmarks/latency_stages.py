@@ -27,9 +27,9 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.graph.declared_graph import GraphArguments, GraphNode, graph
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
-from bodycam_ros.moments import COLUMNS, Instant, Moment, Noted
+from bodycam_ros.nodes.moments import COLUMNS, Instant, Moment, Noted
 
 STAGES = ("play", "track", "register", "way", "later", "solve")
 """Rows of ``Latency.stages_s``.

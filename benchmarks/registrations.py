@@ -6,11 +6,11 @@ from pathlib import Path
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import MapError
-from bodycam_ros.offline.camera_worker import RegistrationTask
-from bodycam_ros.offline.front_end import registered_images
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.replay.camera_worker import RegistrationTask
+from bodycam_ros.replay.front_end import registered_images
 
 
 def registrations(

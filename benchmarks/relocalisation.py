@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.camera_pipeline import landmark_tracker, registrar
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.camera import landmark_tracker, registrar
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 

@@ -22,7 +22,7 @@ import rclpy
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 
-from bodycam_ros.live.graph import GraphArguments, graph
+from bodycam_ros.graph.declared_graph import GraphArguments, graph
 
 WAYS = ("separate", "one", "launch")
 ROOT = Path(__file__).parents[1]

@@ -15,7 +15,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Comparison, TrueMotion, compare, read_true_motion
 from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
+from bodycam_ros.results.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 _MAX_PANELS = 3

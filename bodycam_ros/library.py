@@ -19,15 +19,15 @@ from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
-from bodycam_ros.camera_pipeline import CameraPipeline, camera_turns
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.offline.map_updates import MapReplica, MapUpdate, MapUpdateSource
-from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.camera import CameraPipeline, camera_turns
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replay.map_updates import MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 
 __all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.shown import shown
-from bodycam_ros.yaml_file import read_yaml
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_yaml
 
 S = TypeVar("S")
 

@@ -17,7 +17,7 @@ from launch_ros.actions import Node, PushRosNamespace
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import ExecutableInPackage
 
-from bodycam_ros.live.graph import USER_ERROR, GraphArguments, GraphNode, graph
+from bodycam_ros.graph.declared_graph import USER_ERROR, GraphArguments, GraphNode, graph
 from bodycam_ros.settings import SettingDescription, describe
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 

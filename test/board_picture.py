@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.boards.board import Board
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import inverse, rigid
-from bodycam_ros.mapping.board import Board
 
 TAG = 0.2  # [m]
 GAP = 0.05

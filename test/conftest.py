@@ -14,9 +14,9 @@ from threadpoolctl import threadpool_limits
 from tiny_bag import write_tiny_bag
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.offline.replay import replay
-from bodycam_ros.own_process import bound_inputs
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.files.bounded_inputs import bound_inputs
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.replay.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
 
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import array_sequence, header_message
 
 PERIOD_S = 0.05

@@ -13,7 +13,7 @@ from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.verdict import Verdict
+from bodycam_ros.results.verdict import Verdict
 
 BODY = read_body(Path(__file__).parents[1] / "bags" / "body.yaml")
 RATE_HZ, DURATION_S = 30.0, 4.0

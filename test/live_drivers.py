@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from bodycam_ros.live.graph import READERS_OF_INFO
+from bodycam_ros.graph.declared_graph import READERS_OF_INFO
 from bodycam_ros.messages.factory import time_message
 from bodycam_ros.nodes.parameters import node_messages
 from bodycam_ros.recording.bag_file import BagFile

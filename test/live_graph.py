@@ -24,7 +24,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.graph import READERS_OF_INFO, USER_ERROR, GraphArguments, GraphNode, graph
+from bodycam_ros.graph.declared_graph import READERS_OF_INFO, USER_ERROR, GraphArguments, GraphNode, graph
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.nodes.parameters import latched, message_class, reliable
 from bodycam_ros.nodes.process import ignore_discovery

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.boards.board_layout import APRILTAG, BoardLayout, tag_cells
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, inverse, rigid
-from bodycam_ros.lens.board_layout import APRILTAG, BoardLayout, tag_cells
 
 Array = NDArray[np.float64]
 

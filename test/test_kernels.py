@@ -131,8 +131,8 @@ import queue, sys
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from bodycam_ros.offline.camera_worker import RegistrationTask, register_images
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.replay.camera_worker import RegistrationTask, register_images
+from bodycam_ros.pipeline.settings import PipelineSettings
 bags, settings = Path(sys.argv[1]), PipelineSettings()
 settings = replace(settings, growth=replace(settings.growth, enabled=False))  # which waits for another process
 task = RegistrationTask(bags / "sample/bag", bags / "map", settings)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.files.checked_npz import read_arrays
 
 REPOSITORY = Path(__file__).parent.parent
 FILES = sorted(f for folder in ("bodycam_ros", "docs", "launch") for f in (REPOSITORY / folder).rglob("*.py"))
@@ -28,7 +28,7 @@ _WORDS = {
     *("xml.dom", "xml.sax", "xml import", "shell", "allow_pickle", ".extract", "np.load", "numpy.load"),
     *("yaml.load", "yaml.safe_load", "yaml.parse", "://", "=//", '"//', "'//"),
 }
-_READS_YAML = REPOSITORY / "bodycam_ros/yaml_file.py"
+_READS_YAML = REPOSITORY / "bodycam_ros/files/yaml_file.py"
 _READS_XML = REPOSITORY / "bodycam_ros/body/urdf_xml.py"
 _FETCHED = ("src=", "href=", "@import", "url(", "fetch(", "import(")
 

@@ -6,8 +6,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import body_from_yaml, yaml_text
 from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError
-from bodycam_ros.whole_file import write_whole
-from bodycam_ros.yaml_file import read_text
+from bodycam_ros.files.whole_file import write_whole
+from bodycam_ros.files.yaml_file import read_text
 
 URDF_SUFFIX = ".urdf"
 

@@ -45,10 +45,10 @@ from bodycam_ros.body.checked_fields import (
 )
 from bodycam_ros.camera.readout import LONGEST_READOUT_S, Readout
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.yaml_file import yaml_document
 from bodycam_ros.geometry import Array, quaternion_xyzw
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.kinematics.joint import LONG_AXIS_Z, Joint, JointType, default_sigmas
-from bodycam_ros.yaml_file import yaml_document
 
 _MOST_PARTS = 1000  # joints, segments, cameras
 _Offset = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]  # a larger one is no delay of a sensor

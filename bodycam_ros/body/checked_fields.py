@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import shown
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
-from bodycam_ros.shown import shown
 
 _QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of the pen, not rounding
 _LONGEST_MESSAGE = 200

@@ -33,10 +33,10 @@ from bodycam_ros.body.body_yaml import JointEntry, joint_of, mount_of
 from bodycam_ros.body.checked_fields import UNTURNED, Entry, Name, Point, read_entry
 from bodycam_ros.body.equipment import Attachment, Equipment, Interval, SegmentMotion
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FARTHEST_M, TIGHT_M, Joint
-from bodycam_ros.shown import shown
-from bodycam_ros.yaml_file import read_yaml
 
 _MOST_PARTS = 100  # segments, joints, attachments, cameras, pairs of an attachment
 _LEAST_UNKNOWN_MM = 1.0  # less than a ruler shows is known, or was written in metres

@@ -15,7 +15,7 @@ import msgspec
 
 from bodycam_ros.body.checked_fields import Entry, Name, read_entry
 from bodycam_ros.errors import BodyError
-from bodycam_ros.yaml_file import read_yaml
+from bodycam_ros.files.yaml_file import read_yaml
 
 _MOST_PARTS = 1000  # cameras, segments
 

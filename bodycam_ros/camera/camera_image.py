@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera.model import CameraModel
 from bodycam_ros.camera.picture_size import check_picture_size
 from bodycam_ros.errors import BodycamError, RecordingError
-from bodycam_ros.shown import shown
+from bodycam_ros.files.shown import shown
 
 _BITS = {"8": 8, "16": 16}
 _MOSAICS = {"rggb": "BG", "bggr": "RG", "gbrg": "GR", "grbg": "GB"}

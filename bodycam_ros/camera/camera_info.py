@@ -10,9 +10,9 @@ import yaml
 from bodycam_ros.camera.model import MODELS, CameraModel
 from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.errors import LensError
-from bodycam_ros.own_process import MOST_PIXELS
-from bodycam_ros.shown import shown
-from bodycam_ros.yaml_file import read_yaml
+from bodycam_ros.files.bounded_inputs import MOST_PIXELS
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_yaml
 
 # Lengths of d beside the model's own: what a shorter list leaves out is zero, what a longer one adds must be zero
 # (OpenCV's thin prism and tilted sensor).

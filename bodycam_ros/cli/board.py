@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
+from bodycam_ros.boards.board_design import MARK, board_caption, board_yaml, design_layout, scale_layout
 from bodycam_ros.cli.options import add_output, check_files, number
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import OutputError
-from bodycam_ros.lens.board_design import MARK, board_caption, board_yaml, design_layout, scale_layout
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.whole_file import whole_files
+from bodycam_ros.files.whole_file import whole_files
 
 _KINDS = ("apriltag", "charuco", "checkerboard")
 PAGES = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "letter": (279.4, 215.9)}
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.lens.board_page import board_pdf, print_area, ruler_lengths
+    from bodycam_ros.boards.board_page import board_pdf, print_area, ruler_lengths
 
     pdf: Path = arguments.output
     if pdf.suffix.lower() != ".pdf":

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from bodycam_ros.body.average_person import body_of_height
 from bodycam_ros.body.body_file import read_body, write_body
+from bodycam_ros.body.body_shape import MeasureSettings
 from bodycam_ros.body.checked_fields import Name, read_entry
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.calibration.rig import Rig
@@ -27,15 +28,14 @@ from bodycam_ros.cli.options import (
     read_settings,
 )
 from bodycam_ros.cli.output import print_sections, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import BodyError
 from bodycam_ros.evaluate.sections import column_table
-from bodycam_ros.offline.measure_body import calibrate, measure_body
-from bodycam_ros.offline.worker_process import warm_up
+from bodycam_ros.files.whole_file import write_whole
+from bodycam_ros.replay.measure_body import calibrate, measure_body
+from bodycam_ros.replay.worker_process import warm_up
 from bodycam_ros.static_cameras.body_measurement import MeasuredBody
-from bodycam_ros.static_cameras.body_shape import MeasureSettings
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.whole_file import write_whole
 
 _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),

@@ -17,8 +17,8 @@ from bodycam_ros.body.coupled_body import held_equipment
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.mobility import Conflict, Mobility, mobility
 from bodycam_ros.cli.options import add_equipment
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import WRONG_RESULT
+from bodycam_ros.cli.terminal import Terminal
+from bodycam_ros.results.verdict import WRONG_RESULT
 
 EPILOG = "Exit code: 0 if all constraints can be satisfied, 3 if not, 1 if a file cannot be used."
 

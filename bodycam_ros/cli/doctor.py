@@ -10,9 +10,9 @@ from rich.text import Text
 
 from bodycam_ros.cli.options import add_option
 from bodycam_ros.cli.output import STYLES, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import WRONG_RESULT, Finding, Level, finding_record, worst_level
+from bodycam_ros.results.verdict import WRONG_RESULT, Finding, Level, finding_record, worst_level
 
 EPILOG = (
     "Exit code: 0 if nothing is wrong, 3 if something is: mend it and record again; 1 if a file cannot be used. "

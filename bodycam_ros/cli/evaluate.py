@@ -5,8 +5,8 @@ from pathlib import Path
 
 from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
 from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.terminal import Terminal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,12 +14,12 @@ import numpy as np
 from bodycam_ros.cli.options import add_output, given_flags
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import SettingsError
+from bodycam_ros.files.output_place import check_output
+from bodycam_ros.files.shown import printable
 from bodycam_ros.formats.export import FORMATS, export
 from bodycam_ros.formats.figure import BONE_NAMES, REST_POSES
 from bodycam_ros.formats.sampled_motion import MAX_RATE, UP_AXES, MotionOptions
-from bodycam_ros.output_place import check_output
 from bodycam_ros.robot.robot_recording import write_robot
-from bodycam_ros.shown import printable
 
 ROBOT = "robot"
 _OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import add_option, add_output, input_paths, number
 from bodycam_ros.cli.output import print_sections, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate.sections import Section, column_table
-from bodycam_ros.output_place import check_output
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.files.output_place import check_output
 
 if TYPE_CHECKING:
     from bodycam_ros.ingest.camera_offsets import Offsets

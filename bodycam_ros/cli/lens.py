@@ -4,18 +4,18 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+from bodycam_ros.boards.board_design import read_layout
+from bodycam_ros.boards.board_detector import LensBoard
 from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.cli.options import add_output, check_files
 from bodycam_ros.cli.output import print_sections, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate.sections import column_table
-from bodycam_ros.lens.board_design import read_layout
-from bodycam_ros.lens.board_detector import LensBoard
+from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.lens.lens_calibration import LensCalibration, calibrate_lens
 from bodycam_ros.lens.lens_images import lens_images
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import WRONG_RESULT
-from bodycam_ros.whole_file import write_whole
+from bodycam_ros.results.verdict import WRONG_RESULT
 
 _MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
 """In order of preference: a later one has to explain pictures better by more than chance."""

@@ -12,8 +12,8 @@ from bodycam_ros.cli.command_parser import STEPS, CommandParser
 from bodycam_ros.cli.failure import failure_message
 from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.standard_streams import discard_output, secure_streams
-from bodycam_ros.own_process import bound_inputs
-from bodycam_ros.shown import printable, shortened
+from bodycam_ros.files.bounded_inputs import bound_inputs
+from bodycam_ros.files.shown import printable, shortened
 from bodycam_ros.study.parent_pipe import end_with_parent
 
 GROUPS = {
@@ -78,7 +78,7 @@ def _run(argv: Sequence[str], signals: EndingSignals) -> int:
             print(STEPS, end="")
             return 0
         arguments = make_parser(words).parse_args(words)
-        import_module("bodycam_ros.terminal").log_to_terminal(arguments.verbose)
+        import_module("bodycam_ros.cli.terminal").log_to_terminal(arguments.verbose)
         run: Callable[[argparse.Namespace], int] = arguments.run
         code = run(arguments)
         sys.stdout.flush()

@@ -13,7 +13,10 @@ from pathlib import Path
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.options import add_config, add_option, add_output, given_flags, input_paths, read_settings
 from bodycam_ros.cli.output import ProgressBars, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import MapError
+from bodycam_ros.files.output_place import check_output
+from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.lens.lens_check import warn_of_mismatch
 from bodycam_ros.mapping.build import BuiltMap, build_map
@@ -22,14 +25,11 @@ from bodycam_ros.mapping.known_distance import KnownDistance
 from bodycam_ros.mapping.map_settings import MapSettings
 from bodycam_ros.mapping.moving_camera import MovingCamera, open_body_cameras, video_camera
 from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
-from bodycam_ros.offline.extend import registered_poses
-from bodycam_ros.output_place import check_output
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.whole_file import scratch_folder
+from bodycam_ros.replay.extend import registered_poses
 
 logger = logging.getLogger(__name__)
 

@@ -6,10 +6,10 @@ from bodycam_ros.cli.map import add_coverage
 from bodycam_ros.cli.options import PIPELINE, add_config, add_option, add_output, input_paths, pipeline_settings
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.cli.print_replay import print_rounds
-from bodycam_ros.offline.extend import extend_map
-from bodycam_ros.output_place import check_output
+from bodycam_ros.cli.terminal import Terminal
+from bodycam_ros.files.output_place import check_output
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.replay.extend import extend_map
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

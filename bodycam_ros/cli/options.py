@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.output_place import check_file, check_output
+from bodycam_ros.files.output_place import check_file, check_output
+from bodycam_ros.files.shown import shown
 from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_from_mapping
-from bodycam_ros.shown import shown
 
 if TYPE_CHECKING:
-    from bodycam_ros.pipeline_settings import PipelineSettings
+    from bodycam_ros.pipeline.settings import PipelineSettings
 
 G = TypeVar("G", bound=SettingsGroups)
 N = TypeVar("N", int, float)
@@ -149,7 +149,7 @@ def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
 
 def pipeline_settings(arguments: argparse.Namespace) -> "PipelineSettings":
     """Settings of all stages; see ``read_settings``."""
-    from bodycam_ros.pipeline_settings import PipelineSettings
+    from bodycam_ros.pipeline.settings import PipelineSettings
 
     return read_settings(arguments, PipelineSettings)
 

@@ -10,10 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from bodycam_ros.cli.signals import EndingSignals
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import Section
 from bodycam_ros.progress import Advance
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import WRONG_RESULT, Level, Verdict
+from bodycam_ros.results.verdict import WRONG_RESULT, Level, Verdict
 
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
 

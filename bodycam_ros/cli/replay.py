@@ -14,8 +14,8 @@ from bodycam_ros.cli.options import (
     pipeline_settings,
 )
 from bodycam_ros.errors import StationError
-from bodycam_ros.offline.worker_process import warm_up
-from bodycam_ros.output_place import check_output
+from bodycam_ros.files.output_place import check_output
+from bodycam_ros.replay.worker_process import warm_up
 
 if TYPE_CHECKING:
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -60,8 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     warm_up()  # the processes for the cameras load what they need while this one does
     from bodycam_ros.cli.output import shown_progress
     from bodycam_ros.cli.print_replay import print_replay
-    from bodycam_ros.offline.replay import replay
     from bodycam_ros.recording.bag_writer import check_replaceable
+    from bodycam_ros.replay.replay import replay
 
     settings = pipeline_settings(arguments)
     outside = _outside(arguments)

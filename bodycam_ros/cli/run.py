@@ -5,8 +5,8 @@ from pathlib import Path
 
 from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.cli.study import solve_study
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.study.study_file import LAYOUT, SOLVED, list_missing, read_recording_folder
-from bodycam_ros.terminal import Terminal
 
 EPILOG = f"""
 A RECORDING_DIR holds

@@ -28,9 +28,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def all_groups() -> dict[str, type]:
     """Name of a group in a file -> its dataclass: one file serves all commands and nodes, each reads its own of it."""
+    from bodycam_ros.body.body_shape import MeasureSettings
     from bodycam_ros.mapping.map_settings import MapSettings
-    from bodycam_ros.pipeline_settings import PipelineSettings
-    from bodycam_ros.static_cameras.body_shape import MeasureSettings
+    from bodycam_ros.pipeline.settings import PipelineSettings
     from bodycam_ros.static_cameras.station_registration import StationsSettings
 
     every = (PipelineSettings, MapSettings, MeasureSettings, StationsSettings)

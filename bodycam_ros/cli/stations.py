@@ -8,15 +8,15 @@ import argparse
 
 from bodycam_ros.cli.options import add_config, add_option, add_output, check_files, read_settings
 from bodycam_ros.cli.output import print_sections, shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.sections import column_table
-from bodycam_ros.offline.static_input import UnplacedCamera, place_stations
+from bodycam_ros.formats.calibration_files import TOML_MARK
+from bodycam_ros.formats.stations_file import MARK, is_calibration, read_stations, write_stations
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.static_cameras.calibration_files import TOML_MARK
+from bodycam_ros.replay.static_input import UnplacedCamera, place_stations
 from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationsSettings
-from bodycam_ros.static_cameras.stations_file import MARK, is_calibration, read_stations, write_stations
-from bodycam_ros.terminal import Terminal
 
 _COLUMNS = (
     ("images", "images", "d"), ("of", "asked", "d"), ("landmarks", "landmarks", "d"), ("error [px]", "error_px", ".2f"),

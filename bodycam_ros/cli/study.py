@@ -9,12 +9,12 @@ from pathlib import Path
 
 from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.cli.output import shown_progress
+from bodycam_ros.cli.terminal import Terminal
+from bodycam_ros.results.verdict import WRONG_RESULT
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd, StepRunner, study_lock
 from bodycam_ros.study.study import Step, Study, study_steps
 from bodycam_ros.study.study_file import check_results_folder, read_study
-from bodycam_ros.terminal import Terminal
-from bodycam_ros.verdict import WRONG_RESULT
 
 EPILOG = """
 STUDY.yaml lists who was recorded where, as docs/study.md describes. The commands

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from bodycam_ros.cli.options import add_option, check_files, given_flags
 from bodycam_ros.cli.output import shown_progress
+from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import ViewError
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.terminal import Terminal
 from bodycam_ros.viewer.sources import Sources
 
 PORT = 8080

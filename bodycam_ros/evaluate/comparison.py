@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.anatomical_angles import AngleAgreement, compare_rotations
 from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array, inverse, rigid, umeyama
 from bodycam_ros.results.body_motion import distance_in_time, interpolated
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.yaml_file import read_yaml
 
 _TRUTH = "truth"
 _EDGE_NS = 1000

@@ -8,9 +8,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from bodycam_ros.evaluate.coverage import Coverage, Gap, find_gaps
-from bodycam_ros.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
+from bodycam_ros.files.shown import printable
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.shown import printable
+from bodycam_ros.results.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
 
 _SIZE_INCHES = (9.0, 6.2)
 _SHARE = Normalize(0.0, 1.0)

@@ -32,7 +32,7 @@ from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.provenance import Provenance
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
-from bodycam_ros.verdict import Verdict, finding_record
+from bodycam_ros.results.verdict import Verdict, finding_record
 
 _LATER_NS = 200_000_000
 """A state is added this much after its time: the pose of a camera then lies between two registrations."""

@@ -9,14 +9,26 @@ from typing import TypeVar
 import numpy as np
 from matplotlib.lines import Line2D
 
+from bodycam_ros.body.surface import BodySurface
+from bodycam_ros.body.surface_folder import surfaces_of
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError, StationError
+from bodycam_ros.formats.stations_file import check_stations_frame, read_stations
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import EQUIPMENT, LEFT, QUIET, RIGHT, WARNING, open_picture, panel_title, side_colour
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture
 from bodycam_ros.results.footage import Footage
+from bodycam_ros.results.picture_style import (
+    EQUIPMENT,
+    LEFT,
+    QUIET,
+    RIGHT,
+    WARNING,
+    open_picture,
+    panel_title,
+    side_colour,
+)
 from bodycam_ros.results.provenance import warn_of_differences
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras import contour_painting as painting
@@ -24,9 +36,6 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.station import Image, RegionModel
-from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
-from bodycam_ros.static_cameras.surface import BodySurface
-from bodycam_ros.static_cameras.surface_folder import surfaces_of
 
 Item = TypeVar("Item")
 Key = Sequence[tuple[str, str]]

@@ -12,8 +12,8 @@ from bodycam_ros.evaluate.report_sections import report_sections
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors, draw_sensors
-from bodycam_ros.output_place import check_file, check_output
-from bodycam_ros.whole_file import whole_files
+from bodycam_ros.files.output_place import check_file, check_output
+from bodycam_ros.files.whole_file import whole_files
 
 FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {

@@ -5,7 +5,7 @@ from typing import Any
 
 from bodycam_ros.evaluate.gait import CRITERION, MEASURES
 from bodycam_ros.evaluate.sections import Columns, Section, column_table
-from bodycam_ros.shown import few
+from bodycam_ros.files.shown import few
 
 _SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
 _JOINTS: Columns = (

@@ -139,7 +139,7 @@ def render_page(title: str, lines: Sequence[str], sections: Sequence[Section]) -
     """A page as an HTML 5 document: a title, paragraphs and sections, from top to bottom."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    from bodycam_ros.picture_style import FAINT, INK, QUIET, WARNING  # it loads matplotlib
+    from bodycam_ros.results.picture_style import FAINT, INK, QUIET, WARNING  # it loads matplotlib
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),

@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from bodycam_ros import picture_style as style
 from bodycam_ros.body.stick_figure import HEAD, Bone, limb_bones
 from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.time_panels import ERROR_PANELS, draw_errors
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import CameraSight
+from bodycam_ros.results import picture_style as style
 from bodycam_ros.results.solved_recording import SolvedRecording
-from bodycam_ros.verdict import Level, Verdict
+from bodycam_ros.results.verdict import Level, Verdict
 
 _VERDICT_COLOURS = {Level.GOOD: style.GOOD, Level.DOUBTFUL: style.CAUTION, Level.WRONG: style.WARNING}
 _MAX_LETTERS = 150

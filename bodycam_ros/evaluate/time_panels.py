@@ -9,11 +9,11 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from bodycam_ros import picture_style as style
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
 from bodycam_ros.evaluate.camera_figures import GyroscopeResiduals
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
+from bodycam_ros.results import picture_style as style
 
 ERROR_PANELS = 2
 _ROOM = 1.3  # beyond the least and the greatest value, as a factor

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.figure import Figure, continuous_angles
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, exp_so3
-from bodycam_ros.shown import shown
-from bodycam_ros.yaml_file import read_text
 
 MARK = "HIERARCHY"
 

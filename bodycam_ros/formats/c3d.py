@@ -16,11 +16,11 @@ import numpy as np
 
 from bodycam_ros import __version__
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import printable, shown
 from bodycam_ros.formats import c3d_worker
 from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.markers import marker_positions, place_markers
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion
-from bodycam_ros.shown import printable, shown
 
 SOFTWARE = "bodycam_ros"
 

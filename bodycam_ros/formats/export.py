@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bodycam_ros.errors import BodyError, OutputError, RecordingError, SettingsError
+from bodycam_ros.files.output_place import check_file, check_output
+from bodycam_ros.files.whole_file import whole_files
 from bodycam_ros.formats import bvh, c3d, csv, glb, mjcf, npz, opensim, ply, trc, tum, urdf, usd
 from bodycam_ros.formats.sampled_motion import MotionOptions, sample_motion
-from bodycam_ros.output_place import check_file, check_output
 from bodycam_ros.progress import Progress
 from bodycam_ros.results.solved_body import plain_name, read_solved_body
-from bodycam_ros.whole_file import whole_files
 
 logger = logging.getLogger(__name__)
 

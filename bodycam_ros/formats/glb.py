@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface import join_meshes
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import quaternion_xyzw, transform_points
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.static_cameras.surface import join_meshes
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

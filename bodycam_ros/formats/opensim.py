@@ -13,6 +13,8 @@ import numpy as np
 import scipy
 
 from bodycam_ros.body.body_model import BONE_RADIUS_M, JOINT_RADIUS_M, BodyModel, Mass, bone_ends
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface import Surface
 from bodycam_ros.body.urdf import xml_numbers
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import continuous_angles
@@ -20,8 +22,6 @@ from bodycam_ros.formats.markers import Marker, place_markers
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion, change_axes
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
-from bodycam_ros.static_cameras.surface import Surface
 
 MODEL_MARK, MODEL_SUFFIX = "<OpenSimDocument", ".osim"
 MOTION_MARK = "inDegrees=yes"

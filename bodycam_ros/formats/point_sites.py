@@ -12,9 +12,9 @@ from pathlib import Path
 
 from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import few, shown
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.formats.captured_motion import CapturedMotion
-from bodycam_ros.shown import few, shown
-from bodycam_ros.yaml_file import read_yaml
 
 _some = partial(few, most=20)
 

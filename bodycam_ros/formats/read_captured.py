@@ -12,6 +12,7 @@ from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.csv import read_csv
 from bodycam_ros.formats.start_points import place_points
+from bodycam_ros.formats.stations_file import world_T_file
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
@@ -71,7 +72,18 @@ def read_joint_points(path: Path) -> Mapping[str, Array] | None:
 
 
 def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
-    """The body in the first image, by a start file in any format; arguments and errors as of ``placed_body``."""
+    """The body in the first image, by a start file in any format.
+
+    Args:
+        start: poses of segments, or points of joints.
+        file: the stations' file, whose frame a start file of poses has.
+        stations: of that file, in the world; one or more.
+        body: segments and joints.
+
+    Raises:
+        BodyError: the start cannot be used.
+        StationError: the stations cannot be read any more.
+    """
     if (points := read_joint_points(start)) is None:
-        return placed_body(start, file, stations, body)
+        return placed_body(start, world_T_file(file, stations), body)
     return PlacedBody(place_points(start, points, body, stations.values()), np.zeros(len(body.segments), bool))

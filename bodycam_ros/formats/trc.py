@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.markers import marker_positions, place_markers
 from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
-from bodycam_ros.shown import shown
-from bodycam_ros.yaml_file import read_text
 
 MARK = "PathFileType"
 _TO_MM = 1000.0

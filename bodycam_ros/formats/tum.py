@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.distinct_names import distinct_names
 from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.files.distinct_names import distinct_names
+from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.results.body_motion import interpolated
-from bodycam_ros.yaml_file import read_text
 
 MARK = "# time x y z qx qy qz qw"
 ALL = "all"

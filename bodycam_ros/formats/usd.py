@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.distinct_names import distinct_names
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.distinct_names import distinct_names
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.glb import make_skin
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion

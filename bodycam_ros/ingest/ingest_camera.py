@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.formats.stations_file import read_stations
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.video_file import DecodedFrame
-from bodycam_ros.shown import shown
-from bodycam_ros.static_cameras.stations_file import read_stations
 
 
 @dataclass(frozen=True)

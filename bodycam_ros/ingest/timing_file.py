@@ -20,11 +20,11 @@ from typing import Any
 import yaml
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.whole_file import failure_named, whole_files, write_whole
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.ingest.camera_offsets import Offsets
 from bodycam_ros.ingest.clock_fit import CameraTime, relative_to
-from bodycam_ros.shown import shown
-from bodycam_ros.whole_file import failure_named, whole_files, write_whole
-from bodycam_ros.yaml_file import read_yaml
 
 TIMING_FILE = "timing.yaml"
 _PPM = 1e6

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import shown
 from bodycam_ros.geometry import Array, exp_so3, inverse
-from bodycam_ros.shown import shown
 
 JointType = Literal["ball", "hinge", "weld", "free"]
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.boards.board_detector import BoardView, LensBoard, find_board
+from bodycam_ros.boards.board_layout import CHECKERBOARD
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array
-from bodycam_ros.lens.board_detector import BoardView, LensBoard, find_board
-from bodycam_ros.lens.board_layout import CHECKERBOARD
 from bodycam_ros.lens.lens_fit import LensFit, as_model, fit_lens, fit_unplaced, initial_fit
 from bodycam_ros.lens.lens_images import LensImage, illuminated_pixels
 from bodycam_ros.lens.lens_quality import (

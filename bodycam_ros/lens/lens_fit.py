@@ -11,13 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.boards.board_detector import BoardView, board_pose
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.lens_kernels import COEFFICIENTS, measure_shape, project_points
 from bodycam_ros.camera.model import MODELS
 from bodycam_ros.errors import LensError
 from bodycam_ros.geometry import Array, exp_so3, hat, rigid
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.lens.board_detector import BoardView, board_pose
 
 _STEP = 1e-6  # of a coefficient, for its derivative
 

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros import __version__
+from bodycam_ros.boards.apriltag import TagView
+from bodycam_ros.boards.board import Board, read_board
 from bodycam_ros.errors import MapError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.inertial.map_alignment import InertialAlignment, RegisteredPoses, align_to_gravity
 from bodycam_ros.mapping import colmap
-from bodycam_ros.mapping.apriltag import TagView
-from bodycam_ros.mapping.board import Board, BoardAlignment, BoardResidual, align_to_board, read_board
+from bodycam_ros.mapping.board_alignment import BoardAlignment, BoardResidual, align_to_board
 from bodycam_ros.mapping.features import ImageFeatures, extract_all
 from bodycam_ros.mapping.floor import Floor, body_extent, stand_on_floor
 from bodycam_ros.mapping.known_distance import KnownDistance, KnownScale, measure_scale

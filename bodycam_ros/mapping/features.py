@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.boards.apriltag import FAMILIES, TagView, detect_tags
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError
-from bodycam_ros.mapping.apriltag import FAMILIES, TagView, detect_tags
 from bodycam_ros.progress import Advance, in_parallel
 from bodycam_ros.tracking.feature_tracker import view_mask
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.distinct_names import distinct_names
 from bodycam_ros.errors import LensError, MapError, RecordingError
+from bodycam_ros.files.distinct_names import distinct_names
+from bodycam_ros.files.whole_file import failure_named
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.moving_camera import MovingCamera, picture_file
 from bodycam_ros.mapping.photographs import Photographs
 from bodycam_ros.progress import Progress, in_parallel
 from bodycam_ros.registration.pose_fit import turned_pixels
 from bodycam_ros.tracking.angular_speed import angular_speed
-from bodycam_ros.whole_file import failure_named
 
 _LEAST_PART_S = 0.3  # closer frames show the same from the same place
 _BEYOND_LAST = 1.001  # the last frame belongs to the last part

@@ -14,13 +14,13 @@ from threadpoolctl import threadpool_limits
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.colmap_model import pycolmap
 from bodycam_ros.errors import MapError
+from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.mapping import colmap
 from bodycam_ros.mapping.epipolar_matching import match_known_poses
 from bodycam_ros.mapping.features import ImageFeatures, choose_pairs, count_common_features
 from bodycam_ros.mapping.photographs import wrong_camera
 from bodycam_ros.mapping.structure import Structure, distinct
 from bodycam_ros.progress import Progress
-from bodycam_ros.whole_file import scratch_folder
 
 _LOG = logging.getLogger(__name__)
 

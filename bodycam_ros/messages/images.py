@@ -11,8 +11,8 @@ from bodycam_ros.camera.camera_image import ENCODINGS, CameraImage, FilePicture,
 from bodycam_ros.camera.camera_info import part_of_image
 from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.files.shown import shown
 from bodycam_ros.messages.factory import Message, MessageFactory, header_message, numbers, stamp_ns
-from bodycam_ros.shown import shown
 
 _GREY = ("mono8", "8UC1")
 _CODECS = {"h264": "h264", "h265": "hevc", "hevc": "hevc"}

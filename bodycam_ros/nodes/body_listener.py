@@ -17,8 +17,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, ViewError
 from bodycam_ros.geometry import Array
+from bodycam_ros.graph.joint_state_synchronizer import JointStateSynchronizer
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.live.joint_state_synchronizer import JointStateSynchronizer
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, message_class, reliable

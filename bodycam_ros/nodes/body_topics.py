@@ -11,10 +11,10 @@ from bodycam_ros.body.coupled_body import SettledLengths, learned_body
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.urdf import LinkTransforms, urdf_text
 from bodycam_ros.body_state import BodyOutput
-from bodycam_ros.live.node_parameters import SolverParameters
+from bodycam_ros.graph.node_parameters import SolverParameters
 from bodycam_ros.messages.body import EQUIPMENT, EQUIPMENT_TYPE, output_messages, transforms_message
 from bodycam_ros.messages.diagnostics import text_message
-from bodycam_ros.moments import Moment
+from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 

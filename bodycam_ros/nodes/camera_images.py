@@ -8,14 +8,14 @@ from functools import partial
 from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
 from bodycam_ros.errors import RecordingError, SettingsError
-from bodycam_ros.live.dropped_messages import DroppedMessages
-from bodycam_ros.live.every_second_image import EverySecondImage
+from bodycam_ros.graph.every_second_image import EverySecondImage
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.images import TRANSPORTS, Transport, image_stamp_ns
-from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import DriverTopic, TopicForm
+from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.recording.video_decoder import VideoDecoder
 from bodycam_ros.timing.timeline import Timeline

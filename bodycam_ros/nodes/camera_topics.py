@@ -12,13 +12,13 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError
+from bodycam_ros.files.shown import printable
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import INFO, INFO_TYPE, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, UNKNOWN_CLOCK, timing_message
 from bodycam_ros.nodes.parameters import best_effort, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
-from bodycam_ros.shown import printable
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 _INFO_DEPTH = 10

@@ -17,11 +17,11 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.live.node_parameters import ALL, GROUPS
+from bodycam_ros.files.shown import shown
+from bodycam_ros.graph.node_parameters import ALL, GROUPS
 from bodycam_ros.messages.factory import MessageFactory, live_messages
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe
-from bodycam_ros.shown import shown
 
 P = TypeVar("P")
 

@@ -18,13 +18,14 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.live.node_parameters import PlayerParameters
+from bodycam_ros.files.shown import few
+from bodycam_ros.graph.node_parameters import PlayerParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message, time_message
 from bodycam_ros.messages.images import INFO, TRANSPORTS, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE
 from bodycam_ros.messages.timing import TIMING
-from bodycam_ros.moments import Moment, Moments
+from bodycam_ros.nodes.moments import Moment, Moments
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, NodeParameters, latched, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
@@ -32,7 +33,6 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import sensor_topics
 from bodycam_ros.recording.bag_writer import is_latched
 from bodycam_ros.recording.typestore import recording_typestore
-from bodycam_ros.shown import few
 
 _IMAGES = tuple(transport.ending for transport in TRANSPORTS.values())
 _CLOCK = "rosgraph_msgs/msg/Clock"

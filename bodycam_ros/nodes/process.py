@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.graph import USER_ERROR, without_discovery_callbacks
+from bodycam_ros.graph.declared_graph import USER_ERROR, without_discovery_callbacks
 
 PATIENCE_S = 60.0
 """Shutdown takes 0.03 s of processor time: after so long it is stuck, however busy the machine is."""

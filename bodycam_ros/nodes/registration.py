@@ -8,11 +8,11 @@ from pathlib import Path
 import bodycam_ros.registration.relocalisation  # noqa: F401  it loads pycolmap, which only the main thread may
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.readout import Readout, best_known
-from bodycam_ros.camera_pipeline import registrar
-from bodycam_ros.live.camera_diagnostics import RegistrationDiagnostics
-from bodycam_ros.live.dropped_messages import LostMessages
-from bodycam_ros.live.live_mapper import LiveMapper
-from bodycam_ros.live.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
+from bodycam_ros.diagnostics.camera_diagnostics import RegistrationDiagnostics
+from bodycam_ros.diagnostics.dropped_messages import LostMessages
+from bodycam_ros.files.shown import few
+from bodycam_ros.graph.live_mapper import LiveMapper
+from bodycam_ros.graph.node_parameters import REGISTRATION_GROUPS, RegistrationParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
@@ -24,14 +24,14 @@ from bodycam_ros.messages.tracks import (
     map_points_message,
     track_frame,
 )
-from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
+from bodycam_ros.pipeline.camera import registrar
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.registration.registrar import Registrar
-from bodycam_ros.shown import few
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2

@@ -8,9 +8,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import body_from_urdf
 from bodycam_ros.errors import BodyError, SettingsError
 from bodycam_ros.geometry import Array
+from bodycam_ros.graph.joint_state_synchronizer import JointStateSynchronizer
+from bodycam_ros.graph.node_parameters import RetargetParameters
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.live.joint_state_synchronizer import JointStateSynchronizer
-from bodycam_ros.live.node_parameters import RetargetParameters
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, text_message
 from bodycam_ros.messages.factory import MAP_FRAME, Message

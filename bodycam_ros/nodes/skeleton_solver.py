@@ -19,33 +19,33 @@ from bodycam_ros.body.equipment_report import EquipmentReport
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.diagnostics.camera_diagnostics import verdict_status
+from bodycam_ros.diagnostics.dropped_messages import DroppedMessages, LostMessages
+from bodycam_ros.diagnostics.solver_diagnostics import SolverDiagnostics, equipment_status
 from bodycam_ros.errors import BodyError, StationError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.live.camera_diagnostics import verdict_status
-from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
-from bodycam_ros.live.node_parameters import SOLVER_GROUPS, SolverParameters
-from bodycam_ros.live.solver_diagnostics import SolverDiagnostics, equipment_status
+from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.graph.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
-from bodycam_ros.moments import Instant, Moment
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
+from bodycam_ros.nodes.moments import Instant, Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline import SkeletonPipeline
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
+from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.stations_file import read_stations
-from bodycam_ros.static_pipeline import image_measurement
 
 if TYPE_CHECKING:
-    from bodycam_ros.live.live_calibration import LiveCalibration
+    from bodycam_ros.graph.live_calibration import LiveCalibration
 
 _POLL_S, _CALIBRATION_POLL_S = 0.5, 0.2
 
@@ -77,7 +77,7 @@ class SolverStage(Stage[SolverParameters]):
         self._is_flushed = True
         self._calibration: LiveCalibration | None = None
         if given.rig:
-            from bodycam_ros.live import live_calibration  # it loads matplotlib
+            from bodycam_ros.graph import live_calibration  # it loads matplotlib
 
             self._calibration = live_calibration.LiveCalibration(given, equipment)
         self._carried = carried = self._read_body() if self._calibration is None else self._calibration.cameras

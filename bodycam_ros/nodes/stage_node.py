@@ -18,15 +18,15 @@ from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from std_srvs.srv import Trigger
 
+from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.dropped_messages import DroppedMessages
-from bodycam_ros.live.node_parameters import ManagedParameters
+from bodycam_ros.graph.node_parameters import ManagedParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel, diagnostics_message
 from bodycam_ros.messages.factory import Message, MessageFactory
-from bodycam_ros.moments import Moments
+from bodycam_ros.nodes.moments import Moments
 from bodycam_ros.nodes.parameters import NodeParameters, message_class, node_messages, reliable
 from bodycam_ros.nodes.process import spin
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
 
 P = TypeVar("P", bound=ManagedParameters)
 

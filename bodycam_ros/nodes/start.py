@@ -27,13 +27,13 @@ GRAPH = "graph"
 
 def _run(name: str) -> NoReturn:
     if {"--help", "-h"} & {*sys.argv[1:]} and name != GRAPH:
-        print(import_module("bodycam_ros.live.node_parameters").help_text(name))
+        print(import_module("bodycam_ros.graph.node_parameters").help_text(name))
         _end(0)
-    import_module("bodycam_ros.own_process").bound_inputs()
+    import_module("bodycam_ros.files.bounded_inputs").bound_inputs()
     # Every camera has a process of its own, so that more threads would only compete.
     for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
-    wanted = import_module("bodycam_ros.live.graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
+    wanted = import_module("bodycam_ros.graph.declared_graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
     if name != "player":
         preparation = import_module("bodycam_ros.kernels")
         preparation.prepare_kernels()

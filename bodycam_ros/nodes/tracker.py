@@ -6,20 +6,20 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import CameraImage, check_image_size, decode_grey
-from bodycam_ros.camera_pipeline import landmark_tracker
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.graph.node_parameters import TRACKER_GROUPS, TrackerParameters
+from bodycam_ros.graph.unanswered_frames import UnansweredFrames
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
-from bodycam_ros.live.node_parameters import TRACKER_GROUPS, TrackerParameters
-from bodycam_ros.live.unanswered_frames import UnansweredFrames
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, TRACKS_TYPE, landmark_matches, tracks_message
-from bodycam_ros.moments import Moment
 from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, subscribe_sensor
+from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
+from bodycam_ros.pipeline.camera import landmark_tracker
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from bodycam_ros.boards.board import read_board
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.mapping.board import read_board
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.progress import Progress
 from bodycam_ros.quality.place_checks import (
@@ -28,7 +28,7 @@ from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.verdict import Finding, check_limits
+from bodycam_ros.results.verdict import Finding, check_limits
 
 _IMAGES = 12  # of each camera, spread over the recording: faults that last are found in seconds
 _REGISTERED_IMAGES = 6  # of those, for the share that registers: each costs a tenth of a second

@@ -6,7 +6,7 @@ import numpy as np
 
 from bodycam_ros.body.equipment import Attachment, Equipment, UnknownLengths
 from bodycam_ros.body.equipment_report import EquipmentRecord
-from bodycam_ros.verdict import Finding, Level
+from bodycam_ros.results.verdict import Finding, Level
 
 _UNUSED = 0.02  # share of the states; an attachment that is active for less contradicts the cameras
 _ALONE = 0.5  # share of the states; equipment without an active attachment for longer may be of another recording

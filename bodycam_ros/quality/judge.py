@@ -11,7 +11,7 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog, CameraPoses
 from bodycam_ros.quality.causes import Cause, clock_cause, find_causes, lens_cause
 from bodycam_ros.quality.contradiction import DOUBTFUL_GAP_M, Contradiction, find_contradiction, lasting, pose_gap
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.verdict import Finding, Level, Verdict
+from bodycam_ros.results.verdict import Finding, Level, Verdict
 
 _WRONG_GAP_M = 0.12  # beyond it a limb points elsewhere; lenses and names that are wrong show 0.14 and more
 _WRONG_SHARE = 0.05  # of the time that a camera contradicts; shorter spells do not make a result wrong as a whole

@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from bodycam_ros.boards.apriltag import FAMILIES, find_tags
+from bodycam_ros.boards.board import Board
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.calibration.rest_pose import MAX_SHIFT_M, MAX_TURN_RAD
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
 from bodycam_ros.lens.lens_check import find_mismatches
-from bodycam_ros.mapping.apriltag import FAMILIES, find_tags
-from bodycam_ros.mapping.board import Board
 from bodycam_ros.progress import Progress
 from bodycam_ros.quality.sampled_recording import RegisteredSamples, SampledRecording
-from bodycam_ros.verdict import Finding, Level, good, limit_level
+from bodycam_ros.results.verdict import Finding, Level, good, limit_level
 
 _ENOUGH_BOARD_IMAGES = 3
 _MAX_BOARD_IMAGES = 48  # tags of a fisheye picture take a tenth of a second

@@ -8,8 +8,8 @@ import numpy as np
 
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.quality.sampled_recording import Grey, SampledCamera, SampledRecording
+from bodycam_ros.results.verdict import Finding, Level, LimitCheck, good
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
-from bodycam_ros.verdict import Finding, Level, LimitCheck, good
 
 
 def check_cameras(recording: SampledRecording, wanted: Collection[str] | None) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
-from bodycam_ros.verdict import Finding, Level, LimitCheck, check_limits, good
+from bodycam_ros.results.verdict import Finding, Level, LimitCheck, check_limits, good
 
 _CHECK = "sensors"
 MIN_SAMPLES = 100  # of which the quality is computed

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from bodycam_ros.verdict import Finding, Level
+from bodycam_ros.results.verdict import Finding, Level
 
 _MIN_SHARE = 0.5  # of the states, in which static cameras should observe a segment that carries no camera
 _MIN_SPAN_S = 0.25  # of an unsupported segment; shorter ones pass before they move anything

@@ -13,8 +13,10 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.bounded_inputs import is_bounded
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.own_process import is_bounded
 from bodycam_ros.recording.bounded_unpacking import (
     UnpackingError,
     bound_rosbags,
@@ -24,8 +26,6 @@ from bodycam_ros.recording.bounded_unpacking import (
 )
 from bodycam_ros.recording.damaged_bag import DamagedBag
 from bodycam_ros.recording.typestore import recording_typestore
-from bodycam_ros.shown import shown
-from bodycam_ros.yaml_file import read_yaml
 
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_LENGTH = 29  # opcode, length, two offsets, checksum; the magic follows

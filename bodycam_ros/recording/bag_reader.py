@@ -15,13 +15,13 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_image_size
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.files.shown import few
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
-from bodycam_ros.shown import few
 
 logger = logging.getLogger(__name__)
 

@@ -18,14 +18,14 @@ from rosbags.interfaces import (
 )
 
 from bodycam_ros.errors import OutputError
+from bodycam_ros.files.output_place import check_folder
+from bodycam_ros.files.whole_file import failure_named, whole_folder
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.messages.factory import Message
-from bodycam_ros.output_place import check_folder
 from bodycam_ros.recording.bag_file import METADATA
 from bodycam_ros.recording.bag_records import PROGRAM, program_record
 from bodycam_ros.recording.mcap_storage import BagWriter
 from bodycam_ros.recording.typestore import recording_typestore
-from bodycam_ros.whole_file import failure_named, whole_folder
-from bodycam_ros.yaml_file import read_yaml
 
 _LATCHED_TOPICS = frozenset({"/map/points", "/tf_static", "/verdict"})
 """Topics whose last message a late subscriber still gets; recorded so that ``ros2 bag play`` does the same."""

@@ -17,8 +17,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.recording.bounded_unpacking import check_stated
-from bodycam_ros.yaml_file import read_yaml
 
 _INFORMATION = "rosbag2_bagfile_information"
 _MAGIC = b"\x89MCAP0\r\n"

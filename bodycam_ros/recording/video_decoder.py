@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.own_process import MOST_PIXELS
+from bodycam_ros.files.bounded_inputs import MOST_PIXELS
 
 if TYPE_CHECKING:
     from av import VideoFrame

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import VideoPacket
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.own_process import MOST_PIXELS
+from bodycam_ros.files.bounded_inputs import MOST_PIXELS
 
 SUFFIXES = frozenset({".mp4", ".mov", ".m4v", ".mkv"})
 """Endings of files that are taken for videos in a folder; a file that is named may have any."""

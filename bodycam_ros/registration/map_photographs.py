@@ -18,7 +18,7 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.lens_kernels import PROJECTION
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.errors import LensError, MapError
-from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.files.checked_npz import read_arrays
 
 
 def camera_arrays(cameras: Sequence[CameraModel], camera_of_view: NDArray[np.uint16]) -> dict[str, NDArray[Any]]:

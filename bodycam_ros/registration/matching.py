@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
 from bodycam_ros.kernels import as_bytes
-from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.registration.descriptor_kernels import search_lists
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.tracking.near_pairs import near_pairs
 
 RADIUS_PX = 4.0  # around the projection by a fitted pose
 WIDE_RADIUS_PX = 20.0  # around the projection by a predicted pose, or one of RANSAC

@@ -19,13 +19,13 @@ import yaml
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
-from bodycam_ros.output_place import check_folder
-from bodycam_ros.registration.checked_npz import read_arrays
+from bodycam_ros.files.checked_npz import read_arrays
+from bodycam_ros.files.output_place import check_folder
+from bodycam_ros.files.whole_file import failure_named, whole_folder
+from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.registration.map_photographs import MapPhotographs
 from bodycam_ros.registration.visual_index import VisualIndex, VisualWords, choose_words
 from bodycam_ros.tracking.track_frame import find_rows
-from bodycam_ros.whole_file import failure_named, whole_folder
-from bodycam_ros.yaml_file import read_yaml
 
 VERSION = 1
 _ARRAYS_FILE = "landmarks.npz"

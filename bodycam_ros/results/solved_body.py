@@ -14,6 +14,7 @@ from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord
 from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import few
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles, angles_within_a_turn
 from bodycam_ros.messages.body import EQUIPMENT, EQUIPMENT_TYPE, equipment_report
@@ -31,7 +32,6 @@ from bodycam_ros.results.topics import (
     published_body,
     wrong_message_named,
 )
-from bodycam_ros.shown import few
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,8 +28,8 @@ from bodycam_ros.results.topics import (
     read_landmarks,
     wrong_message_named,
 )
+from bodycam_ros.results.verdict import VERDICT, VERDICT_TYPE, Verdict, parse_verdict
 from bodycam_ros.timing.clock_state import ClockHistory
-from bodycam_ros.verdict import VERDICT, VERDICT_TYPE, Verdict, parse_verdict
 
 GAP_FRAMES = 1.5
 """States further apart than this are a gap [frames]; between others the body is known."""

@@ -24,7 +24,7 @@ from msgspec.structs import astuple, replace
 
 from bodycam_ros.body.checked_fields import Entry, Name, read_entry
 from bodycam_ros.errors import BodyError
-from bodycam_ros.yaml_file import read_yaml
+from bodycam_ros.files.yaml_file import read_yaml
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, ...] = ("left", "right")

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.geometry import Array
 from bodycam_ros.robot.mapping import RobotMapping
-from bodycam_ros.yaml_file import read_text
 
 FLOATING = 7
 """Numbers of the root's pose in a configuration: place, then quaternion x y z w; the joints follow."""

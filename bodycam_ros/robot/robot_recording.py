@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.messages.body import joint_state_message, transforms_message
 from bodycam_ros.messages.diagnostics import text_message
@@ -17,7 +18,6 @@ from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.robot.mapping import read_mapping
 from bodycam_ros.robot.retargeting import Retargeting, RobotState
 from bodycam_ros.robot.robot_model import Robot
-from bodycam_ros.yaml_file import read_text
 
 _COMMAND = "bodycam export --to robot"
 _MAPPING_FILE = "mapping.yaml"

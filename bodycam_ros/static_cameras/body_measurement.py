@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.factors.motion import predict as predict_poses
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bodycam_ros.body.surface import NOBODY
 from bodycam_ros.geometry import Array
-from bodycam_ros.picture_style import FAINT, rgb
-from bodycam_ros.static_cameras.contour_kernels import NOBODY
+from bodycam_ros.results.picture_style import FAINT, rgb
 from bodycam_ros.static_cameras.station import SHRINK, Contour
 
 Image = NDArray[np.uint8]

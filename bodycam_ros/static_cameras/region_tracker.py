@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3
@@ -26,7 +27,6 @@ from bodycam_ros.static_cameras.segment_support import (
 )
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
 from bodycam_ros.static_cameras.station import Contour, Image, Mask, RegionEvidence, RegionModel, Station
-from bodycam_ros.static_cameras.surface import BodySurface
 
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] deviation of a tried pose from where the images have the segment."""

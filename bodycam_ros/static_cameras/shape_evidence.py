@@ -9,14 +9,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bodycam_ros.body.body_shape import BodyShape
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface import BodySurface, Surface
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
-from bodycam_ros.static_cameras.body_shape import BodyShape
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX, LINES_ALIKE, MIN_LINES, RegionSettings
 from bodycam_ros.static_cameras.station import Image, RegionModel
-from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
 BULGES = 9
 """Bulges of each segment: three to lean, a taper, three to bend, flat rather than round, and thick in the middle."""

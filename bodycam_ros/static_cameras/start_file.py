@@ -21,13 +21,11 @@ from bodycam_ros.body.checked_fields import numbers_of
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.initial_pose import first_poses
-from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_from_xyzw
-from bodycam_ros.shown import few, shown
+from bodycam_ros.files.shown import few, shown
+from bodycam_ros.files.whole_file import write_whole
+from bodycam_ros.files.yaml_file import read_yaml
+from bodycam_ros.geometry import Array, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep
-from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.stations_file import read_stations
-from bodycam_ros.whole_file import write_whole
-from bodycam_ros.yaml_file import read_yaml
 
 logger = logging.getLogger(__name__)
 
@@ -71,21 +69,18 @@ class PlacedBody:
     unplaced: NDArray[np.bool_]
 
 
-def placed_body(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
+def placed_body(start: Path, world_T_file: Array, body: BodyModel) -> PlacedBody:
     """The body in the first frame.
 
     Args:
-        start: poses of segments.
-        file: of the stations, whose frame the poses have.
-        stations: of that file, in the world; one or more.
+        start: poses of segments, in the frame of the file of static cameras.
+        world_T_file: (4, 4) that frame in the world.
         body: segments and joints.
 
     Raises:
         BodyError: the start cannot be used.
-        StationError: the stations cannot be read any more.
     """
-    to_world = world_T_file(file, stations)
-    placed = {segment: to_world @ pose for segment, pose in read_start(start, body).items()}
+    placed = {segment: world_T_file @ pose for segment, pose in read_start(start, body).items()}
     poses = start_poses(body, placed)
     # Hands were added at the ends of the forearms.
     known = {*placed, *(segment.replace("forearm", "hand") for segment in placed), *body.equipment_segments}
@@ -94,17 +89,6 @@ def placed_body(start: Path, file: Path, stations: Mapping[str, Station], body: 
         names = ", ".join(np.array(body.segments)[unplaced])
         logger.warning("%s: does not place %s; they are searched for in the first images", start, names)
     return PlacedBody(poses, unplaced)
-
-
-def world_T_file(file: Path, stations: Mapping[str, Station]) -> Array:
-    """(4, 4) frame of a file of stations in the world that its stations, one or more, were read into.
-
-    Raises:
-        StationError: the file cannot be read any more.
-    """
-    name, station = next(iter(stations.items()))
-    in_file = read_stations(file).get(name, station)  # cameras of other programs may have other names there
-    return station.world_T_camera @ inverse(in_file.world_T_camera)
 
 
 def read_start(path: Path, body: BodyModel) -> dict[str, Array]:

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.surface import NOBODY, BodySurface
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.static_cameras.contour_kernels import NOBODY, carry_contour, find_contour
+from bodycam_ros.static_cameras.contour_kernels import carry_contour, find_contour
 from bodycam_ros.static_cameras.region_kernels import BINS, COLOURS, count_colours, measure_lines
 from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX
-from bodycam_ros.static_cameras.surface import BodySurface
 
 SHRINK = 2
 """Pixels of the image, across, that are one of the labels."""

@@ -10,8 +10,8 @@ from urllib.parse import quote
 
 from bodycam_ros import __version__
 from bodycam_ros.errors import StudyError
+from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.study.study import Step
-from bodycam_ros.whole_file import write_whole
 
 _MAX_HASHED = 4_000_000  # [bytes] larger files hold images; size and time of change identify them
 

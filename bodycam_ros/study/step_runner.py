@@ -14,11 +14,11 @@ from pathlib import Path
 from threading import Lock
 
 from bodycam_ros.errors import StudyError
+from bodycam_ros.files.whole_file import failure_named
+from bodycam_ros.results.verdict import WRONG_RESULT
 from bodycam_ros.study.done_steps import DoneSteps, state_of
 from bodycam_ros.study.parent_pipe import ParentPipe
 from bodycam_ros.study.study import Step
-from bodycam_ros.verdict import WRONG_RESULT
-from bodycam_ros.whole_file import failure_named
 
 LOCK = ".bodycam-study"
 _MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption

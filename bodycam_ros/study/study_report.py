@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from bodycam_ros.evaluate.sections import Columns, Link, Section, column_table, find_figure, render_page
+from bodycam_ros.files.whole_file import whole_files
 from bodycam_ros.study.done_steps import DoneSteps
 from bodycam_ros.study.step_runner import StepEnd
 from bodycam_ros.study.study import Recording, Step, Study
-from bodycam_ros.whole_file import whole_files
 
 PAGE, CSV = "study.html", "study.csv"
 _FIGURES, _REPORT = "summary.json", "report.html"  # of an evaluation, whose modules take a second to load

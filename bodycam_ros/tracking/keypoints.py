@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.near_pairs import near_pairs
 from bodycam_ros.settings import setting
+from bodycam_ros.tracking.near_pairs import near_pairs
 from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH
 
 _ROOT_SIFT_SCALE = 512.0  # a unit vector of 128 positive entries seldom has one above 0.5: 512 fills a byte

@@ -11,8 +11,8 @@ from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.geometry import Array, log_so3
-from bodycam_ros.whole_file import write_whole
 
 _DECIMALS = 3  # of the millimetres and degrees that are noted
 

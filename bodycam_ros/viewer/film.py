@@ -12,20 +12,20 @@ from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.errors import ViewError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.whole_file import whole_file
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.picture_style import INK, rgb
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.video_encoder import video_writer
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.camera_picture import draw_body, draw_polyline
+from bodycam_ros.results.picture_style import INK, rgb
 from bodycam_ros.results.topics import read_clock
-from bodycam_ros.shown import shown
 from bodycam_ros.viewer.motion import mounted_camera
 from bodycam_ros.viewer.scene import GRID
 from bodycam_ros.viewer.sources import Sources
 from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, grid_lines, points_to_see
-from bodycam_ros.whole_file import whole_file
 
 Image = NDArray[np.uint8]
 

@@ -3,9 +3,9 @@
 import time
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.files.shown import markdown_text
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.shown import markdown_text
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.panels import add_switches
 from bodycam_ros.viewer.scene import Scene

@@ -10,22 +10,23 @@ import numpy as np
 from bodycam_ros.body.average_person import body_of_height, with_hands
 from bodycam_ros.body.body_edit import joint_named
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.surface import BodySurface
+from bodycam_ros.body.surface_folder import surfaces_of
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import markdown_text
 from bodycam_ros.formats.read_captured import read_start
+from bodycam_ros.formats.stations_file import world_T_file
 from bodycam_ros.geometry import Array, inverse
-from bodycam_ros.offline.static_input import read_recorded_stations
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.shown import markdown_text
+from bodycam_ros.replay.static_input import read_recorded_stations
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles, world_T_file, write_start
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles, write_start
 from bodycam_ros.static_cameras.station import Image, Station
-from bodycam_ros.static_cameras.surface import BodySurface
-from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.motion import Motion

@@ -13,16 +13,16 @@ import numpy as np
 from viser import CylinderHandle, SceneNodeHandle
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import capsule_surfaces
 from bodycam_ros.body.stick_figure import body_bones
+from bodycam_ros.body.surface import Surface
+from bodycam_ros.body.surface_folder import surfaces_of
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_to_z, transform_points
-from bodycam_ros.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
+from bodycam_ros.results.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.static_cameras.station import Image, Station
-from bodycam_ros.static_cameras.surface import Surface
-from bodycam_ros.static_cameras.surface_folder import surfaces_of
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.server import LocalServer

@@ -6,6 +6,7 @@ page are made by the thread that takes these from it, so no lock is needed.
 
 import logging
 import secrets
+import sys
 import threading
 from collections.abc import Callable, Coroutine
 from contextlib import redirect_stdout
@@ -16,7 +17,7 @@ import numpy as np
 import viser
 
 from bodycam_ros.errors import BodycamError, ViewError
-from bodycam_ros.terminal import Terminal
+from bodycam_ros.files.shown import printable
 
 HOST = "127.0.0.1"
 
@@ -162,7 +163,8 @@ class LocalServer(viser.ViserServer):
         """
         try:
             page = open_page(self)
-            Terminal().print(f"open {self.address} in a browser; Ctrl-C ends it")
+            sys.stdout.write(f"open {self.address} in a browser; Ctrl-C ends it\n")
+            sys.stdout.flush()
             try:
                 while True:
                     try:
@@ -171,7 +173,7 @@ class LocalServer(viser.ViserServer):
                         self.notify("This did not work", str(error), "red")
             finally:
                 if unwritten := page.unwritten:
-                    Terminal(stderr=True).print(f"bodycam: not written to {unwritten}")
+                    sys.stderr.write(printable(f"bodycam: not written to {unwritten}\n"))
         finally:
             self.stop()
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from bodycam_ros.files.shown import markdown_text
 from bodycam_ros.geometry import inverse, log_so3
 from bodycam_ros.results.camera_picture import CameraPicture
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.shown import markdown_text
 from bodycam_ros.viewer.correction import Correction, Part, can_turn, place_of
 from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.panels import CurvePanel, PicturePanel, TimePanel, add_switches

@@ -7,12 +7,12 @@ from bodycam_ros.body.body_file import URDF_SUFFIX
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.errors import RecordingError, ViewError
+from bodycam_ros.formats.stations_file import check_stations_frame, read_stations
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.provenance import warn_of_differences
 from bodycam_ros.results.topics import published_body
-from bodycam_ros.static_cameras.stations_file import check_stations_frame, read_stations
 from bodycam_ros.viewer.correction import BodyFile
 from bodycam_ros.viewer.motion import Motion, read_motion
 

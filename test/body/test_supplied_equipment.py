@@ -16,8 +16,8 @@ from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points
-from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 
 FRAME_NS = 33_333_333
 LENS = camera_from_info("any", 640, 480, "equidistant", [0.0] * 4, [240.0, 0, 319.5, 0, 240.0, 239.5, 0, 0, 1])

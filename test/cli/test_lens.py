@@ -9,10 +9,10 @@ import pytest
 import yaml
 from rendered_board import board_size, held_poses, rendered
 
+from bodycam_ros.boards.board_design import board_yaml
+from bodycam_ros.boards.board_layout import BoardLayout
 from bodycam_ros.camera import camera_from_info, camera_from_yaml
 from bodycam_ros.cli.main import main
-from bodycam_ros.lens.board_design import board_yaml
-from bodycam_ros.lens.board_layout import BoardLayout
 from bodycam_ros.lens.lens_quality import ray_difference_px, ray_grid
 
 _TAGS = cv2.aruco.DICT_APRILTAG_36h11

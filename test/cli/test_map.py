@@ -13,9 +13,10 @@ import pycolmap
 import pytest
 import yaml
 
+from bodycam_ros.boards.apriltag import FAMILIES, detect_tags
+from bodycam_ros.boards.board import read_board
 from bodycam_ros.cli.main import main
-from bodycam_ros.mapping.apriltag import FAMILIES, detect_tags
-from bodycam_ros.mapping.board import align_to_board, read_board
+from bodycam_ros.mapping.board_alignment import align_to_board
 from bodycam_ros.mapping.photographs import find_photographs
 from bodycam_ros.registration.reference_map import ReferenceMap
 

@@ -18,8 +18,8 @@ from tiny_bag import write_tiny_bag
 
 from benchmarks.half_map import half_map
 from bodycam_ros.cli.main import main
+from bodycam_ros.files.whole_file import SCRATCH_PREFIX
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.whole_file import SCRATCH_PREFIX
 
 pytestmark = pytest.mark.long
 

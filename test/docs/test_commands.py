@@ -9,8 +9,8 @@ from doc_blocks import DocBlock, doc_blocks
 
 from bodycam_ros.cli import main as command_line
 from bodycam_ros.cli.settings import all_groups, all_settings_yaml
-from bodycam_ros.live.graph import GraphArguments
-from bodycam_ros.live.node_parameters import OF_NODES, help_text
+from bodycam_ros.graph.declared_graph import GraphArguments
+from bodycam_ros.graph.node_parameters import OF_NODES, help_text
 from bodycam_ros.settings import describe
 
 REPOSITORY = Path(__file__).parents[2]

@@ -3,7 +3,7 @@
 from pathlib import Path
 from xml.etree import ElementTree
 
-from bodycam_ros.live.node_parameters import OF_NODES
+from bodycam_ros.graph.node_parameters import OF_NODES
 
 POLICY = ElementTree.parse(Path(__file__).parents[2] / "config/security_policy.xml").getroot()
 RULES = {"topics": {"publish", "subscribe"}, "services": {"reply", "request"}, "actions": {"call", "execute"}}

@@ -14,12 +14,12 @@ from bodycam_ros.body_state import BodyState
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.evaluate.comparison import TrueMotion, read_true_motion
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, rigid, umeyama
-from bodycam_ros.offline.camera_worker import RegistrationTask
-from bodycam_ros.offline.front_end import registered_images
-from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.replay.camera_worker import RegistrationTask
+from bodycam_ros.replay.front_end import registered_images
 
 pytestmark = pytest.mark.long
 

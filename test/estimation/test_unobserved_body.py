@@ -14,8 +14,8 @@ from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
-from bodycam_ros.pipeline import SkeletonPipeline
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 

@@ -11,7 +11,7 @@ from known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.sections import Link, Picture, Section, Table, column_table, render_page
-from bodycam_ros.picture_style import LEFT
+from bodycam_ros.results.picture_style import LEFT
 
 WRITTEN = ["joints.png", "report.html", "summary.json", "summary.png"]
 

@@ -16,10 +16,10 @@ from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation, evaluate
 from bodycam_ros.evaluate.summary_picture import draw_figures
 from bodycam_ros.messages.body import EQUIPMENT
-from bodycam_ros.picture_style import CENTRE, LEFT
-from bodycam_ros.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.results.picture_style import CENTRE, LEFT
+from bodycam_ros.results.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.results.solved_recording import read_solved
 
 

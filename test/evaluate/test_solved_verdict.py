@@ -13,7 +13,7 @@ from bodycam_ros.evaluate.report import write_report
 from bodycam_ros.evaluate.summary_picture import verdict_line
 from bodycam_ros.geometry import rigid
 from bodycam_ros.results.solved_recording import read_solved
-from bodycam_ros.verdict import Finding, Level, Verdict, parse_verdict, verdict_text
+from bodycam_ros.results.verdict import Finding, Level, Verdict, parse_verdict, verdict_text
 
 
 def test_a_good_walk_is_good(solved: Path) -> None:

@@ -15,10 +15,10 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.formats.export import export
 from bodycam_ros.formats.sampled_motion import MotionOptions
-from bodycam_ros.offline.replay import replay as replay_recording
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replay.replay import replay as replay_recording
 
 REPOSITORY = Path(__file__).parents[2]
 _SAMPLE = REPOSITORY / "bags"

@@ -5,10 +5,10 @@ import pytest
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.formats.stations_file import write_stations
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.ingest.ingest_camera import read_lens
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.stations_file import write_stations
 
 
 def touch(folder: Path, *names: str) -> list[Path]:

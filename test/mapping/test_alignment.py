@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 from board_picture import board_picture, looking_at_origin, true_corners, two_by_two_board, wide_camera
 
+from bodycam_ros.boards.apriltag import FAMILIES, TagView, detect_tags
+from bodycam_ros.boards.board import Board
 from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.mapping.apriltag import FAMILIES, TagView, detect_tags
-from bodycam_ros.mapping.board import Board, align_to_board
+from bodycam_ros.mapping.board_alignment import align_to_board
 
 PLACES = [(0.1, -0.6, 0.7), (0.6, 0.3, 0.5), (-0.4, 0.2, 0.9), (-0.5, -0.4, 0.6), (0.2, 0.6, 0.8)]
 # Structure from motion leaves scale and frame open: x_sfm = scale R x_board + t.

@@ -12,9 +12,9 @@ from driven_camera import DrivenCamera
 from two_cameras import write_map
 
 from bodycam_ros.cli.settings import all_groups
-from bodycam_ros.live.graph import GraphNode
-from bodycam_ros.live.node_parameters import GROUPS
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.graph.declared_graph import GraphNode
+from bodycam_ros.graph.node_parameters import GROUPS
+from bodycam_ros.pipeline.settings import PipelineSettings
 
 _CONFIG = Path(__file__).parents[2] / "config"
 _START_S = 60.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 
 _START_S, _SOON_S = 90.0, 60.0
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from bodycam_ros.live import unanswered_frames
-from bodycam_ros.live.dropped_messages import DroppedMessages, LostMessages
-from bodycam_ros.live.unanswered_frames import UnansweredFrames
+from bodycam_ros.diagnostics.dropped_messages import DroppedMessages, LostMessages
+from bodycam_ros.graph import unanswered_frames
+from bodycam_ros.graph.unanswered_frames import UnansweredFrames
 
 
 class Clock:

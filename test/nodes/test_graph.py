@@ -14,8 +14,8 @@ from two_cameras import write_body
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file
 from bodycam_ros.errors import BodycamError, StationError
-from bodycam_ros.live.graph import GraphArguments, GraphNode, graph
-from bodycam_ros.static_cameras.stations_file import write_stations
+from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.graph.declared_graph import GraphArguments, GraphNode, graph
 
 
 def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_arguments_are_yaml_whatever_the_value() -> None:
 
 def test_the_launch_file_loads_nothing_heavy() -> None:
     """It is read in the interpreter of ``ros2``, also on computers without NumPy."""
-    command = "import sys, bodycam_ros.live.graph; print(*sys.modules)"
+    command = "import sys, bodycam_ros.graph.declared_graph; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
     assert not {"numpy", "scipy", "cv2", "numba", "rclpy"} & {*loaded}
 

@@ -11,7 +11,7 @@ from known_keyframes import K, descriptors_of, place, small_map, tracks, unknown
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import inverse, log_se3
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap

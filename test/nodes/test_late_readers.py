@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from live_graph import live_graph, player
 
-from bodycam_ros.live.graph import READERS_OF_LANDMARKS, GraphNode
+from bodycam_ros.graph.declared_graph import READERS_OF_LANDMARKS, GraphNode
 
 CAMERA = "waist_front"
 _START_S, _IMAGES = 60.0, 60

@@ -8,7 +8,7 @@ import pytest
 from live_graph import live_graph
 from two_cameras import write_map
 
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 
 CAMERA = "waist_front"
 TRACKS, LANDMARKS = f"/{CAMERA}/tracks", f"/{CAMERA}/landmarks"

@@ -16,10 +16,10 @@ from live_graph import live_graph, player
 from bodycam_ros.body.average_person import person_masses
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text
-from bodycam_ros.live.graph import READERS_OF_LANDMARKS
-from bodycam_ros.offline.replay import replay
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.graph.declared_graph import READERS_OF_LANDMARKS
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.replay.replay import replay
 from bodycam_ros.results.solved_recording import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01

@@ -19,8 +19,8 @@ from range_of_motion import (
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
-from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers, stamp_ns
 from bodycam_ros.messages.tracks import landmarks_message
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from tiny_bag import write_tiny_bag
 
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 
 _START_S, _SOON_S = 60.0, 60.0
 

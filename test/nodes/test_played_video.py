@@ -8,7 +8,7 @@ from made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.recording.bag_reader import open_recording
 

@@ -7,7 +7,7 @@ from typing import Any
 from tiny_bag import FRAME_NS, START_NS, write_tiny_bag
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns
 
 IMAGE, INFO = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"

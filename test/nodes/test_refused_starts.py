@@ -10,9 +10,9 @@ from tiny_bag import write_tiny_bag
 from two_cameras import write_body, write_map
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.stations_file import write_stations
 
 _START_S = 90.0
 

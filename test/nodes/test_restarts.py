@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from live_graph import live_graph
 
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns
 
 CAMERAS = ("waist_front", "thigh_left")

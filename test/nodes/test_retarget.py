@@ -11,8 +11,8 @@ from talos import MAPPING, talos_urdf
 from unshown_progress import Unshown
 
 from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import numbers, stamp_ns
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.robot.mapping import read_mapping

@@ -7,7 +7,7 @@ import numpy as np
 from two_cameras import BODY, write_map
 
 from bodycam_ros.camera.readout import Readout
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.timing import timing_message
 from bodycam_ros.messages.tracks import landmark_matches, tracks_message
 from bodycam_ros.tracking.track_frame import TrackFrame

@@ -19,9 +19,9 @@ from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, rigid
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY
-from bodycam_ros.live.graph import GraphNode
 from bodycam_ros.messages.factory import header_message, numbers, stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_message
 from bodycam_ros.messages.tracks import landmarks_message

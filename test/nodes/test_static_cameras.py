@@ -13,14 +13,14 @@ from static_cameras.painted_bag import FRAME_NS, START_NS, write_bag
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.formats.stations_file import write_stations
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw
 from bodycam_ros.messages.factory import stamp_ns
-from bodycam_ros.offline.replay import replay
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.replay.replay import replay
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.stations_file import write_stations
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import numpy as np
 from driven_camera import DrivenCamera, stamps
 from two_cameras import write_map
 
-from bodycam_ros.live.graph import GraphNode
+from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns
 
 HOUR_NS = 3_600_000_000_000

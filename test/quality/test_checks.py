@@ -17,7 +17,7 @@ from bodycam_ros.quality.recording_checks import (
     check_lens,
 )
 from bodycam_ros.quality.sampled_recording import SampledCamera, SampledRecording
-from bodycam_ros.verdict import Finding, Level, check_limits, limit_level, worst_level
+from bodycam_ros.results.verdict import Finding, Level, check_limits, limit_level, worst_level
 
 STAMPS_S = np.arange(0.0, DURATION_S, INTERVAL_S)
 

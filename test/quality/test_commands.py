@@ -12,7 +12,7 @@ from altered_sample import write_altered_sample
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.verdict import Level
+from bodycam_ros.results.verdict import Level
 
 pytestmark = pytest.mark.long
 

@@ -8,7 +8,7 @@ from known_ride import bicycle
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.quality.equipment_findings import equipment_findings
-from bodycam_ros.verdict import Level, Verdict
+from bodycam_ros.results.verdict import Level, Verdict
 
 RIDE = record(list(range(60)))
 

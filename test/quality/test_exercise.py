@@ -8,7 +8,7 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.quality.place_checks import OPENING_S, check_exercise, check_registration, check_rest
 from bodycam_ros.quality.sampled_recording import RegisteredSamples
-from bodycam_ros.verdict import Finding, Level
+from bodycam_ros.results.verdict import Finding, Level
 
 RIG = Rig(
     cameras={"waist": "pelvis", "thigh": "thigh_left", "shin": "shin_left"},

@@ -5,7 +5,7 @@ import pytest
 from known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
 
 from bodycam_ros.geometry import Array, exp_se3, rigid
-from bodycam_ros.verdict import Finding, Level, Verdict
+from bodycam_ros.results.verdict import Finding, Level, Verdict
 
 LEFT_LEG = ("waist_front", "thigh_left", "shin_left", "foot_left")
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import check_sensors, noise_density, sensor_quality
-from bodycam_ros.verdict import Level
+from bodycam_ros.results.verdict import Level
 
 RATE_HZ = 200.0
 NOISE = (2.5e-4, 2.0e-3)  # [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]

@@ -1,7 +1,7 @@
 """What static cameras did not support, and who is misplaced."""
 
 from bodycam_ros.quality.static_camera_findings import StaticCameraLog
-from bodycam_ros.verdict import Level
+from bodycam_ros.results.verdict import Level
 
 ALL = ("pelvis", "forearm_left")
 

@@ -12,12 +12,12 @@ from reprojection import reprojection_errors
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.camera_pipeline import landmark_tracker, registrar
 from bodycam_ros.geometry import inverse, log_se3, log_so3
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.pipeline.camera import landmark_tracker, registrar
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

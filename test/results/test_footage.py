@@ -12,13 +12,13 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.messages.timing import timing_messages
-from bodycam_ros.picture_style import LEFT, rgb
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
+from bodycam_ros.results.picture_style import LEFT, rgb
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.viewer.motion import read_motion
 

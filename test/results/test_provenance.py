@@ -17,7 +17,8 @@ from bodycam_ros.body.body_yaml import body_from_yaml
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import StationError
 from bodycam_ros.evaluate.image_views import static_camera_views
-from bodycam_ros.pipeline_settings import PipelineSettings
+from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.map_identity import map_identity
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -25,7 +26,6 @@ from bodycam_ros.results.provenance import Provenance, body_record, map_record, 
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.stations_file import write_stations
 from bodycam_ros.viewer.sources import Sources
 
 

@@ -9,11 +9,11 @@ from static_cameras.painted_scene import Painted, clutter, grained, paint
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.body.surface import Surface
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.surface import Surface
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

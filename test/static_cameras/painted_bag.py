@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.formats.stations_file import write_stations
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.start_file import write_start
-from bodycam_ros.static_cameras.stations_file import write_stations
 
 Array = NDArray[np.float64]
 

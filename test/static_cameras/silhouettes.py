@@ -6,11 +6,11 @@ import trimesh
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.surface import BodySurface, Surface
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.static_cameras.contour_kernels import find_contour
-from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
 Array = NDArray[np.float64]
 

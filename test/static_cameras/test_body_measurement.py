@@ -11,6 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_shape import BodyShape, ShapeSettings
+from bodycam_ros.body.limb_mesh import capsule_surfaces
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.camera.camera_image import CameraImage
@@ -19,8 +21,6 @@ from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras import body_measurement, region_tracker, shape_evidence
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
-from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.start_file import PlacedBody, start_poses
 

@@ -23,11 +23,11 @@ from static_cameras.silhouettes import (
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import Ball, capsule_surfaces, limb_mesh
+from bodycam_ros.body.surface import BodySurface, Surface
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.static_cameras.contour_kernels import NOBODY, POINT
-from bodycam_ros.static_cameras.limb_mesh import Ball, capsule_surfaces, limb_mesh
-from bodycam_ros.static_cameras.surface import BodySurface, Surface
 
 
 @pytest.fixture(params=LENSES)

@@ -6,12 +6,12 @@ from static_cameras.dressed_body import DressedBody, small_motion, stations_arou
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.surface import BodySurface
 
 LEG = ("thigh_left", "shin_left", "foot_left")
 

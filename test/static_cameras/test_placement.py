@@ -11,6 +11,7 @@ from static_cameras.painted_bag import dressed_body
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
@@ -19,7 +20,6 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import read_start, write_start
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.surface import BodySurface
 
 REACHED_M = 0.002
 STANDS = exp_se3(np.array([0.0, 0.0, 0.7, 1.0, -2.0, 0.9]))

@@ -11,16 +11,16 @@ from static_cameras.painted_scene import grained
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body_state import SegmentPose
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, rigid
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import start_poses
 from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.surface import BodySurface
 
 Array = NDArray[np.float64]
 Images = list[dict[str, NDArray[np.uint8]]]

@@ -11,8 +11,8 @@ from static_cameras.dressed_body import small_motion, stations_around
 from static_cameras.painted_scene import opencv_pixels
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.static_cameras.body_shape import BodyShape, ShapeSettings
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence

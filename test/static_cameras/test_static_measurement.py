@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.static_cameras.limb_mesh import capsule_surfaces
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
-from bodycam_ros.static_cameras.surface import BodySurface
 
 Images = dict[str, CameraImage]
 

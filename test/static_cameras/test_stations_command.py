@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.cli.main import main
+from bodycam_ros.formats.stations_file import read_stations
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
 from bodycam_ros.recording.bag_writer import RecordingWriter, write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.stations_file import read_stations
 
 Image = NDArray[np.uint8]
 BEGIN_NS = 1_000_000_000

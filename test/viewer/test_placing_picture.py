@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from static_cameras.dressed_body import DressedBody, small_motion
 from static_cameras.painted_bag import dressed_body
 
+from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.geometry import inverse, transform_points
-from bodycam_ros.picture_style import rgb
+from bodycam_ros.results.picture_style import rgb
 from bodycam_ros.static_cameras.contour_painting import CONTOUR
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.surface import BodySurface
 from bodycam_ros.viewer.placing_picture import PlacingPicture
 from bodycam_ros.viewer.scene import SELECTED
 

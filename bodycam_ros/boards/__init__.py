@@ -1,0 +1,1 @@
+"""Boards: to print, to describe, and to find in pictures."""

@@ -1,0 +1,1 @@
+"""What the live graph publishes on /diagnostics; a replay computes the same."""

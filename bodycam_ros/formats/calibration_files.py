@@ -1,0 +1,250 @@
+"""Calibrations of static cameras by other programs: anipose, FreeMoCap, Pose2Sim and Caliscope TOML, Qualisys, OpenCV.
+
+All are brought to metres and to world_T_camera of the optical frame (x right, y down, z forward). The world stays that
+of the file.
+
+- ``.toml``: a table per camera with size, matrix, distortions, and rotation (rotation vector or matrix) and translation
+  of the world in the camera. ``units`` ("m", "cm", "mm") in the metadata wins over the guess by the cameras' distances.
+- ``.qca.txt``: XML of Qualisys Track Manager; millimetres, pixels in 64ths, camera axes x right, y up, z backward.
+- OpenCV's ``%YAML:1.0``: K_NAME, dist_NAME, Rot_NAME or R_NAME, T_NAME, W_NAME, H_NAME as of EasyMocap, in one file or
+  in intri.yml and extri.yml beside each other.
+"""
+
+import logging
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+
+from bodycam_ros.body.urdf_xml import xml_elements
+from bodycam_ros.camera import CameraModel, camera_from_info
+from bodycam_ros.errors import BodyError, LensError, StationError
+from bodycam_ros.files.shown import shown
+from bodycam_ros.files.yaml_file import read_bytes
+from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, nearest_rotation, rigid
+from bodycam_ros.static_cameras.station import Station
+
+logger = logging.getLogger(__name__)
+
+TOML_MARK = "# Static cameras in metres, written by bodycam\n"
+"""First line of a TOML file that we wrote."""
+
+_UNITS_M = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3}
+_LARGEST_M, _LARGEST_CM = 50.0, 1000.0
+"""Distance between two cameras; a larger number is of a smaller unit."""
+
+_ROTATES = 1e-2  # entries of R^T R - 1: files have three digits or more
+_MOST_BYTES = 10_000_000
+_QUALISYS_PIXEL = 1.0 / 64.0
+
+
+def read_calibration(path: Path) -> dict[str, Station]:
+    """Camera -> station, in the frame of the file [m].
+
+    Raises:
+        StationError: the file cannot be read, has no camera, or a field is missing or malformed.
+        LensError: a lens is malformed.
+    """
+    content = read_bytes(path, "calibration of cameras", StationError, _MOST_BYTES)
+    if path.name.endswith(".toml"):
+        stations, unit = _read_toml(path, content)
+    elif path.name.endswith(".qca.txt"):
+        stations, unit = list(_read_qualisys(path, content)), "mm"
+    else:
+        stations, unit = list(_read_opencv(path)), ""
+    if not stations:
+        raise StationError(f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each")
+    places = np.array([station.world_T_camera[:3, 3] for station in stations])
+    apart = float(np.linalg.norm(places[:, None] - places, axis=2).max())
+    by = "as the file says" if unit else "by their distances"
+    unit = unit or ("m" if apart <= _LARGEST_M else "cm" if apart <= _LARGEST_CM else "mm")
+    scale = _UNITS_M[unit]
+    logger.info("%s: %d cameras up to %.2f m apart (%s, %s); z is up", path, len(stations), scale * apart, unit, by)
+    if any(np.abs(station.world_T_camera - np.eye(4)).max() < 1e-6 for station in stations):
+        logger.warning(
+            "%s: its world is the frame of one camera, whose z axis is not up; floor and up are unknown", path
+        )
+    if len({station.name for station in stations}) < len(stations):
+        raise StationError(f"{path}: two cameras have the same name; names must differ")
+    poses = [rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]) for station in stations]
+    return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
+
+
+def toml_text(stations: Iterable[Station]) -> str:
+    """A calibration in TOML as anipose, Pose2Sim, FreeMoCap and Caliscope read it, in metres.
+
+    Raises:
+        LensError: TOML has no such lens model.
+    """
+    lines = [TOML_MARK.rstrip()]
+    for number, station in enumerate(stations):
+        camera, camera_T_world = station.camera, inverse(station.world_T_camera)
+        if camera.distortion_model not in ("plumb_bob", "rational_polynomial", "equidistant"):
+            raise LensError(f"camera {station.name}: TOML has no lens model {camera.distortion_model}")
+        name = station.name.replace("\\", "\\\\").replace('"', '\\"')
+        lines += [
+            f"[cam_{number}]",
+            f'name = "{name}"',
+            f"size = [{camera.width}, {camera.height}]",
+            f"matrix = {np.reshape(camera.k, (3, 3)).astype(float).tolist()}",
+            f"distortions = {np.asarray(camera.distortion, float).tolist()}",
+            f"rotation = {log_so3(camera_T_world[:3, :3]).tolist()}",
+            f"translation = {camera_T_world[:3, 3].tolist()}",
+            f"fisheye = {str(camera.distortion_model == 'equidistant').lower()}",
+            "",
+        ]
+    return "\n".join([*lines, "[metadata]", "adjusted = false", "error = 0.0", 'units = "m"', ""])
+
+
+def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
+    """Cameras, and the unit of the file; empty where it has none. Caliscope has cameras one level down."""
+    try:
+        document = tomllib.loads(content.decode())
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise StationError(f"{path}: cannot be read as TOML: {error}") from error
+    tables = _tables(document)
+    unit = str(dict(tables).get("metadata", {}).get("units", ""))
+    if unit and unit not in _UNITS_M:
+        raise StationError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
+    tables += [inner for _, table in tables for inner in _tables(table)]
+    stations = []
+    for key, table in tables:
+        if "matrix" in table:
+            name = str(table.get("name") or (f"cam_{key}" if key.isdigit() else key))
+            where = f"{path}: camera {name}"
+            D = numbers_of_shape(table.get("distortions", [0.0] * 4), (-1,), f"{where}: distortions")
+            pose, fisheye = (table.get("rotation"), table.get("translation")), bool(table.get("fisheye", False))
+            stations.append(_station(where, name, table.get("size"), table["matrix"], D, *pose, fisheye))
+    return stations, unit
+
+
+def _tables(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    return [(key, value) for key, value in table.items() if isinstance(value, Mapping)]
+
+
+def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
+    """Cameras of Qualisys."""
+    try:
+        root = xml_elements(content.decode("utf-8-sig"))
+    except (BodyError, UnicodeDecodeError) as error:
+        raise StationError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
+    for element in root.iter("camera"):
+        name = element.get("serial", "")
+        where = f"{path}: camera {name}"
+
+        def field(part: str, key: str, element: ElementTree.Element = element, where: str = where) -> float:
+            found = element.find(part)
+            try:
+                return float("" if found is None else found.get(key, ""))
+            except ValueError as error:
+                raise StationError(f"{where}: {part} lacks {key}; expected a number") from error
+
+        if int(float(element.get("viewrotation", "0"))) % 360:
+            raise StationError(f"{where}: its view is rotated in Qualisys; export the calibration without rotation")
+        width, height = (field("fov_video", high) - field("fov_video", low) + 1.0 for low, high in _FIELDS_OF_VIEW)
+        fx, fy, cx, cy, k1, k2, p1, p2 = (_QUALISYS_PIXEL * field("intrinsic", key) for key in _INTRINSICS)
+        cx, cy = cx - field("fov_video", "left"), cy - field("fov_video", "top")
+        # Rows of the file are the axes of Qualisys' camera (x right, y up, z backward) in the world.
+        axes = np.array([[field("transform", f"r{row}{column}") for column in "123"] for row in "123"])
+        place = np.array([field("transform", axis) for axis in "xyz"])
+        camera_R_world = axes * [[1.0], [-1.0], [-1.0]]
+        K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+        D = np.array([k1, k2, p1, p2])
+        yield _station(where, name, [width, height], K, D, camera_R_world, -camera_R_world @ place)
+
+
+_FIELDS_OF_VIEW = (("left", "right"), ("top", "bottom"))
+_INTRINSICS = (
+    "focalLengthU", "focalLengthV", "centerPointU", "centerPointV", "radialDistortion1", "radialDistortion2",
+    "tangentalDistortion1", "tangentalDistortion2",
+)  # fmt: skip
+
+
+def _read_opencv(path: Path) -> Iterator[Station]:
+    paths = [path]
+    if path.stem in ("intri", "extri"):
+        paths = [path.with_stem("intri"), path.with_stem("extri")]
+    values: dict[str, Any] = {}
+    for file in paths:
+        if file.is_file():
+            values |= _opencv_values(file)
+    names = [key.removeprefix("K_") for key in values if key.startswith("K_")]
+    if not names:
+        raise StationError(
+            f"{path}: has no K_NAME; expected K_, dist_, Rot_ (or R_), T_, W_ and H_ of each camera, as of EasyMocap"
+        )
+    for name in names:
+        rotation = values.get(f"Rot_{name}", values.get(f"R_{name}"))
+        D = np.ravel(values.get(f"dist_{name}", values.get(f"D_{name}", np.zeros(4))))
+        size = [values.get(f"W_{name}"), values.get(f"H_{name}")]
+        yield _station(f"{path}: camera {name}", name, size, values[f"K_{name}"], D, rotation, values.get(f"T_{name}"))
+
+
+def _opencv_values(path: Path) -> dict[str, Any]:
+    """Matrices and numbers of a file of OpenCV."""
+    try:
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    except (cv2.error, SystemError) as error:
+        raise StationError(f"{path}: cannot be read as YAML of OpenCV") from error
+    nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
+    values = {
+        key: node.mat() if node.isMap() else node.real() if node.isInt() or node.isReal() else None
+        for key, node in nodes.items()
+    }
+    storage.release()
+    return values
+
+
+def _station(
+    where: str, name: str, size: Any, K: Any, D: Array, rotation: Any, translation: Any, fisheye: bool = False
+) -> Station:
+    """The station of a camera by camera_R_world, as a matrix or a rotation vector, and the translation with it."""
+    size = numbers_of_shape(size, (2,), f"{where}: size")
+    K = numbers_of_shape(K, (3, 3), f"{where}: matrix")
+    rotation, translation = (np.ravel(np.asarray(value, object)).tolist() for value in (rotation, translation))
+    if len(rotation) == 9:
+        R = rotation_of(rotation, f"{where}: rotation", _ROTATES)
+    else:
+        R = exp_so3(numbers_of_shape(rotation, (3,), f"{where}: rotation"))
+    t = numbers_of_shape(translation, (3,), f"{where}: translation")
+    if not name or not name.isprintable():
+        raise StationError(f"{where}: has no name")
+    model, least = ("equidistant", 4) if fisheye else ("plumb_bob", 5) if len(D) <= 5 else ("rational_polynomial", 8)
+    D = np.concatenate([D, np.zeros(max(0, least - len(D)))])[: 4 if fisheye else None]
+    camera: CameraModel = camera_from_info(name, round(size[0]), round(size[1]), model, D.tolist(), K.ravel().tolist())
+    return Station(name, inverse(rigid(R, t)), camera)
+
+
+def rotation_of(value: Any, where: str, tolerance: float) -> Array:
+    """The rotation (3, 3) of nine numbers, whose columns may be off by a tolerance.
+
+    Raises:
+        StationError: it is none.
+    """
+    R = numbers_of_shape(value, (3, 3), where)
+    off = float(np.abs(R.T @ R - np.eye(3)).max())
+    if off > tolerance or np.linalg.det(R) < 0.0:
+        what = "it mirrors" if off <= tolerance else f"its columns are off by {off:.2g}"
+        raise StationError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
+    return nearest_rotation(R)
+
+
+def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
+    """Finite numbers of a shape.
+
+    Raises:
+        StationError: they are missing, or something else.
+    """
+    try:
+        numbers = np.array(value, np.float64).reshape(shape)
+    except (TypeError, ValueError, OverflowError):
+        numbers = np.full(1, np.nan)
+    if not np.isfinite(numbers).all():
+        expected = " x ".join(map(str, shape)) if tuple(shape) != (-1,) else "some"
+        raise StationError(f"{where}: expected {expected} numbers, not {shown(value)}")
+    return numbers

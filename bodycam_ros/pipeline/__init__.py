@@ -1,0 +1,1 @@
+"""The stages wired once, for the live graph, a replay and other programs."""

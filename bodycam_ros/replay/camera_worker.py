@@ -1,0 +1,279 @@
+"""A process that tracks and registers some of the cameras, in order of time."""
+
+import ctypes
+import logging
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import wait
+from multiprocessing.queues import Queue
+from pathlib import Path
+from typing import Literal
+
+import cv2
+
+from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.readout import Readout, best_known
+from bodycam_ros.errors import BodycamError, RecordingError
+from bodycam_ros.files.bounded_inputs import bound_inputs
+from bodycam_ros.inertial.camera_turn import CameraTurn
+from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
+from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
+from bodycam_ros.pipeline.camera import CameraPipeline
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
+from bodycam_ros.recording.bag_writer import SerializedMessage
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replay.map_updates import MapReplica, MapUpdate
+from bodycam_ros.tracking.image_rate import ImageRateLimit
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+logger = logging.getLogger(__name__)
+
+BATCH = 8
+"""Results that are sent together: waking the other process costs as much as a result."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+@dataclass(frozen=True)
+class RegisteredImage:
+    """The registration of one image; ``keyframe`` if the map may be extended by it."""
+
+    camera: str
+    stamp_ns: int
+    recorded_ns: int
+    matches: LandmarkMatches
+    messages: tuple[SerializedMessage, ...]
+    keyframe: BodyKeyframe | None = None
+
+
+@dataclass(frozen=True)
+class AwaitedUpdate:
+    """The worker has no results before this image, and waits for an update of the map."""
+
+    camera: str
+    recorded_ns: int
+
+
+@dataclass(frozen=True)
+class UnusableImages:
+    """Images that could not be used.
+
+    Attributes:
+        camera: its name.
+        stamp_ns: of the image, or of the latest one read [ns].
+        kind: undecodable, unordered by their stamps, or missing: counted by the bag's metadata, but not in it.
+        reason: why, for the user.
+        count: how many.
+        recorded_ns: when the image was recorded [ns]; of several, after the last.
+    """
+
+    camera: str
+    stamp_ns: int
+    kind: Literal["undecodable", "unordered", "missing"]
+    reason: str
+    count: int = 1
+    recorded_ns: int = LAST_NS
+
+
+class UnusableCount:
+    """Counts unusable images by camera, and warns of the first of each kind.
+
+    Attributes:
+        skipped: images that are in the recording.
+        lost: images that are not in it.
+        reasons: why, of the first of each kind.
+    """
+
+    def __init__(self) -> None:
+        self.skipped: Counter[str] = Counter()
+        self.lost: Counter[str] = Counter()
+        self.reasons: list[str] = []
+        self._reported: set[tuple[str, str]] = set()
+
+    def add(self, item: UnusableImages) -> None:
+        """Count an item."""
+        counts = self.lost if item.kind == "missing" else self.skipped
+        counts[item.camera] += item.count
+        if (item.camera, item.kind) not in self._reported:
+            self._reported.add((item.camera, item.kind))
+            self.reasons.append(item.reason)
+            logger.warning("%s", item.reason)
+
+
+@dataclass(frozen=True)
+class LeftOutImages:
+    """``count`` images of a camera up to a stamp [ns] are beyond ``images.max_rate``."""
+
+    camera: str
+    stamp_ns: int
+    count: int
+    recorded_ns: int = LAST_NS
+
+
+Result = RegisteredImage | UnusableImages | LeftOutImages
+"""The result of an image, or of several."""
+
+WorkerItem = Result | AwaitedUpdate | BodycamError | None
+"""What a worker sends; the last item is None, or the user's error that ended it."""
+
+
+@dataclass(frozen=True)
+class RegistrationTask:
+    """What is to be registered, and how.
+
+    Attributes:
+        recording_path, map_path: recording and map.
+        settings: of the pipeline.
+        with_messages: serialise the messages that a bag keeps of each image.
+        slim: of these no tracks, and of the landmarks the pose alone.
+        readouts: camera -> read-out time, where it is known from elsewhere than the recording.
+        turns: camera -> rotations by its gyroscope.
+        keyframes: as of ``CameraPipeline``.
+    """
+
+    recording_path: Path
+    map_path: Path
+    settings: PipelineSettings
+    with_messages: bool = True
+    slim: bool = False
+    readouts: Mapping[str, Readout] = field(default_factory=dict)
+    turns: Mapping[str, CameraTurn] = field(default_factory=dict)
+    keyframes: KeyframeDensity | None = None
+
+
+def run_camera_worker(
+    task: RegistrationTask,
+    cameras: tuple[str, ...],
+    outbox: "Queue[list[WorkerItem]]",
+    inbox: "Queue[MapUpdate]",
+) -> None:
+    """Entry of the process: register the cameras' images and send the results, some at a time, ending with None.
+
+    Args:
+        task: what is to be done.
+        cameras: this worker's.
+        outbox: for the results.
+        inbox: of updates of the map.
+    """
+    _end_with_parent()
+    bound_inputs()
+    # Warnings are for the parent, which counts them and prints each once.
+    logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
+    cv2.setNumThreads(1)
+    ready: list[WorkerItem] = []
+    try:
+        for item in register_images(task, cameras, inbox):
+            ready.append(item)
+            if len(ready) == BATCH or isinstance(item, AwaitedUpdate):
+                outbox.put(ready)
+                ready = []
+        last: WorkerItem = None
+    except BodycamError as error:
+        last = error
+    except MemoryError:
+        last = RecordingError("there is not enough memory; give fewer processes (--jobs)")
+    outbox.put([*ready, last])
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as its parent ends, however that happens.
+
+    The parent holds the other end of a pipe, which closes even if it is killed. On Linux the kernel is asked as well:
+    it needs no thread of ours to be scheduled.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is None:
+        return
+    threading.Thread(target=_end_after, args=(parent.sentinel,), daemon=True, name="orphan watch").start()
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _end_after(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
+
+
+def register_images(
+    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[MapUpdate]"
+) -> Iterator[Result | AwaitedUpdate]:
+    """Register the images of some cameras in the order in which they were recorded."""
+    reference_map = ReferenceMap.load(task.map_path)
+    growth = task.settings.growth
+    replica = MapReplica(reference_map, growth.capacity, inbox.get) if growth.enabled else None
+    with open_recording(task.recording_path) as recording:
+        pipelines = {
+            camera: CameraPipeline(
+                recording.camera_model(camera),
+                reference_map,
+                task.settings,
+                best_known(recording.readout(camera), task.readouts.get(camera)),
+                None if replica is None else replica.map,
+                task.turns.get(camera),
+                task.keyframes,
+            )
+            for camera in cameras
+        }
+        rate = task.settings.images.max_rate
+        limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
+        stamp_ns = 0
+        for image in recording.images(cameras):
+            stamp_ns = image.stamp_ns
+            if not limit.is_due(image.camera, stamp_ns):
+                continue
+            if replica is not None:
+                # By the time of recording, which goes on alike for all cameras, whichever this process has.
+                if replica.is_behind(image.recorded_ns):
+                    yield AwaitedUpdate(image.camera, image.recorded_ns)
+                replica.advance(image.recorded_ns)
+            try:
+                tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
+            except RecordingError as error:
+                limit.discard(image.camera)
+                text = f"{error}; it is left out, and so will be others like it"
+                yield UnusableImages(image.camera, stamp_ns, "undecodable", text, recorded_ns=image.recorded_ns)
+                continue
+            messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()
+            yield RegisteredImage(image.camera, stamp_ns, image.recorded_ns, matches, messages, keyframe)
+        for camera, count in sorted(limit.left_out.items()):
+            yield LeftOutImages(camera, stamp_ns, count)
+        for camera, count in sorted((+recording.dropped).items()):
+            text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are left out"
+            yield UnusableImages(camera, stamp_ns, "unordered", text, count)
+        yield from missing_images(recording, stamp_ns)
+
+
+def missing_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:
+    """Images that the last iteration, up to a stamp [ns], should have yielded, by the recording's own count."""
+    why = recording.damage or "its file is damaged"
+    for camera, count in sorted((+recording.lost).items()):
+        text = f"camera {camera}: {count} images that the recording should have are not in it; {why}; copy it again"
+        yield UnusableImages(camera, stamp_ns, "missing", text, count)
+        why = "its file is damaged"  # the whole text once
+
+
+def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:
+    """The messages that a bag keeps of one image."""
+    make = recorded_messages()
+    landmarks = landmarks_message(make, matches.bare() if slim else matches)
+    messages = {
+        "tracks": None if slim else tracks_message(make, tracks),
+        "landmarks": landmarks,
+        "pose": camera_pose_message(make, landmarks),
+    }
+    return tuple(
+        SerializedMessage.of(matches.stamp_ns, f"/{camera}/{name}", message)
+        for name, message in messages.items()
+        if message is not None
+    )

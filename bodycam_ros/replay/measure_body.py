@@ -1,0 +1,160 @@
+"""A recording of static cameras in, a body with its lengths and girths out, offline."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from bodycam_ros.body.average_person import with_hands
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_shape import ShapeSettings
+from bodycam_ros.body_state import BodyFrame
+from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
+from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.errors import RangeOfMotionError, StationError
+from bodycam_ros.formats.read_captured import read_start
+from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.registration.reference_map import load_map
+from bodycam_ros.replay.camera_worker import RegistrationTask
+from bodycam_ros.replay.front_end import registered_images
+from bodycam_ros.replay.static_input import read_recorded_stations
+from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.results.provenance import MAP, map_record
+from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.timing.frame_assembler import AssemblerSettings, FrameAssembler
+from bodycam_ros.tracking.image_rate import ImageSettings
+
+_MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
+_AT_ONCE_S = 0.005
+"""Stamps of different stations that differ by less are one instant."""
+
+
+def measure_body(
+    recording_path: Path,
+    map_path: Path | None,
+    body: BodyModel,
+    given: StaticCameraFiles,
+    pipeline: PipelineSettings,
+    settings: ShapeSettings,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+) -> MeasuredBody:
+    """Measure the person of a recording.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map; None where the stations' own frame is the world.
+        body: that is begun with; it gets hands, and loses its scan, which has lengths of its own.
+        given: where the stations stand, and where the body is in the first images.
+        pipeline: settings of following it.
+        settings: what is expected of it.
+        on_progress: called with the step, and the share of it that is done.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, or a recording that does not determine the body.
+    """
+    warm_up()
+    start = given.start
+    if start is None:
+        raise StationError(
+            f"where the body is at first is unknown; place it by hand with "
+            f"'bodycam view --place {recording_path}', and give that as --start"
+        )
+    body = replace(with_hands(body), surface=None)
+    reference_map = None if map_path is None else load_map(map_path)
+    with open_recording(recording_path) as recording:
+        stations = read_recorded_stations(given, reference_map, recording, body)
+        measurement = BodyMeasurement(
+            body,
+            stations,
+            lambda: _frames(recording_path, stations),
+            lambda begun: read_start(start, given.stations, stations, begun),
+            settings,
+            pipeline.region,
+            pipeline.motion,
+            on_progress,
+        )
+        # The matrices are many and small: threads of the linear algebra would only wait for each other.
+        with threadpool_limits(limits=1):
+            try:
+                return measurement.measure()
+            except RangeOfMotionError as error:
+                raise RangeOfMotionError(f"{recording_path}: {error}") from error
+
+
+def _frames(path: Path, stations: Collection[str]) -> Iterator[tuple[float, BodyFrame]]:
+    """Images of static cameras that are of one time, in order of time, and the share of the recording before them."""
+    with open_recording(path) as recording:
+        start_ns, length_ns = recording.first_stamp_ns, max(1e9 * recording.duration_s, 1.0)
+        for frame in _frames_of_images(recording.images(stations), stations):
+            yield (frame.stamp_ns - start_ns) / length_ns, frame
+
+
+def _frames_of_images(images: Iterable[CameraImage], stations: Collection[str]) -> Iterator[BodyFrame]:
+    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
+    for image in images:
+        yield from assembler.add(image)
+    yield from assembler.flush()
+
+
+def calibrate(
+    recording_path: Path,
+    map_path: Path,
+    rig: Rig,
+    name: str,
+    pipeline: PipelineSettings,
+    jobs: int,
+    facing_rad: float | None = None,
+    on_progress: Callable[[str, float], None] = lambda step, share: None,
+    imu_paths: Sequence[Path] = (),
+) -> CalibratedBody:
+    """Estimate the body of a recorded range of motion.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map.
+        rig: which camera is on which segment.
+        name: of the body.
+        pipeline: settings of tracking and registration, and the noise that the solver assumes.
+        jobs: processes for the cameras.
+        facing_rad: which way the person faces in the N-pose [rad]; None to read it off hips and shoulders.
+        on_progress: called with the step, and the share of it that is done.
+        imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, or a motion that does not determine the body.
+    """
+    warm_up()
+    report = {MAP: map_record(load_map(map_path, upright=True), map_path)}
+    with open_recording(recording_path) as recording:
+        if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
+            raise RangeOfMotionError(
+                f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
+            )
+        models = {camera: recording.camera_model(camera) for camera in rig.cameras}
+    calibrator = BodyCalibrator(
+        rig,
+        models,
+        pipeline.pose_fit,
+        pipeline.evidence,
+        facing_rad,
+        pipeline.clock,
+    )
+    images = ImageSettings(min(pipeline.images.max_rate or _MAX_RATE_HZ, _MAX_RATE_HZ))
+    task = RegistrationTask(recording_path, map_path, replace(pipeline, images=images), with_messages=False)
+    sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
+    for image in registered_images(task, models, jobs, partial(on_progress, "registration")):
+        calibrator.add(image.matches)
+        sensors.add(image.camera, image.stamp_ns, image.matches.world_T_camera)
+    # The matrices are many and small: threads of the linear algebra would only wait for each other.
+    with threadpool_limits(limits=1):
+        calibrated = calibrator.solve(name, on_progress)
+        imus = sensors.calibrate()
+    body = calibrated.body
+    mounts = {camera: replace(mount, imu=imus.get(camera)) for camera, mount in body.mounts.items()}
+    return replace(calibrated, body=replace(body, mounts=mounts, report=report))

@@ -1,0 +1,243 @@
+"""A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
+
+import json
+import logging
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cache, partial
+from heapq import merge
+from pathlib import Path
+from tempfile import gettempdir
+
+from threadpoolctl import threadpool_limits
+
+from bodycam_ros.body.average_person import with_hands
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StationError
+from bodycam_ros.files.whole_file import scratch_folder
+from bodycam_ros.pipeline.camera import camera_turns, unused_sensors
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
+from bodycam_ros.pipeline.static_cameras import image_measurement
+from bodycam_ros.quality.camera_poses import CameraPoseLog
+from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
+from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
+from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
+from bodycam_ros.replay.extend import ExtensionRound, extend_map
+from bodycam_ros.replay.front_end import merged_results, start_workers
+from bodycam_ros.replay.replay_output import ReplayOutput
+from bodycam_ros.replay.replay_summary import ReplaySummary
+from bodycam_ros.replay.static_input import read_recorded_stations
+from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.results.provenance import (
+    BODY,
+    EQUIPMENT,
+    MAP,
+    RECORDING,
+    SETTINGS,
+    body_record,
+    map_record,
+    settings_record,
+    source_remarks,
+    write_sources,
+)
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+
+logger = logging.getLogger(__name__)
+
+
+def replay(
+    recording_path: Path,
+    map_path: Path | None,
+    body_path: Path,
+    output_path: Path,
+    settings: PipelineSettings,
+    jobs: int,
+    force: bool = False,
+    equipment: str | Path | None = None,
+    on_step: Callable[[str, float], None] = lambda step, share: None,
+    outside: StaticCameraFiles | None = None,
+    slim: bool = False,
+    passes: int = 1,
+    imu_paths: Sequence[Path] = (),
+) -> ReplaySummary:
+    """Run the pipeline over a bag and write everything that it publishes.
+
+    Args:
+        recording_path: ros2 bag folder or .mcap file.
+        map_path: folder of the reference map; None with static cameras alone, in the frame of their file.
+        body_path: YAML of the body.
+        output_path: the ros2 bag folder to be; it appears whole or not at all.
+        settings: of all stages.
+        jobs: processes for the cameras.
+        force: replace an output that is there already.
+        equipment: name or file of the equipment that the body is coupled to.
+        on_step: called with each step, and the share of it that is done.
+        outside: static cameras, if there are any.
+        slim: write no tracks, and of landmarks the poses by them alone.
+        passes: over the recording: all but the last extend the map by the recording itself.
+        imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
+
+    Raises:
+        BodycamError: anything that is wrong with the input, see the stages.
+    """
+    warm_up()
+    started, given_map = time.monotonic(), map_path
+    with ExitStack() as stack:
+        # What was recorded, who wears the cameras, and where they are.
+        recording = stack.enter_context(open_recording(recording_path))
+        own = read_body(body_path)
+        person = with_hands(own) if outside else own
+        coupling = None if equipment is None else held_equipment(equipment, person)
+        body = coupled_body(person, coupling)
+        rounds: tuple[ExtensionRound, ...] = ()
+        if passes > 1 and map_path is not None:
+            scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
+            map_path, rounds = _extend(recording, map_path, body, settings, jobs, passes, on_step, scratch)
+        summary = ReplaySummary(recording.duration_s, rounds=rounds)
+        metric_map = cache(lambda: None if map_path is None else load_map(map_path))
+        stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
+        mounted = _mounted_cameras(recording, body, stations) if map_path else []
+        sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
+        imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
+        for remark in unused_sensors(body, imus):
+            logger.warning("%s", remark)
+        # Cameras are registered while the rest is made ready.
+        task = RegistrationTask(
+            recording_path,
+            map_path or Path(),
+            settings,
+            readouts=body.readout_starts,
+            slim=slim,
+            turns=camera_turns(body, imus),
+        )
+        workers = stack.enter_context(start_workers(task, mounted, jobs))
+        # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
+        stack.enter_context(threadpool_limits(1, user_api="blas"))
+        cameras = {camera: recording.camera_model(camera) for camera in mounted}
+        reference_map = metric_map()
+        if reference_map is not None and not reference_map.gravity_aligned:
+            logger.warning("%s: %s", map_path, ASSUMED_VERTICAL)
+        static_cameras = None
+        if outside is not None:
+            static_cameras = image_measurement(
+                outside, stations, body, body_path, settings, lambda *measured: out.write_measured(*measured)
+            )
+            if not cameras and outside.start is None:
+                raise _nothing_solved(recording_path, map_path, outside, "")
+        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
+        skeleton = SkeletonPipeline(
+            person,
+            cameras,
+            settings,
+            on_corrected=log.add_registration,
+            equipment=coupling,
+            on_together=partial(on_step, "all instants together"),
+            static_cameras=static_cameras,
+            stations=stations,
+            imus=imus,
+        )
+        # The states of the body, as soon as they are solved.
+        writer = stack.enter_context(write_recording(output_path, force))
+        start_ns = recording.start_ns
+        sources = {
+            BODY: body_record(own),
+            RECORDING: {"name": recording_path.resolve().name, "start_ns": str(start_ns)},
+            SETTINGS: settings_record(settings) | {"passes": str(passes), "slim": json.dumps(slim)},
+        }
+        if reference_map is not None and given_map is not None:
+            sources[MAP] = map_record(reference_map, given_map)
+        if equipment is not None:
+            sources[EQUIPMENT] = {"name": Path(equipment).stem}
+        write_sources(writer, sources, own, start_ns)
+        summary.notes = source_remarks(sources)
+        out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
+        registered: Iterator[Result] = iter(())
+        if reference_map is not None and cameras:
+            registered = merged_results(workers, settings.growth, reference_map)
+        images_step = f"replay of {summary.recorded_s:.1f} s"
+        for item in _with_images(registered, recording, stations):
+            out.write_image(item)
+            if isinstance(item, (RegisteredImage, CameraImage)):
+                out.write_states(skeleton.add(item.matches if isinstance(item, RegisteredImage) else item))
+                on_step(images_step, 1e-9 * (item.stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9))
+        out.write_states(skeleton.flush())
+        if not summary.solved:
+            raise _nothing_solved(recording_path, map_path, outside, out.unusable)
+        # Hands that the body file does not have were added here, and need not be observed.
+        out.finish([name for name in own.segments if not any(each in cameras for each in own.cameras_on(name))])
+    summary.elapsed_s = time.monotonic() - started
+    return summary
+
+
+def _extend(
+    recording: Recording,
+    map_path: Path,
+    body: BodyModel,
+    settings: PipelineSettings,
+    jobs: int,
+    passes: int,
+    on_step: Callable[[str, float], None],
+    scratch: Path,
+) -> tuple[Path, tuple[ExtensionRound, ...]]:
+    """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
+    cameras = [camera for camera in recording.cameras if camera in body.mounts]
+    limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
+    extended, rounds = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
+    extended.save(scratch / "map")
+    return scratch / "map", rounds
+
+
+def _with_images(
+    registered: Iterator[Result], recording: Recording, stations: Collection[str]
+) -> Iterator[Result | CameraImage]:
+    """Registrations of worn cameras, and images of static ones, in order of their stamps; then missing ones."""
+    images = recording.images(stations) if stations else ()
+    yield from merge(registered, images, key=lambda item: item.stamp_ns)
+    yield from missing_images(recording, recording.start_ns)
+
+
+def _nothing_solved(
+    recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None, unusable: str
+) -> BodycamError:
+    """Why there is no motion to write; ``unusable``: why no image could be used, if none could."""
+    if unusable:
+        return RecordingError(f"{recording_path}: none of its images could be used: {unusable}")
+    if outside is not None and outside.start is None:
+        return StationError(
+            f"{recording_path}: no worn camera was registered, so where the body is at first is unknown; place it "
+            f"by hand with 'bodycam view --place {recording_path}', and give that as --start"
+        )
+    if outside is not None:
+        return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
+    return MapError(
+        f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
+        "is it the map of another place, or are the images too dark or blurred?"
+    )
+
+
+def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection[str]) -> list[str]:
+    """Cameras that the recording has and the body carries; others that are no stations are warned about.
+
+    Raises:
+        BodyError: there are none, and no stations either.
+    """
+    for camera in sorted(set(recording.cameras) - set(body.mounts) - set(stations)):
+        logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
+    mounted = [camera for camera in recording.cameras if camera in body.mounts]
+    if mounted and (silent := sorted(set(body.mounts) - set(recording.cameras))):
+        logger.warning(
+            "body %s carries cameras that %s does not have: %s", body.name, recording.path, ", ".join(silent)
+        )
+    if not mounted and not stations:
+        raise BodyError(
+            f"none of the cameras of {recording.path} ({', '.join(recording.cameras)}) is on body {body.name} "
+            f"({', '.join(body.mounts)}); is this the body of this recording?"
+        )
+    return mounted

@@ -1,0 +1,190 @@
+"""What a replay writes: every message of the wire contract (DESIGN 3) as it becomes known, in the end the verdict."""
+
+import logging
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+
+from bodycam_ros.body.coupled_body import learned_body
+from bodycam_ros.body.equipment import Equipment
+from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord
+from bodycam_ros.body.urdf import urdf_text
+from bodycam_ros.body_state import BodyOutput
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.diagnostics.camera_diagnostics import RegistrationDiagnostics, verdict_status
+from bodycam_ros.diagnostics.solver_diagnostics import solver_status
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.messages.body import output_messages
+from bodycam_ros.messages.diagnostics import Status, diagnostics_message, text_message
+from bodycam_ros.messages.segment_poses import SEGMENT_POSES, segment_poses_message
+from bodycam_ros.messages.timing import TIMING, timing_messages
+from bodycam_ros.messages.tracks import map_points_message
+from bodycam_ros.pipeline.skeleton import SkeletonPipeline
+from bodycam_ros.quality.camera_poses import CameraPoseLog
+from bodycam_ros.quality.equipment_findings import equipment_findings
+from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.static_camera_findings import StaticCameraLog
+from bodycam_ros.recording.bag_writer import RecordingWriter
+from bodycam_ros.recording.typestore import recorded_messages
+from bodycam_ros.registration.readout_time import ReadoutLog
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replay.camera_worker import LeftOutImages, Result, UnusableCount, UnusableImages
+from bodycam_ros.replay.replay_remarks import CameraSpans
+from bodycam_ros.replay.replay_summary import ReplaySummary
+from bodycam_ros.results.provenance import VERDICT_FILE
+from bodycam_ros.results.verdict import VERDICT, verdict_text
+
+logger = logging.getLogger(__name__)
+
+_DIAGNOSTICS_PERIOD_NS = 1_000_000_000
+_SHOWN_REASONS = 2
+
+
+class ReplayOutput:
+    """The messages of a replay, on their way into the bag, and what they amount to.
+
+    Args:
+        writer: of the bag.
+        skeleton: that solves the recording.
+        log: of its registrations.
+        cameras: models of the worn cameras, by name.
+        stations: names of the static ones.
+        reference_map: in which worn cameras are registered, if any.
+        equipment: what the body is coupled to, if anything.
+        summary: of the replay, which is filled in.
+    """
+
+    def __init__(
+        self,
+        writer: RecordingWriter,
+        skeleton: SkeletonPipeline,
+        log: CameraPoseLog,
+        cameras: Mapping[str, CameraModel],
+        stations: Collection[str],
+        reference_map: ReferenceMap | None,
+        equipment: Equipment | None,
+        summary: ReplaySummary,
+    ) -> None:
+        self._writer, self._skeleton, self._body, self._log = writer, skeleton, skeleton.body, log
+        self._map, self._equipment, self._summary = reference_map, equipment, summary
+        self._make = recorded_messages()
+        self._diagnostics = RegistrationDiagnostics(cameras)
+        self._report_due_ns = self._latest_ns = 0
+        self._unusable = UnusableCount()
+        self._readouts, self._spans = ReadoutLog(cameras), CameraSpans([*cameras, *stations])
+        self._coupled, self._static = EquipmentLog(), StaticCameraLog()
+
+    @property
+    def unusable(self) -> str:
+        """Why no image could be used, if none could; else empty."""
+        return "" if self._summary.images else "; ".join(self._unusable.reasons[:_SHOWN_REASONS])
+
+    def write_image(self, item: Result | CameraImage) -> None:
+        """One image's tracks, landmarks and pose, if it has any, and the cameras' health once a second."""
+        if isinstance(item, UnusableImages):
+            self._unusable.add(item)
+            return
+        if isinstance(item, LeftOutImages):
+            self._summary.left_out[item.camera] += item.count
+            return
+        if not self._summary.images:
+            self._begin(item.stamp_ns)
+        self._latest_ns = item.stamp_ns
+        self._summary.images[item.camera] += 1
+        self._spans.add(item.camera, item.stamp_ns)
+        if isinstance(item, CameraImage):
+            return
+        self._readouts.add(item.matches)
+        self._summary.registered[item.camera] += item.matches.world_T_camera is not None
+        self._diagnostics.add(item.matches)
+        for message in item.messages:
+            self._writer.write_serialized(*message)
+        if item.stamp_ns >= self._report_due_ns:
+            self._report_due_ns = item.stamp_ns + _DIAGNOSTICS_PERIOD_NS
+            self._write_diagnostics(item.stamp_ns)
+
+    def write_measured(self, stamps_ns: Mapping[str, int], measured: StaticMeasurement) -> None:
+        """Measurements of static cameras of the segments at an instant, each with the stamp of its own image."""
+        names = self._body.segments
+        self._static.add(
+            min(stamps_ns.values()),
+            measured.observed,
+            [names[row] for row in measured.unsupported],
+            measured.misplaced,
+        )
+        for station, evidence in measured.evidence.items():
+            self._summary.registered[station] += bool(evidence)
+            seen = evidence, names, measured.confidence[station]
+            message = segment_poses_message(self._make, stamps_ns[station], station, *seen)
+            self._writer.write(f"/{station}{SEGMENT_POSES}", stamps_ns[station], message)
+
+    def write_states(self, outputs: Iterable[BodyOutput]) -> None:
+        """The body at some instants."""
+        for output in outputs:
+            self._summary.solved += 1
+            self._summary.predicted += output.state.predicted
+            self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
+            if output.state.equipment is not None:
+                self._coupled.add(output.state.stamp_ns, output.state.equipment)
+            for topic, message in output_messages(self._make, output, self._body).items():
+                self._writer.write(topic, output.state.stamp_ns, message)
+
+    def finish(self, bare: Collection[str]) -> None:
+        """What is known at the end alone: the robot, the clocks, and whether the result may be used.
+
+        Args:
+            bare: segments without a worn camera, which static cameras should observe.
+        """
+        summary, skeleton = self._summary, self._skeleton
+        summary.equipment = self._coupled.record()
+        self._write_robot(summary.equipment)
+        summary.skipped, summary.lost = self._unusable.skipped, self._unusable.lost
+        summary.images += summary.skipped
+        summary.readouts = self._readouts.readouts()
+        summary.timings = {
+            camera: replace(history, readout=summary.readouts.get(camera))
+            for camera, history in skeleton.clocks.histories.items()
+        }
+        for camera, timing in summary.timings.items():
+            for since_ns, message in timing_messages(self._make, timing):
+                self._writer.write(f"/{camera}{TIMING}", since_ns, message)
+        poses = self._log.poses()
+        summary.speeds = poses.speeds()
+        findings = (*equipment_findings(summary.equipment, self._equipment), *self._static.findings(bare))
+        summary.verdict = judge(poses, findings)
+        text, counts = verdict_text(summary.verdict), skeleton.counts
+        self._writer.write(VERDICT, self._latest_ns, text_message(self._make, text))
+        self._writer.attach(VERDICT_FILE, "application/json", text, self._latest_ns)
+        self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(counts))
+        summary.interpolated, summary.rejected = counts.interpolated, counts.rejected
+        summary.instants = skeleton.assembler.assembled + summary.interpolated
+        summary.late = skeleton.assembler.late
+        if summary.late:
+            logger.warning(
+                "%d registrations came after their instant had been solved without them; does a camera pause for "
+                "longer than assembler.max_wait?",
+                summary.late,
+            )
+        doubts = self._readouts.doubts().values()
+        summary.remarks = (*self._spans.remarks(), *doubts, *skeleton.inertial.remarks(), *counts.remarks())
+
+    def _begin(self, stamp_ns: int) -> None:
+        """What is known from the start: the map, if there is one."""
+        self._summary.start_ns = stamp_ns
+        self._report_due_ns = stamp_ns + _DIAGNOSTICS_PERIOD_NS
+        if self._map is not None:
+            points = map_points_message(self._make, stamp_ns, self._map.points_world, self._map.colours)
+            self._writer.write("/map/points", stamp_ns, points)
+
+    def _write_robot(self, coupled: EquipmentRecord | None) -> None:
+        """The robot, as of the beginning, but with the lengths of its equipment that the recording gave."""
+        body = self._body
+        if coupled is not None and self._equipment is not None:
+            body = learned_body(body, self._equipment, coupled.values)
+        self._writer.write("/robot_description", self._summary.start_ns, text_message(self._make, urdf_text(body)))
+
+    def _write_diagnostics(self, stamp_ns: int, *more: Status) -> None:
+        """How the cameras fared since the last report."""
+        clocks = {camera: timing.latest for camera, timing in self._skeleton.clocks.histories.items()}
+        statuses = [*self._diagnostics.report(clocks), *more]
+        self._writer.write("/diagnostics", stamp_ns, diagnostics_message(self._make, stamp_ns, statuses))

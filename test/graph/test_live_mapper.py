@@ -1,0 +1,86 @@
+"""A map that grows while cameras are registered in it: by keyframes that are asked for and wait for their turn."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+
+from bodycam_ros.errors import BodycamError
+from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.graph.live_mapper import LiveMapper
+from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.registrar import Registrar
+from bodycam_ros.tracking.track_frame import TrackFrame
+
+CAMERA = worn_camera()
+UNKNOWN = unknown_points(100)
+
+
+class Live:
+    """A growth, its executor's tasks, what it asked for, and a camera that is registered in its map."""
+
+    def __init__(self, **settings: object) -> None:
+        self.tasks: list[Callable[[], object]] = []
+        self.asked: list[str] = []
+        given = replace(GrowthSettings(capacity=200), **settings)
+        self.growth = LiveMapper(small_map(), given, self.asked.append, self.tasks.append)
+        self.begin()
+
+    def begin(self) -> None:
+        self.registrar = Registrar(CAMERA, self.growth.map)
+        self.growth.start_camera(CAMERA.name, CAMERA)
+
+    def see(self, frame: TrackFrame) -> LandmarkMatches:
+        matches = self.registrar.register(frame)
+        self.growth.add_image(frame, matches)
+        return matches
+
+    def work(self) -> None:
+        while self.tasks:
+            self.tasks.pop(0)()
+
+
+def all_tracks(number: int) -> TrackFrame:
+    """The map's landmarks and the unknown points."""
+    points = np.concatenate([small_map().points_world, UNKNOWN])
+    return tracks(CAMERA, number, points, np.concatenate([small_map().descriptors, descriptors_of(len(UNKNOWN), 7)]))
+
+
+def unknown_tracks(number: int, first: int) -> TrackFrame:
+    return tracks(CAMERA, number, UNKNOWN, descriptors_of(len(UNKNOWN), 7), first, 10_000)
+
+
+def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
+    live = Live()
+    assert Registrar(CAMERA, small_map()).register(unknown_tracks(0, 0)).world_T_camera is None
+    for number in range(5):
+        assert live.see(all_tracks(number)).world_T_camera is not None
+        live.work()
+    assert live.growth.landmarks > 90 and live.growth.keyframes == 5
+    live.begin()
+    matches = live.see(unknown_tracks(6, first=6))
+    assert matches.world_T_camera is not None and matches.grown == len(matches.landmark_ids) > 50
+    assert np.linalg.norm(log_se3(inverse(place(6)) @ matches.world_T_camera)[3:]) < 5e-3
+
+
+def test_a_map_whose_last_writing_failed_is_written_again(tmp_path: Path) -> None:
+    """A managed node whose cleanup fails stays inactive: its user makes room, and cleans up again."""
+    live, folder = Live(), tmp_path / "grown"
+    small_map().save(tmp_path / "map")
+    live.growth.keep_in(folder, tmp_path / "map")
+    for number in range(5):
+        live.see(all_tracks(number))
+        live.work()
+    folder.mkdir()
+    (folder / "thesis.txt").write_text("precious")
+    with pytest.raises(BodycamError, match="thesis"):
+        live.growth.close()
+    live.growth.poll(0.0)  # its timer goes on
+    (folder / "thesis.txt").unlink()
+    live.growth.close()
+    assert ReferenceMap.load(folder).grown == live.growth.landmarks
