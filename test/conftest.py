@@ -6,12 +6,12 @@ from pathlib import Path
 
 import cv2
 import pytest
-from known_ride import make_ride
-from known_walk import Walk, make_walk
-from made_once import made_once
-from rider import rider_body
+from helpers.known_ride import make_ride
+from helpers.known_walk import Walk, make_walk
+from helpers.rider import rider_body
+from helpers.shared_by_workers import made_once
+from helpers.tiny_bag import write_tiny_bag
 from threadpoolctl import threadpool_limits
-from tiny_bag import write_tiny_bag
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.files.bounded_inputs import bound_inputs

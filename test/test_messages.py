@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from held_ride import report
+from helpers.ride_with_open_joints import report
 from numpy.typing import NDArray
 
 from bodycam_ros import geometry

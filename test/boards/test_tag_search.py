@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from board_picture import board_picture, looking_at_origin, true_corners, two_by_two_board
+from helpers.board_picture import board_picture, looking_at_origin, true_corners, two_by_two_board
 
 from bodycam_ros.boards.apriltag import FAMILIES, detect_tags
 from bodycam_ros.camera import CameraModel, camera_from_info

@@ -1,7 +1,7 @@
 """The articulated body's Jacobians, against numeric ones; forward kinematics against the body model's."""
 
 import numpy as np
-from range_of_motion import known_body, range_of_motion
+from helpers.range_of_motion import known_body, range_of_motion
 
 from bodycam_ros.body.articulation import ArticulatedMotion
 from bodycam_ros.geometry import inverse, log_se3

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_joint import closed_pose, joint_information
+from helpers.closed_joint import closed_pose, joint_information
 
 from bodycam_ros.body.equipment import Attachment, attachment_joint
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3, transform_points

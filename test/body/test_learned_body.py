@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from known_ride import bicycle
+from helpers.known_ride import bicycle
 
 from bodycam_ros.body.coupled_body import SettledLengths
 from bodycam_ros.body.equipment import Equipment

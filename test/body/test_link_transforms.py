@@ -1,7 +1,7 @@
 """The frames of a URDF's links: Pinocchio finds them in the same places."""
 
 import numpy as np
-from stock_consumer import StockConsumer
+from helpers.stock_consumer import StockConsumer
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.urdf import LinkTransforms, urdf_text

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from athletes import bicycle
-from known_motion import BODY
+from helpers.athletes import bicycle
+from helpers.known_motion import BODY
 from numpy.typing import NDArray
 
 from bodycam_ros.body.coupled_body import coupled_body

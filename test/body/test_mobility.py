@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from athletes import barbell, bicycle, snowboard
-from known_motion import BODY
+from helpers.athletes import barbell, bicycle, snowboard
+from helpers.known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body

@@ -5,10 +5,10 @@ from itertools import product
 
 import numpy as np
 import pytest
-from closed_joint import closed_pose, joint_information
-from known_motion import BODY, START_NS
+from helpers.closed_joint import closed_pose, joint_information
+from helpers.known_motion import BODY, START_NS
+from helpers.registration_of_a_pose import told_pose
 from scipy.optimize import least_squares
-from told_pose import told_pose
 
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment

@@ -5,7 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from range_of_motion import joints_in_cameras, known_body, known_rig, range_of_motion, registrations, wide_cameras
+from helpers.range_of_motion import (
+    joints_in_cameras,
+    known_body,
+    known_rig,
+    range_of_motion,
+    registrations,
+    wide_cameras,
+)
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from range_of_motion import known_body, range_of_motion, registrations, wide_cameras
+from helpers.range_of_motion import known_body, range_of_motion, registrations, wide_cameras
 
 from bodycam_ros.calibration.camera_motion import CameraLog, CameraMotion, camera_motion
 from bodycam_ros.calibration.image_evidence import ImageEvidence, image_evidence

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy_lens import project_with_jacobian_in_numpy, unproject_in_numpy
+from helpers.numpy_lens import project_with_jacobian_in_numpy, unproject_in_numpy
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.lens_kernels import (

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from known_lenses import LENSES
-from tiny_bag import START_NS, write_jpeg, write_tiny_bag
+from helpers.known_lenses import LENSES
+from helpers.tiny_bag import START_NS, write_jpeg, write_tiny_bag
 
 from bodycam_ros.camera.camera_image import decode_grey, read_image_file
 from bodycam_ros.camera.picture_size import picture_size

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from made_once import made_once
+from helpers.shared_by_workers import made_once
 from static_cameras.painted_bag import FRAMES, dressed_body, write_painted
 
 from bodycam_ros.body.body_file import read_body

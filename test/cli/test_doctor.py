@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
-from made_video import make_video, write_lens
+from helpers.altered_sample import write_altered_sample
+from helpers.made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.ingest.ingest_camera import find_cameras

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yourdfpy
-from mcap_doctor import doctor, read_beside_messages
+from helpers.mcap_doctor import doctor, read_beside_messages
+from helpers.talos import MAPPING, talos_urdf
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
-from talos import MAPPING, talos_urdf
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import BodyError

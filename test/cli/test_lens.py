@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from rendered_board import board_size, held_poses, rendered
+from helpers.rendered_board import board_size, held_poses, rendered
 
 from bodycam_ros.boards.board_design import board_yaml
 from bodycam_ros.boards.board_layout import BoardLayout

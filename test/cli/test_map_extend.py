@@ -13,8 +13,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
-from tiny_bag import write_tiny_bag
+from helpers.altered_sample import write_altered_sample
+from helpers.tiny_bag import write_tiny_bag
 
 from benchmarks.half_map import half_map
 from bodycam_ros.cli.main import main

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 import bodycam_ros
 from bodycam_ros.cli.main import main

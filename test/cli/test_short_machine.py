@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.body.urdf_xml import xml_elements
 

@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from doc_blocks import DocBlock, doc_blocks
+from helpers.doc_blocks import DocBlock, doc_blocks
 
 from bodycam_ros.cli import main as command_line
 from bodycam_ros.cli.settings import all_groups, all_settings_yaml

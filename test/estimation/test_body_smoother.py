@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_body import (
+from helpers.moving_body import (
     STEP_NS,
     body_with_cameras,
     frame_after,

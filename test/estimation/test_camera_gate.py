@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from moving_body import COVARIANCE, body_with_cameras, true_poses
+from helpers.moving_body import COVARIANCE, body_with_cameras, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import SegmentPose

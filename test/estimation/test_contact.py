@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from standing_leg import FRAMES, ROLLS, SWINGS, ball_of, frame_of, leg, true_poses
+from helpers.standing_leg import FRAMES, ROLLS, SWINGS, ball_of, frame_of, leg, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel, camera_from_info

@@ -1,8 +1,8 @@
 """Charts of states: vectors there and back, and how a vector moves a body, by differences."""
 
 import numpy as np
-from moving_body import body_with_cameras, true_poses
-from numeric_factor import numeric_jacobian
+from helpers.moving_body import body_with_cameras, true_poses
+from helpers.numeric_factor import numeric_jacobian
 
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M

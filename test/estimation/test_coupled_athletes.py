@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from athlete_frames import JUMPING, LEGS, Sight, boot_from_its_binding, leg_errors, solved
-from athletes import BODY, Athlete, cyclist, lifter, snowboarder
+from helpers.athlete_frames import JUMPING, LEGS, Sight, boot_from_its_binding, leg_errors, solved
+from helpers.athletes import BODY, Athlete, cyclist, lifter, snowboarder
 
 pytestmark = pytest.mark.long
 

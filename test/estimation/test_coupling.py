@@ -6,8 +6,8 @@ from functools import cache
 import gtsam
 import numpy as np
 import pytest
-from athlete_frames import Sight, Solved, solved
-from athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
+from helpers.athlete_frames import Sight, Solved, solved
+from helpers.athletes import BODY, CRANK_M, GRIP, Athlete, bicycle, cyclist, person
 
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment

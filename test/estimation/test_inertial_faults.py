@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from told_pose import told_pose
-from two_cameras import write_body
+from helpers.registration_of_a_pose import told_pose
+from helpers.two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body_state import BodyFrame

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
+from helpers.moving_body import STEP_NS, body_with_cameras, frame_after, lenses, position_errors, seen_by
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState

@@ -6,7 +6,7 @@ from typing import Any
 import gtsam
 import numpy as np
 import pytest
-from moving_body import COVARIANCE, STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
+from helpers.moving_body import COVARIANCE, STEP_NS, body_with_cameras, lenses, position_errors, seen_by, true_poses
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from known_walk import Walk, write_solved, write_truth
+from helpers.known_walk import Walk, write_solved, write_truth
 
 
 @pytest.fixture(scope="session")

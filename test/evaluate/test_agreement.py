@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from captured_files import origins, seconds, write_bvh, write_c3d, write_trc, write_tum
-from known_walk import FRAME_NS, START_NS, Walk, write_solved
+from helpers.captured_files import origins, seconds, write_bvh, write_c3d, write_trc, write_tum
+from helpers.known_walk import FRAME_NS, START_NS, Walk, write_solved
 from scipy.ndimage import gaussian_filter1d
 
 from bodycam_ros.errors import RecordingError

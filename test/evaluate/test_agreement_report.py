@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
-from known_walk import FRAME_NS, Walk
+from helpers.captured_files import MIXAMO, origins, seconds, write_bvh, write_trc
+from helpers.known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.sections import Link, Picture, Section, Table, column_table, render_page

@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from known_walk import FRAMES, Walk, write_solved, write_truth
+from helpers.known_walk import FRAMES, Walk, write_solved, write_truth
 
 from benchmarks.body_from_truth import body_from_truth
 from bodycam_ros.evaluate.comparison import read_true_motion

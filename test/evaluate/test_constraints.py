@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from held_ride import UNPLACED, write_held
-from known_walk import FRAMES, Walk, walking_body, write_solved
+from helpers.known_walk import FRAMES, Walk, walking_body, write_solved
+from helpers.ride_with_open_joints import UNPLACED, write_held
 
 from benchmarks.with_and_without import WithAndWithout, draw_constraints, with_and_without
 from bodycam_ros.errors import RecordingError

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from unshown_progress import Unshown
+from helpers.recorded_progress import Unshown
 
 from bodycam_ros.evaluate.coverage import (
     BODY_CAMERA,

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from held_ride import OFF, UNPLACED, write_held
-from known_walk import FRAME_NS, FRAMES, Walk
+from helpers.known_walk import FRAME_NS, FRAMES, Walk
+from helpers.ride_with_open_joints import OFF, UNPLACED, write_held
 from matplotlib.figure import Figure
 
 from bodycam_ros.cli.main import main

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_gait import KnownGait
+from helpers.known_gait import KnownGait
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.evaluate.comparison import read_true_motion

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import (
+from helpers.known_walk import (
     FRAME_NS,
     FRAMES,
     LANDMARKS,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import FRAMES, Walk, write_solved, write_truth
+from helpers.known_walk import FRAMES, Walk, write_solved, write_truth
 
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.geometry import exp_so3, rigid

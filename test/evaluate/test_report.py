@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from known_walk import LOST, START_NS, Walk, write_images, write_solved
+from helpers.known_walk import LOST, START_NS, Walk, write_images, write_solved
 from numpy.typing import NDArray
 
 import bodycam_ros

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import START_NS, Walk, write_solved
+from helpers.known_walk import START_NS, Walk, write_solved
 from matplotlib.image import imread
 
 from bodycam_ros.body.body_model import BodyModel

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import FRAME_NS, FRAMES, START_NS, Walk, walking_body, write_solved, write_truth
+from helpers.known_walk import FRAME_NS, FRAMES, START_NS, Walk, walking_body, write_solved, write_truth
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.cli.main import main

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import Walk, write_solved
+from helpers.known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.evaluate.evaluation import evaluate, solved_verdict

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_walk import START_NS, Walk, write_solved, write_truth
+from helpers.known_walk import START_NS, Walk, write_solved, write_truth
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.evaluation import evaluate

@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from altered_sample import CAMERAS, write_altered_sample
-from unshown_progress import Unshown
+from helpers.altered_sample import CAMERAS, write_altered_sample
+from helpers.recorded_progress import Unshown
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from known_walk import Walk, write_solved
+from helpers.known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import write_body
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pybvh
 import pytest
-from captured_files import MIXAMO, Z_UP_TO_Y_UP, origins, seconds, write_bvh, write_c3d, write_trc, write_tum
-from known_walk import FRAME_NS, Walk
-from limited_memory import limited_memory
+from helpers.captured_files import MIXAMO, Z_UP_TO_Y_UP, origins, seconds, write_bvh, write_c3d, write_trc, write_tum
+from helpers.known_walk import FRAME_NS, Walk
+from helpers.limited_memory import limited_memory
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.formats.captured_motion import CapturedMotion

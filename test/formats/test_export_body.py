@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 import yourdfpy
-from known_walk import Walk, write_solved
+from helpers.known_walk import Walk, write_solved
 
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel

@@ -10,8 +10,8 @@ import pybvh
 import pygltflib
 import pytest
 import trimesh
-from exported import JOINT_M, Exported
-from known_walk import Walk, write_solved
+from helpers.exported_files import JOINT_M, Exported
+from helpers.known_walk import Walk, write_solved
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 

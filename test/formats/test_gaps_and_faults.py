@@ -8,8 +8,8 @@ import ezc3d
 import numpy as np
 import pybvh
 import pytest
-from exported import Exported
-from known_walk import FRAME_NS, START_NS, Walk, write_solved
+from helpers.exported_files import Exported
+from helpers.known_walk import FRAME_NS, START_NS, Walk, write_solved
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment_report import EquipmentReport

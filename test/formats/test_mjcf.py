@@ -7,8 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from known_motion import BODY
-from known_walk import Walk
+from helpers.known_motion import BODY
+from helpers.known_walk import Walk
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body

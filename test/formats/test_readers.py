@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from exported import JOINT_M, Exported
-from known_walk import Walk, write_solved
+from helpers.exported_files import JOINT_M, Exported
+from helpers.known_walk import Walk, write_solved
 
 from bodycam_ros.formats.opensim import OPENSIM_R_OURS
 

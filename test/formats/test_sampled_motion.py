@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_walk import FRAME_NS, Walk, write_solved
+from helpers.known_walk import FRAME_NS, Walk, write_solved
+from helpers.recorded_progress import Unshown
 from scipy.spatial.transform import Rotation, Slerp
-from unshown_progress import Unshown
 
 from bodycam_ros.formats.sampled_motion import SampledMotion, sample_motion
 from bodycam_ros.kinematics.joint_angles import JointAngles

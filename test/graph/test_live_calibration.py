@@ -4,7 +4,7 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 
 import yaml
-from range_of_motion import known_body, known_rig, range_of_motion, registrations, wide_cameras
+from helpers.range_of_motion import known_body, known_rig, range_of_motion, registrations, wide_cameras
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.graph.live_calibration import LiveCalibration

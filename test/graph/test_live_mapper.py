@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from helpers.known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_se3

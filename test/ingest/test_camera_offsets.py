@@ -6,8 +6,8 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from clapped_sound import Recorder, sources, true_start, worst_errors
-from unshown_progress import Unshown
+from helpers.clapped_sound import Recorder, sources, true_start, worst_errors
+from helpers.recorded_progress import Unshown
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest import camera_offsets

@@ -2,7 +2,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from made_video import make_video
+from helpers.made_video import make_video
 
 from bodycam_ros.ingest.camera_offsets import creation_times, plausible_time
 from bodycam_ros.recording.camera_video import CameraVideo

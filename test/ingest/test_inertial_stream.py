@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_telemetry import add_telemetry, inertial_payloads, nested, record
-from made_video import make_video, write_lens
+from helpers.made_telemetry import add_telemetry, inertial_payloads, nested, record
+from helpers.made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import RecordingError

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn, write_lens
-from mcap_doctor import doctor, read_beside_messages
+from helpers.made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn, write_lens
+from helpers.mcap_doctor import doctor, read_beside_messages
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from turning_body import RIG, Clock, camera_speed, turning_body
+from helpers.turning_body import RIG, Clock, camera_speed, turning_body
 
 from bodycam_ros.ingest.motion_sync import motion_times
 from bodycam_ros.tracking.angular_speed import AngularSpeed

@@ -3,7 +3,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from clapped_sound import Recorder, sound_of, source
+from helpers.clapped_sound import Recorder, sound_of, source
 
 from bodycam_ros.ingest.sound_envelope import ENVELOPE_S, CameraSound, scan_sound
 from bodycam_ros.recording.sound import SoundBlock

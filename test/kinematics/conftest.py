@@ -1,5 +1,5 @@
 """Fixtures ``body`` and ``random``."""
 
-from jointed_body import body, random
+from helpers.jointed_body import body, random
 
 __all__ = ["body", "random"]

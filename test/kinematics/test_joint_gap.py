@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from closed_joint import closed_pose
+from helpers.closed_joint import closed_pose
 
 from bodycam_ros.geometry import Array, exp_se3
 from bodycam_ros.kinematics.joint import Joint, JointType

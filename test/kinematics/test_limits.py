@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
-from known_motion import BODY
+from helpers.known_motion import BODY
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import exp_so3

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from known_lenses import LENSES, held
+from helpers.known_lenses import LENSES, held
 
 from bodycam_ros.lens.lens_fit import as_model, fit_lens, initial_fit
 from bodycam_ros.lens.lens_quality import ray_difference_px, ray_grid

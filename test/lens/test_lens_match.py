@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from known_lenses import LENSES
+from helpers.known_lenses import LENSES
 
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.lens.lens_check import match_lens

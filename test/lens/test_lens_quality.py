@@ -1,8 +1,8 @@
 from dataclasses import replace
 
 import numpy as np
-from known_lenses import CHARUCO, LENSES, held, views_of
-from rendered_board import held_poses
+from helpers.known_lenses import CHARUCO, LENSES, held, views_of
+from helpers.rendered_board import held_poses
 
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.lens.lens_fit import as_model, fit_lens, initial_fit

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from board_picture import board_picture, looking_at_origin, true_corners, two_by_two_board, wide_camera
+from helpers.board_picture import board_picture, looking_at_origin, true_corners, two_by_two_board, wide_camera
 
 from bodycam_ros.boards.apriltag import FAMILIES, TagView, detect_tags
 from bodycam_ros.boards.board import Board

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from turned_view import CAMERA, rolled_view, turned_view
-from unshown_progress import Unshown
+from helpers.recorded_progress import Unshown
+from helpers.turned_view import CAMERA, rolled_view, turned_view
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.camera.camera_image import CameraImage

@@ -1,7 +1,7 @@
 import numpy as np
 import pycolmap
 import pytest
-from small_structure import small_structure
+from helpers.small_structure import small_structure
 
 from bodycam_ros.mapping import colmap
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_keyframes import LANDMARKS, keyframes, small_map, unknown_points, worn_camera
+from helpers.known_keyframes import LANDMARKS, keyframes, small_map, unknown_points, worn_camera
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from grown_room import CAMERA, cameras, elsewhere, unlike, walk, walls
+from helpers.grown_room import CAMERA, cameras, elsewhere, unlike, walk, walls
 
 from bodycam_ros.mapping.extendable_map import VIEWS, make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.small_structure import small_structure
 from numpy.typing import NDArray
-from small_structure import small_structure
 
 from bodycam_ros.geometry import exp_so3, rotation_to_z
 from bodycam_ros.mapping.floor import stand_on_floor

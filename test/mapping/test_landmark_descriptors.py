@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from small_structure import small_structure
+from helpers.small_structure import small_structure
 
 from bodycam_ros.mapping.features import ImageFeatures
 from bodycam_ros.mapping.structure import choose_descriptors

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grown_room import CAMERA, FRAME_NS, elsewhere, keyframe, unlike, walked, walls
+from helpers.grown_room import CAMERA, FRAME_NS, elsewhere, keyframe, unlike, walked, walls
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points

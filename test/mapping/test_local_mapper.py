@@ -6,7 +6,7 @@ from itertools import groupby
 
 import numpy as np
 import pytest
-from grown_room import CAMERAS, FRAME_NS, elsewhere, keyframe, named, unlike, walk, walked, walls
+from helpers.grown_room import CAMERAS, FRAME_NS, elsewhere, keyframe, named, unlike, walk, walked, walls
 from numpy.typing import NDArray
 
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe

@@ -5,9 +5,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from made_video import HEIGHT, WIDTH, make_video, picture, turn, write_lens
-from tiny_bag import HEIGHT as BAG_HEIGHT
-from tiny_bag import WIDTH as BAG_WIDTH
+from helpers.made_video import HEIGHT, WIDTH, make_video, picture, turn, write_lens
+from helpers.tiny_bag import HEIGHT as BAG_HEIGHT
+from helpers.tiny_bag import WIDTH as BAG_WIDTH
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import LensError

@@ -6,10 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from board_picture import wide_camera
+from helpers.board_picture import wide_camera
+from helpers.recorded_progress import Unshown
+from helpers.small_structure import small_structure
 from numpy.typing import NDArray
-from small_structure import small_structure
-from unshown_progress import Unshown
 
 from bodycam_ros.mapping.small_photographs import small_photographs, surface_normals
 from bodycam_ros.mapping.structure import Structure

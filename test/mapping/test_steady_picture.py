@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from turned_view import CAMERA, rolled_view, turned_view
+from helpers.turned_view import CAMERA, rolled_view, turned_view
 
 from bodycam_ros.mapping.frame_choice import steady_picture
 from bodycam_ros.tracking.angular_speed import angular_speed

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 import yaml
-from driven_camera import DrivenCamera
-from two_cameras import write_map
+from helpers.driven_camera import DrivenCamera
+from helpers.two_cameras import write_map
 
 from bodycam_ros.cli.settings import all_groups
 from bodycam_ros.graph.declared_graph import GraphNode

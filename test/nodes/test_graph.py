@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from live_graph import live_graph
+from helpers.live_graph import live_graph
+from helpers.two_cameras import write_body
 from static_cameras.dressed_body import stations_around
-from two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file

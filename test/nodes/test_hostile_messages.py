@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_graph import live_graph
+from helpers.live_graph import live_graph
 
 CAMERA = "waist_front"
 JOINTS = "/joint_states"
@@ -101,7 +101,7 @@ def memory_mb(pid: int) -> float:
 
 @pytest.mark.long
 def test_nodes_live_through_hostile_messages_and_go_on(graph: Any, sample: Path) -> None:
-    from live_drivers import Drivers
+    from helpers.live_drivers import Drivers
 
     graph.listen({JOINTS: "sensor_msgs/msg/JointState"})
     drivers = Drivers(graph, sample / "sample/bag", [CAMERA])

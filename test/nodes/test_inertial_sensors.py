@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
-from live_graph import live_graph, player
+from helpers.altered_sample import write_altered_sample
+from helpers.live_graph import live_graph, player
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from known_keyframes import K, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from helpers.known_keyframes import K, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import inverse, log_se3

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_graph import live_graph, player
+from helpers.live_graph import live_graph, player
 
 from bodycam_ros.graph.declared_graph import READERS_OF_LANDMARKS, GraphNode
 

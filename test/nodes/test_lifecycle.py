@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_graph import live_graph
-from two_cameras import write_map
+from helpers.live_graph import live_graph
+from helpers.two_cameras import write_map
 
 from bodycam_ros.graph.declared_graph import GraphNode
 
@@ -44,7 +44,7 @@ def managed(nodes: list[GraphNode]) -> list[GraphNode]:
 
 @pytest.mark.long
 def test_a_graph_is_managed_from_its_start_to_its_end(graph: Any, sample: Path) -> None:
-    from live_drivers import FRAME_NS, Drivers
+    from helpers.live_drivers import FRAME_NS, Drivers
     from std_srvs.srv import Trigger
 
     graph.listen({TRACKS: "bodycam_msgs/msg/FeatureTracks", LANDMARKS: "bodycam_msgs/msg/LandmarkMatches"})

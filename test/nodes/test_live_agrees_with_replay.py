@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
-from live_graph import live_graph, player
+from helpers.altered_sample import write_altered_sample
+from helpers.live_graph import live_graph, player
 
 from bodycam_ros.body.average_person import person_masses
 from bodycam_ros.body.body_file import read_body

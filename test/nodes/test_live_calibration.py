@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from range_of_motion import (
+from helpers.range_of_motion import (
     RangeOfMotion,
     joints_in_cameras,
     known_body,

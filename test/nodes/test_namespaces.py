@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from tiny_bag import write_tiny_bag
+from helpers.tiny_bag import write_tiny_bag
 
 from bodycam_ros.graph.declared_graph import GraphNode
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.errors import MapError
 from bodycam_ros.graph.declared_graph import GraphNode
@@ -56,7 +56,7 @@ def played(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[A
     """The graph has played some of the sample, was listened to from outside, and has been interrupted."""
     for package in ("rclpy", "bodycam_msgs"):
         pytest.importorskip(package, reason=f"{package} is not installed; 'make test' installs it")
-    from live_graph import running_graph
+    from helpers.live_graph import running_graph
     from std_srvs.srv import Trigger
 
     folder = tmp_path_factory.mktemp("one_process")

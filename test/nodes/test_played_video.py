@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_video import make_video, write_lens
+from helpers.made_video import make_video, write_lens
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import SettingsError

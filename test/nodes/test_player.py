@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tiny_bag import FRAME_NS, START_NS, write_tiny_bag
+from helpers.tiny_bag import FRAME_NS, START_NS, write_tiny_bag
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.graph.declared_graph import GraphNode

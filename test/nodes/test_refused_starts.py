@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.tiny_bag import write_tiny_bag
+from helpers.two_cameras import write_body, write_map
 from static_cameras.dressed_body import stations_around
-from tiny_bag import write_tiny_bag
-from two_cameras import write_body, write_map
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.formats.stations_file import write_stations

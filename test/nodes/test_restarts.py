@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from live_graph import live_graph
+from helpers.live_graph import live_graph
 
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns
@@ -16,7 +16,7 @@ _START_S, _SOON_S = 90.0, 60.0
 
 @pytest.mark.long
 def test_every_node_is_killed_and_the_body_goes_on(graph: Any, sample: Path) -> None:
-    from live_drivers import Drivers
+    from helpers.live_drivers import Drivers
 
     landmarks = {f"/{camera}/landmarks": "bodycam_msgs/msg/LandmarkMatches" for camera in CAMERAS}
     graph.listen(landmarks | {"/joint_states": "sensor_msgs/msg/JointState"})

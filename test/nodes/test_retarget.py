@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from said_by_solver import SaidBySolver
-from talos import MAPPING, talos_urdf
-from unshown_progress import Unshown
+from helpers.published_by_solver import SaidBySolver
+from helpers.recorded_progress import Unshown
+from helpers.talos import MAPPING, talos_urdf
 
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.graph.declared_graph import GraphNode

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from two_cameras import BODY, write_map
+from helpers.two_cameras import BODY, write_map
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.graph.declared_graph import GraphNode

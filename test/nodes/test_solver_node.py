@@ -8,9 +8,9 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from frame_tree import FrameTree
-from told_pose import told_pose
-from two_cameras import write_body
+from helpers.frame_tree import FrameTree
+from helpers.registration_of_a_pose import told_pose
+from helpers.two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_graph import live_graph, player
+from helpers.live_graph import live_graph, player
 from numpy.typing import NDArray
 from static_cameras.dressed_body import DressedBody, small_motion, stations_around
 from static_cameras.painted_bag import FRAME_NS, START_NS, write_bag

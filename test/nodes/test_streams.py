@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from driven_camera import DrivenCamera, stamps
-from two_cameras import write_map
+from helpers.driven_camera import DrivenCamera, stamps
+from helpers.two_cameras import write_map
 
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import stamp_ns

@@ -5,9 +5,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from live_graph import live_graph, player
-from tiny_bag import CAMERAS, FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
-from two_cameras import write_body, write_map
+from helpers.live_graph import live_graph, player
+from helpers.tiny_bag import CAMERAS, FRAME_NS, HEIGHT, START_NS, WIDTH, write_camera_info, write_jpeg, write_tiny_bag
+from helpers.two_cameras import write_body, write_map
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.urdf import urdf_text

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.messages.factory import Message

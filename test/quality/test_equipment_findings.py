@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from held_ride import record
-from known_ride import bicycle
+from helpers.known_ride import bicycle
+from helpers.ride_with_open_joints import record
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.quality.equipment_findings import equipment_findings

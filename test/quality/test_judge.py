@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
+from helpers.known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
 
 from bodycam_ros.geometry import Array, exp_se3, rigid
 from bodycam_ros.results.verdict import Finding, Level, Verdict

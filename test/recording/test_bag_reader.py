@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from mcap.writer import Writer as McapWriter
-from tiny_bag import (
+from helpers.tiny_bag import (
     FRAME_NS,
     HEIGHT,
     START_NS,
@@ -19,6 +18,7 @@ from tiny_bag import (
     write_jpeg,
     write_tiny_bag,
 )
+from mcap.writer import Writer as McapWriter
 
 from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from helpers.mcap_doctor import doctor, read_beside_messages
+from helpers.tiny_bag import START_NS, write_tiny_bag
 from mcap.reader import make_reader
-from mcap_doctor import doctor, read_beside_messages
 from rosbags.highlevel import AnyReader
-from tiny_bag import START_NS, write_tiny_bag
 
 from bodycam_ros.errors import OutputError
 from bodycam_ros.messages.body import joint_state_message

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from limited_memory import limited_memory
+from helpers.limited_memory import limited_memory
+from helpers.tiny_bag import write_tiny_bag
 from lz4.frame import compress as lz4_compress
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from tiny_bag import write_tiny_bag
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.bag_file import BagFile

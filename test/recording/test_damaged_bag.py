@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from helpers.tiny_bag import START_NS, write_by_rosbags, write_camera_info
 from mcap.reader import make_reader
-from tiny_bag import START_NS, write_by_rosbags, write_camera_info
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.messages.factory import header_message

@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from made_video import make_video, number_in
+from helpers.made_video import make_video, number_in
 
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, decode_grey
 from bodycam_ros.errors import RecordingError

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from av import VideoFrame
-from made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn
+from helpers.made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError

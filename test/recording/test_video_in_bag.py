@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_video import make_video, number_in, write_lens
+from helpers.made_video import make_video, number_in, write_lens
 
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.cli.main import main

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from reprojection import reprojection_errors
+from helpers.reprojection import reprojection_errors
 
 from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.geometry import inverse, log_se3

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from helpers.numpy_patches import best_views_in_numpy, choose_in_numpy
 from numpy.typing import NDArray
-from numpy_patches import best_views_in_numpy, choose_in_numpy
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.local_scale import local_scales, radial_gains

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from helpers.reprojection import reprojection_errors
 from numpy.typing import NDArray
-from reprojection import reprojection_errors
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from known_keyframes import small_map
+from helpers.known_keyframes import small_map
 
 from bodycam_ros.mapping.extendable_map import ADDED, make_extendable
 from bodycam_ros.registration.map_identity import MapIdentity, map_identity

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from helpers.numpy_patches import align_in_numpy, exact_pixels
+from helpers.textured_plane import Wall, exposed, texture_of
 from numpy.typing import NDArray
-from numpy_patches import align_in_numpy, exact_pixels
-from textured_plane import Wall, exposed, texture_of
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.camera.lens_kernels import PROJECTION

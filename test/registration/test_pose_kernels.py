@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy_pose_fit import fit_pose_in_numpy, seen_later
+from helpers.numpy_pose_fit import fit_pose_in_numpy, seen_later
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import exp_se3, transform_points

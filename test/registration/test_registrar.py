@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reprojection import reprojection_errors
+from helpers.reprojection import reprojection_errors
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey

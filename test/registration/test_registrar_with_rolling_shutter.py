@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rolling_camera import START_NS, landmarks_ahead, map_of, swinging, track_frames, wide_camera
+from helpers.rolling_camera import START_NS, landmarks_ahead, map_of, swinging, track_frames, wide_camera
 
 from bodycam_ros.camera import readout
 from bodycam_ros.camera.readout import Readout

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy_pose_fit import Point, Problem, seen_later
-from rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide_camera
+from helpers.numpy_pose_fit import Point, Problem, seen_later
+from helpers.rolling_camera import constant_twist, landmarks_ahead, rolling_pixels, wide_camera
 
 from bodycam_ros.geometry import exp_se3, inverse, log_se3, transform_points
 from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose

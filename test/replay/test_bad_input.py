@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from altered_sample import CAMERAS, write_altered_sample
+from helpers.altered_sample import CAMERAS, write_altered_sample
+from helpers.tiny_bag import write_by_rosbags
 from mcap.reader import make_reader
-from tiny_bag import write_by_rosbags
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.cli.main import main

@@ -4,7 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.pipeline.settings import PipelineSettings

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from altered_sample import CAMERAS, write_altered_sample
+from helpers.altered_sample import CAMERAS, write_altered_sample
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.results.solved_recording import read_solved

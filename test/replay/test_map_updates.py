@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
-from grown_room import CAMERAS, elsewhere, named, unlike, walk, walls
+from helpers.altered_sample import write_altered_sample
+from helpers.grown_room import CAMERAS, elsewhere, named, unlike, walk, walls
 
 from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError

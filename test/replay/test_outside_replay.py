@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from made_once import made_once
+from helpers.shared_by_workers import made_once
+from helpers.tiny_bag import write_tiny_bag
 from numpy.typing import NDArray
 from static_cameras.dressed_body import small_motion
 from static_cameras.painted_bag import FRAME_NS, FRAMES, START_NS, dressed_body, write_painted
-from tiny_bag import write_tiny_bag
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.results.solved_recording import read_solved

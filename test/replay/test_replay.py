@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.estimation.smoother_settings import SmootherSettings

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from altered_sample import write_altered_sample
+from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.recording.bag_file import BagFile

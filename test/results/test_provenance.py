@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.mcap_doctor import doctor, read_beside_messages
 from mcap.reader import make_reader
-from mcap_doctor import doctor, read_beside_messages
 from rosbags.highlevel import AnyReader
 
 import bodycam_ros

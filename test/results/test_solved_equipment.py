@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio
 import pytest
 import yourdfpy
-from known_ride import TURNS
-from known_walk import Walk, write_solved
+from helpers.known_ride import TURNS
+from helpers.known_walk import Walk, write_solved
 
 from bodycam_ros.geometry import inverse
 from bodycam_ros.recording.bag_file import BagFile

@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 
 import pytest
-from limited_memory import limited_memory
-from talos import talos_urdf
+from helpers.limited_memory import limited_memory
+from helpers.talos import talos_urdf
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.robot.mapping import RobotMapping

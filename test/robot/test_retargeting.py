@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yourdfpy
+from helpers.recorded_progress import Unshown
+from helpers.talos import MAPPING, talos_urdf
 from msgspec.structs import replace
-from talos import MAPPING, talos_urdf
-from unshown_progress import Unshown
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from known_walk import Walk
+from helpers.known_walk import Walk
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel

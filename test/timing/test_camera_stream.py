@@ -1,7 +1,7 @@
 """What a free-running camera says of instants at which it took no image."""
 
 import numpy as np
-from range_of_motion import START_NS, wide_cameras
+from helpers.range_of_motion import START_NS, wide_cameras
 
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse, log_se3, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from range_of_motion import START_NS
-from started_by_hand import (
+from helpers.range_of_motion import START_NS
+from helpers.started_by_hand import (
     BODY,
     CAMERAS,
     FLOOR,

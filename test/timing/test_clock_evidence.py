@@ -1,8 +1,8 @@
 """The side problem of clocks: its normal equations against numbers, and what it says of a window."""
 
 import numpy as np
-from range_of_motion import START_NS
-from started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
+from helpers.range_of_motion import START_NS
+from helpers.started_by_hand import BODY, CAMERAS, FLOOR, REFERENCE, CameraRun, Recording, free_running
 
 from bodycam_ros.body.articulation import motion_of_cameras
 from bodycam_ros.geometry import inverse, log_se3

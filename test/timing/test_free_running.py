@@ -1,8 +1,8 @@
 """The instants at which a body is solved, and what its cameras say of them."""
 
 import numpy as np
-from range_of_motion import START_NS, range_of_motion
-from started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
+from helpers.range_of_motion import START_NS, range_of_motion
+from helpers.started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, free_running
 
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.geometry import inverse, log_se3

@@ -19,7 +19,7 @@ from bodycam_ros.viewer.scene import REGISTERED, SELECTED
 from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, points_to_see
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
-from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
+from helpers.view_in_browser import BrowserView, find_chromium, served  # noqa: E402
 
 pytestmark = pytest.mark.long
 

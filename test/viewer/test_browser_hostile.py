@@ -11,7 +11,7 @@ from bodycam_ros.viewer.placing import support_table
 from bodycam_ros.viewer.server import LocalServer
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
-from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
+from helpers.view_in_browser import BrowserView, find_chromium, served  # noqa: E402
 
 pytestmark = pytest.mark.long
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_once import made_once
+from helpers.shared_by_workers import made_once
 from static_cameras.dressed_body import DressedBody, small_motion
 from static_cameras.painted_bag import FRAMES, dressed_body, write_painted
 
 from bodycam_ros.formats.read_captured import read_start
 
 pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
-from view_in_browser import BrowserView, find_chromium, served  # noqa: E402
+from helpers.view_in_browser import BrowserView, find_chromium, served  # noqa: E402
 
 pytestmark = pytest.mark.long
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from held_ride import UNPLACED, write_held
-from known_walk import FRAMES, Walk, walking_body, write_solved
+from helpers.known_walk import FRAMES, Walk, walking_body, write_solved
+from helpers.ride_with_open_joints import UNPLACED, write_held
 from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_file import read_body

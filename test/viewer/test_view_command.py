@@ -10,7 +10,7 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
-from ended_with_us import ended_with_us
+from helpers.owned_processes import ended_with_us
 
 from bodycam_ros.cli.main import main
 

@@ -4,7 +4,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from known_calibration import calibrated_body, good_diagnosis, worrying_diagnosis
+from helpers.known_calibration import calibrated_body, good_diagnosis, worrying_diagnosis
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_calibration import (
+from helpers.known_calibration import (
     SHORT_THIGH,
     SLIPPED_CAMERA,
     STIFF_JOINT,

@@ -3,8 +3,8 @@
 import gtsam
 import numpy as np
 import pytest
-from moving_body import COVARIANCE, body_with_cameras, true_poses
-from numeric_factor import assert_linearised
+from helpers.moving_body import COVARIANCE, body_with_cameras, true_poses
+from helpers.numeric_factor import assert_linearised
 
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors import camera_poses

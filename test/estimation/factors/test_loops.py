@@ -3,7 +3,7 @@
 import gtsam
 import numpy as np
 import pytest
-from numeric_factor import assert_linearised
+from helpers.numeric_factor import assert_linearised
 
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors.factor import on_state

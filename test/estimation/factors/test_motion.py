@@ -2,8 +2,8 @@
 
 import gtsam
 import numpy as np
-from moving_body import body_with_cameras, true_poses
-from numeric_factor import numeric_jacobian
+from helpers.moving_body import body_with_cameras, true_poses
+from helpers.numeric_factor import numeric_jacobian
 
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M

@@ -5,8 +5,8 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 import pytest
-from moving_body import body_with_cameras, true_poses
-from numeric_factor import assert_linearised, numeric_jacobian
+from helpers.moving_body import body_with_cameras, true_poses
+from helpers.numeric_factor import assert_linearised, numeric_jacobian
 
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.factors.factor import on_step

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-MAPPING = Path(__file__).parent.parent / "config" / "robot" / "talos.yaml"
+MAPPING = Path(__file__).parents[2] / "config" / "robot" / "talos.yaml"
 
 
 def talos_urdf() -> Path:

@@ -16,8 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from ended_with_us import ended_with_us
-from own_domain import own_domain
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
@@ -29,8 +27,10 @@ from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.nodes.parameters import latched, message_class, reliable
 from bodycam_ros.nodes.process import ignore_discovery
 from bodycam_ros.recording.bag_writer import is_latched, write_recording
+from helpers.own_domain import own_domain
+from helpers.owned_processes import ended_with_us
 
-_REPOSITORY = Path(__file__).parent.parent
+_REPOSITORY = Path(__file__).parents[2]
 _DEPTH = 5000
 _ASKED = 4
 _START_S, _GRACE_S = 60.0, 30.0

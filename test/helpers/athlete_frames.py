@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
-from moving_body import lenses
 from numpy.typing import NDArray
 
 from bodycam_ros.body.coupled_body import coupled_body
@@ -20,6 +18,8 @@ from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from helpers.athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
+from helpers.moving_body import lenses
 
 Array = NDArray[np.float64]
 Stretches = tuple[tuple[float, float], ...]

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from known_motion import BODY
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
-from two_link_limb import two_links
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
+from helpers.known_motion import BODY
+from helpers.two_link_limb import two_links
 
 Array = NDArray[np.float64]
 

@@ -2,11 +2,11 @@
 
 import cv2
 import numpy as np
-from rendered_board import held_poses
 
 from bodycam_ros.boards.board_detector import BoardView
 from bodycam_ros.boards.board_layout import BoardLayout
 from bodycam_ros.camera import camera_from_info
+from helpers.rendered_board import held_poses
 
 _TAGS = cv2.aruco.DICT_APRILTAG_36h11
 

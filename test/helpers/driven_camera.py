@@ -6,10 +6,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-from tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
 
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.messages.factory import array_sequence, header_message
+from helpers.tiny_bag import FRAME_NS, HEIGHT, START_NS, WIDTH
 
 PERIOD_S = 0.05
 

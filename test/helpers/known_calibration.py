@@ -13,7 +13,7 @@ from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, 
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagnosis, JointDiagnosis
 from bodycam_ros.kinematics.joint import Joint
 
-SAMPLE_BODY = Path(__file__).parent.parent / "bags" / "body.yaml"
+SAMPLE_BODY = Path(__file__).parents[2] / "bags" / "body.yaml"
 SHORT_THIGH, STIFF_JOINT, SLIPPED_CAMERA = "thigh_left", "elbow_right", "shin_right"
 HINGES = ("elbow_left", "elbow_right", "knee_left", "knee_right")
 

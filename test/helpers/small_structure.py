@@ -1,11 +1,11 @@
 """A structure of a few cameras and points with exact observations, for tests."""
 
 import numpy as np
-from board_picture import looking_at_origin, wide_camera
 
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.mapping.structure import Structure
+from helpers.board_picture import looking_at_origin, wide_camera
 
 
 def fisheye_camera() -> CameraModel:

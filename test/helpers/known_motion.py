@@ -6,7 +6,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from told_pose import told_pose
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, rigid
@@ -14,8 +13,9 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.verdict import Verdict
+from helpers.registration_of_a_pose import told_pose
 
-BODY = read_body(Path(__file__).parents[1] / "bags" / "body.yaml")
+BODY = read_body(Path(__file__).parents[2] / "bags" / "body.yaml")
 RATE_HZ, DURATION_S = 30.0, 4.0
 START_NS = 1_700_000_000_000_000_000
 _NOISE_RAD, _NOISE_M = 0.002, 0.004

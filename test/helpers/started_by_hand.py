@@ -6,14 +6,14 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from range_of_motion import START_NS, known_body, range_of_motion
-from told_pose import told_pose
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
 from bodycam_ros.timing.frame_assembler import FrameAssembler
+from helpers.range_of_motion import START_NS, known_body, range_of_motion
+from helpers.registration_of_a_pose import told_pose
 
 Array = NDArray[np.float64]
 

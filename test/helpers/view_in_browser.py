@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from ended_with_us import ended_with_us
 from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import Locator, Page, sync_playwright
 
-REPOSITORY = Path(__file__).parent.parent
+from helpers.owned_processes import ended_with_us
+
+REPOSITORY = Path(__file__).parents[2]
 CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 WINDOW = (1330, 700)
 

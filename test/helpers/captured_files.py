@@ -5,9 +5,10 @@ from pathlib import Path
 
 import ezc3d
 import numpy as np
-from known_walk import PARENTS, Walk
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from helpers.known_walk import PARENTS, Walk
 
 Points = NDArray[np.float64]
 

@@ -3,7 +3,6 @@ hand. The frame is seen from a pelvis that sways, so its free joint never rests.
 """
 
 import numpy as np
-from known_walk import FRAME_NS, FRAMES, START_NS, Poses, Walk, translation, walking_body
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.body.coupled_body import coupled_body
@@ -11,6 +10,7 @@ from bodycam_ros.body.equipment import Attachment, Equipment, SegmentMotion
 from bodycam_ros.geometry import exp_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.joint_angles import JointAngles
+from helpers.known_walk import FRAME_NS, FRAMES, START_NS, Poses, Walk, translation, walking_body
 
 TURNS = 3.0
 _LIMB_M, _CRANK_M = 0.4, 0.17

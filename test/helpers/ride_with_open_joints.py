@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from known_walk import FRAMES, Walk, write_solved
 
 from bodycam_ros.body.equipment_report import EquipmentLog, EquipmentRecord, EquipmentReport
 from bodycam_ros.messages.body import EQUIPMENT, equipment_message
 from bodycam_ros.recording.typestore import recorded_messages
+from helpers.known_walk import FRAMES, Walk, write_solved
 
 OFF = range(20, 26)
 """Frames at which the foot is off its pedal."""

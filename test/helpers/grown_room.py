@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from rolling_camera import map_of, wide_camera
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import scales_at
@@ -14,6 +13,7 @@ from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.registration.matching import RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH, NO_LANDMARK
+from helpers.rolling_camera import map_of, wide_camera
 
 Array = NDArray[np.float64]
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from numpy_lens import project_in_numpy, project_with_jacobian_in_numpy
-from numpy_pose_fit import seen_later
 from scipy.ndimage import map_coordinates
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.registration.patch_kernels import PATCH
+from helpers.numpy_lens import project_in_numpy, project_with_jacobian_in_numpy
+from helpers.numpy_pose_fit import seen_later
 
 Array = NDArray[np.float64]
 Levels = list[NDArray[np.uint8]]

@@ -1,0 +1,1 @@
+"""What several tests stand on: bodies, motions, recordings and graphs of which everything is known."""
