@@ -27,7 +27,7 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.map_updates import MapReplica, MapUpdate, MapUpdateSource
+from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate, MapUpdateSource
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 
 __all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.files.bounded_inputs import bound_inputs
 from bodycam_ros.pipeline.settings import PipelineSettings
-from bodycam_ros.replay.replay import replay
+from bodycam_ros.replaying.replay import replay
 
 REPOSITORY = Path(__file__).parent.parent
 

@@ -131,7 +131,7 @@ import queue, sys
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from bodycam_ros.replay.camera_worker import RegistrationTask, register_images
+from bodycam_ros.replaying.camera_worker import RegistrationTask, register_images
 from bodycam_ros.pipeline.settings import PipelineSettings
 bags, settings = Path(sys.argv[1]), PipelineSettings()
 settings = replace(settings, growth=replace(settings.growth, enabled=False))  # which waits for another process

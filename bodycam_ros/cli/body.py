@@ -32,8 +32,8 @@ from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import BodyError
 from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.files.whole_file import write_whole
-from bodycam_ros.replay.measure_body import calibrate, measure_body
-from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.replaying.measure_body import calibrate, measure_body
+from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     height_help = "with --stations: start from lengths of people of this height"
     add_option(initial, "--height", needs="stations", help=height_help)
     add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
-    add_config(parser, PIPELINE, "static_cameras.body_shape:MeasureSettings")
+    add_config(parser, PIPELINE, "body.body_shape:MeasureSettings")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -29,7 +29,7 @@ from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-from bodycam_ros.replay.extend import registered_poses
+from bodycam_ros.replaying.extend import registered_poses
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from bodycam_ros.cli.print_replay import print_rounds
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.files.output_place import check_output
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
-from bodycam_ros.replay.extend import extend_map
+from bodycam_ros.replaying.extend import extend_map
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,9 +7,9 @@ from bodycam_ros.cli.output import print_sections, print_verdict
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.lens.lens_check import find_mismatches
-from bodycam_ros.replay.extend import ExtensionRound
-from bodycam_ros.replay.replay_remarks import clock_remarks
-from bodycam_ros.replay.replay_summary import ReplaySummary
+from bodycam_ros.replaying.extend import ExtensionRound
+from bodycam_ros.replaying.replay_remarks import clock_remarks
+from bodycam_ros.replaying.replay_summary import ReplaySummary
 
 _COLUMNS = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),

@@ -15,7 +15,7 @@ from bodycam_ros.cli.options import (
 )
 from bodycam_ros.errors import StationError
 from bodycam_ros.files.output_place import check_output
-from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.replaying.worker_process import warm_up
 
 if TYPE_CHECKING:
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.cli.output import shown_progress
     from bodycam_ros.cli.print_replay import print_replay
     from bodycam_ros.recording.bag_writer import check_replaceable
-    from bodycam_ros.replay.replay import replay
+    from bodycam_ros.replaying.replay import replay
 
     settings = pipeline_settings(arguments)
     outside = _outside(arguments)

@@ -15,7 +15,7 @@ from bodycam_ros.formats.calibration_files import TOML_MARK
 from bodycam_ros.formats.stations_file import MARK, is_calibration, read_stations, write_stations
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.replay.static_input import UnplacedCamera, place_stations
+from bodycam_ros.replaying.static_input import UnplacedCamera, place_stations
 from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationsSettings
 
 _COLUMNS = (

@@ -18,8 +18,8 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.replay.camera_worker import RegistrationTask
-from bodycam_ros.replay.front_end import registered_images
+from bodycam_ros.replaying.camera_worker import RegistrationTask
+from bodycam_ros.replaying.front_end import registered_images
 
 pytestmark = pytest.mark.long
 

@@ -18,7 +18,7 @@ from bodycam_ros.formats.sampled_motion import MotionOptions
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.replay import replay as replay_recording
+from bodycam_ros.replaying.replay import replay as replay_recording
 
 REPOSITORY = Path(__file__).parents[2]
 _SAMPLE = REPOSITORY / "bags"

@@ -20,7 +20,7 @@ from bodycam_ros.messages.imu import IMU_TOPIC, imu_message
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.replay.replay import replay
+from bodycam_ros.replaying.replay import replay
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 CAMERAS = ("waist_front", "torso_front", "thigh_left", "shin_left")

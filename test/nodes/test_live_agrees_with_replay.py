@@ -19,7 +19,7 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.graph.declared_graph import READERS_OF_LANDMARKS
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
-from bodycam_ros.replay.replay import replay
+from bodycam_ros.replaying.replay import replay
 from bodycam_ros.results.solved_recording import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01

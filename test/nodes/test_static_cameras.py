@@ -18,7 +18,7 @@ from bodycam_ros.formats.stations_file import write_stations
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.pipeline.settings import PipelineSettings
-from bodycam_ros.replay.replay import replay
+from bodycam_ros.replaying.replay import replay
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 

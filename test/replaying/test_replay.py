@@ -18,8 +18,8 @@ from bodycam_ros.messages.tracks import landmark_matches, track_frame
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recorded_messages
-from bodycam_ros.replay.replay import replay
-from bodycam_ros.replay.replay_remarks import clock_remarks
+from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_remarks import clock_remarks
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.timing.frame_assembler import AssemblerSettings
 
@@ -163,6 +163,6 @@ def test_the_sample_comes_out_right(sample: Path, sample_out: Path) -> None:
 
 def test_replay_starts_without_scipy() -> None:
     """Its parts are loaded when one is used: all of them take as long to load as everything else together."""
-    command = "import sys, bodycam_ros.replay.replay; print(*sys.modules)"
+    command = "import sys, bodycam_ros.replaying.replay; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy.linalg", "scipy.sparse", "scipy.spatial", "scipy.optimize", "scipy.interpolate"} & {*loaded}

@@ -32,7 +32,7 @@ from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.map_updates import MapReplica, MapUpdate
+from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 from bodycam_ros.tracking.track_frame import TrackFrame
 

@@ -20,10 +20,10 @@ from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.replay.camera_worker import RegistrationTask
-from bodycam_ros.replay.front_end import registered_images
-from bodycam_ros.replay.static_input import read_recorded_stations
-from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.replaying.camera_worker import RegistrationTask
+from bodycam_ros.replaying.front_end import registered_images
+from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import MAP, map_record
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles

@@ -23,9 +23,9 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask
-from bodycam_ros.replay.front_end import Worker, registered_images, start_workers
-from bodycam_ros.replay.map_updates import EPOCH_NS, MapReplica, MapUpdate, MapUpdateSource
+from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTask
+from bodycam_ros.replaying.front_end import Worker, registered_images, start_workers
+from bodycam_ros.replaying.map_updates import EPOCH_NS, MapReplica, MapUpdate, MapUpdateSource
 
 CAPACITY = 400
 MAP = elsewhere(np.random.default_rng(9))

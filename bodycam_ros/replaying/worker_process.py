@@ -15,7 +15,7 @@ from multiprocessing.context import ForkServerContext
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.kernels import prepare_kernels
 
-_WARM = "bodycam_ros.replay.warm_worker"
+_WARM = "bodycam_ros.replaying.warm_worker"
 
 _LONGEST_ADDRESS = 107  # [bytes] of a socket in the file system
 _SOCKET = "/pymp-xxxxxxxx/listener-xxxxxxxx"

@@ -28,9 +28,9 @@ from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import LeftOutImages, Result, UnusableCount, UnusableImages
-from bodycam_ros.replay.replay_remarks import CameraSpans
-from bodycam_ros.replay.replay_summary import ReplaySummary
+from bodycam_ros.replaying.camera_worker import LeftOutImages, Result, UnusableCount, UnusableImages
+from bodycam_ros.replaying.replay_remarks import CameraSpans
+from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.results.provenance import VERDICT_FILE
 from bodycam_ros.results.verdict import VERDICT, verdict_text
 

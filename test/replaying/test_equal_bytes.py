@@ -8,7 +8,7 @@ from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.pipeline.settings import PipelineSettings
-from bodycam_ros.replay.replay import replay
+from bodycam_ros.replaying.replay import replay
 
 CAMERAS = ("waist_front", "torso_front", "thigh_left", "shin_left")
 _OFF_NS = {"torso_front": 20_000_000, "shin_left": -13_000_000}

@@ -18,7 +18,7 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.pipeline.camera import unused_sensors
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import UnusableCount, UnusableImages
+from bodycam_ros.replaying.camera_worker import UnusableCount, UnusableImages
 from bodycam_ros.results.solved_body import read_solved_body
 
 

@@ -28,13 +28,13 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
-from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
-from bodycam_ros.replay.extend import ExtensionRound, extend_map
-from bodycam_ros.replay.front_end import merged_results, start_workers
-from bodycam_ros.replay.replay_output import ReplayOutput
-from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.replay.static_input import read_recorded_stations
-from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
+from bodycam_ros.replaying.extend import ExtensionRound, extend_map
+from bodycam_ros.replaying.front_end import merged_results, start_workers
+from bodycam_ros.replaying.replay_output import ReplayOutput
+from bodycam_ros.replaying.replay_summary import ReplaySummary
+from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import (
     BODY,
     EQUIPMENT,

@@ -14,7 +14,7 @@ import pytest
 
 from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.files.whole_file import SCRATCH_PREFIX, write_whole
-from bodycam_ros.replay.worker_process import ready_to_start
+from bodycam_ros.replaying.worker_process import ready_to_start
 
 TIME_S = 120.0
 CODE_OF = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}

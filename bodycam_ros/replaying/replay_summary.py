@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.quality.causes import WELL_REGISTERED
-from bodycam_ros.replay.extend import ExtensionRound
+from bodycam_ros.replaying.extend import ExtensionRound
 from bodycam_ros.results.verdict import Verdict
 from bodycam_ros.timing.clock_state import ClockHistory
 

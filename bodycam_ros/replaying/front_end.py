@@ -13,7 +13,7 @@ from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replay.camera_worker import (
+from bodycam_ros.replaying.camera_worker import (
     BATCH,
     AwaitedUpdate,
     RegisteredImage,
@@ -24,8 +24,8 @@ from bodycam_ros.replay.camera_worker import (
     WorkerItem,
     run_camera_worker,
 )
-from bodycam_ros.replay.map_updates import MapUpdate, MapUpdateSource
-from bodycam_ros.replay.worker_process import ready_to_start, refusal_named, warm_up
+from bodycam_ros.replaying.map_updates import MapUpdate, MapUpdateSource
+from bodycam_ros.replaying.worker_process import ready_to_start, refusal_named, warm_up
 
 _QUEUE_LENGTH = 256 // BATCH
 """Batches a worker may be ahead of the solver: bounds the memory of a long recording to some megabytes."""

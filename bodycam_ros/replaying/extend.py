@@ -23,8 +23,8 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap, load_map
-from bodycam_ros.replay.camera_worker import RegistrationTask
-from bodycam_ros.replay.front_end import registered_images
+from bodycam_ros.replaying.camera_worker import RegistrationTask
+from bodycam_ros.replaying.front_end import registered_images
 from bodycam_ros.tracking.keypoints import KeypointSettings
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
