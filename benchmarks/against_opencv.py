@@ -21,7 +21,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array, inverse, log_so3, rigid, umeyama
 from bodycam_ros.kernels import load_kernels, prepare_kernels
-from bodycam_ros.pipeline.camera import CameraPipeline
+from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -82,7 +82,7 @@ def compare(recording_path: Path, map_path: Path) -> tuple[Side, Side, int, int]
     with threadpool_limits(1), open_recording(recording_path / "bag") as recording:
         for name in recording.cameras:
             camera = recording.camera_model(name)
-            pipeline, tracker = CameraPipeline(camera, reference_map, PipelineSettings()), OpenCvTracker(camera)
+            pipeline, tracker = CameraFront(camera, reference_map, PipelineSettings()), OpenCvTracker(camera)
             follows = False
             for image in recording.images([name]):
                 images += 1

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.pipeline.camera import landmark_tracker, registrar
+from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -52,12 +52,11 @@ def registered(
 ) -> list[NDArray[np.float64] | None]:
     """Poses of a camera's images, those that are blind grey."""
     settings = PipelineSettings()
-    tracker, registering = landmark_tracker(camera, reference_map, settings), registrar(camera, reference_map, settings)
+    front = CameraFront(camera, reference_map, settings)
     poses = []
     for number, (image, stamp_ns) in enumerate(images):
         unseen = blind is not None and blind[number]
-        matches = registering.register(tracker.track(np.full_like(image, _GREY) if unseen else image, stamp_ns))
-        tracker.add_registration(matches)
+        _, matches, _ = front.process(np.full_like(image, _GREY) if unseen else image, stamp_ns)
         poses.append(matches.world_T_camera)
     return poses
 

@@ -16,7 +16,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.kernels import load_kernels, prepare_kernels
-from bodycam_ros.pipeline.camera import landmark_tracker, registrar
+from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.recording.bag_reader import open_recording
@@ -102,8 +102,7 @@ def _time_camera(
     settings: PipelineSettings,
     timing: StageTiming,
 ) -> list[LandmarkMatches]:
-    tracker = landmark_tracker(camera, reference_map, settings)
-    camera_registrar = registrar(camera, reference_map, settings)
+    front = CameraFront(camera, reference_map, settings)
     registered, seconds = [], timing.seconds
     with timed_method(KeypointDetector, "detect") as describing:
         while True:
@@ -113,11 +112,11 @@ def _time_camera(
                     break
                 grey = decode_grey(image)
             with _add_to(seconds, "track"):
-                tracks = tracker.track(grey, image.stamp_ns)
+                tracks = front.track(grey, image.stamp_ns)
             with _add_to(seconds, "register"):
-                matches = camera_registrar.register(tracks)
+                matches = front.register(tracks)
             with _add_to(seconds, "track"):
-                tracker.add_registration(matches)
+                front.accept(matches)
             timing.images += 1
             timing.keyframes += tracks.keyframe
             registered.append(matches)

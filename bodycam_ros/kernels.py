@@ -52,6 +52,7 @@ KERNEL_FILES = (
     "registration/landmark_choice_kernels.py",
     "registration/patch_kernels.py",
     "registration/pose_kernels.py",
+    "registration/search_kernels.py",
     "static_cameras/contour_kernels.py",
     "static_cameras/region_kernels.py",
     "timing/camera_path.py",

@@ -22,7 +22,8 @@ from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.pipeline.camera import CameraPipeline, camera_turns
+from bodycam_ros.pipeline.camera_front import camera_fronts
+from bodycam_ros.pipeline.sensors import camera_turns
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
@@ -93,32 +94,27 @@ def replay(
             raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
         prepare_kernels()
         skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
-        turns = camera_turns(body, imus) if settings.inertial.enabled else {}
         source = replica = None
         if settings.growth.enabled:
             sent: deque[MapUpdate] = deque()
             source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
             replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
-        pipelines = {
-            camera: CameraPipeline(
-                model,
-                reference_map,
-                settings,
-                readouts.get(camera),
-                None if replica is None else replica.map,
-                turns.get(camera),
-            )
-            for camera, model in cameras.items()
-            if camera in body.mounts
-        }
+        fronts = camera_fronts(
+            {camera: model for camera, model in cameras.items() if camera in body.mounts},
+            reference_map,
+            settings,
+            readouts=readouts,
+            turns=camera_turns(body, imus) if settings.inertial.enabled else {},
+            registered_in=None if replica is None else replica.map,
+        )
         limit = ImageRateLimit(settings.images.max_rate)
         for image in images:
-            if image.camera not in pipelines or not limit.is_due(image.camera, image.stamp_ns):
+            if image.camera not in fronts or not limit.is_due(image.camera, image.stamp_ns):
                 continue
             if source is not None and replica is not None:
                 source.advance(image.recorded_ns or image.stamp_ns)
                 replica.advance(image.recorded_ns or image.stamp_ns)
-            _, matches, keyframe = pipelines[image.camera].process(decode_grey(image), image.stamp_ns)
+            _, matches, keyframe = fronts[image.camera].process(decode_grey(image), image.stamp_ns)
             if source is not None and keyframe is not None:
                 source.mapper.wait_for_turn(keyframe)
             yield from skeleton.add(matches)

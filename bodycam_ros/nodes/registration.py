@@ -28,10 +28,9 @@ from bodycam_ros.nodes.camera_topics import CameraModels
 from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline.camera import registrar
+from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
-from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 _POLL_S, _SAVE_POLL_S = 0.1, 0.2
@@ -51,7 +50,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     Attributes:
         map: as it was read.
-        registrars: by camera.
+        fronts: by camera.
     """
 
     name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
@@ -71,7 +70,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if of.grown_map:
             # Each registration grows a map of its own; several may have the same parameters.
             self._growth.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
-        self.registrars: dict[str, Registrar] = {}
+        self.fronts: dict[str, CameraFront] = {}
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._described: set[str] = set()
         self._latest_ns: dict[str, int] = {}
@@ -115,25 +114,25 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def settings_changed(self) -> None:
         """Use the current thresholds for the next frames."""
-        for each in self.registrars.values():
-            each.settings = self.settings.registrar
+        for each in self.fronts.values():
+            each.set_registrar(self.settings.registrar)
 
     def _restart(self) -> None:
         """Forget the tracks of all cameras."""
         self._lost = LostMessages()
-        for camera in self.registrars:
+        for camera in self.fronts:
             self._restart_camera(camera)
 
     def _restart_camera(self, camera: str) -> None:
         """Forget the tracks of a camera."""
         readout, model = best_known(*self._readouts[camera].values()), self._cameras.models[camera]
-        self.registrars[camera] = registrar(model, self._growth.map, self.settings, readout)
+        self.fronts[camera] = CameraFront(model, self._growth.map, self.settings, readout)
         self._growth.start_camera(camera, model)
         self._described.discard(camera)
 
     def _reset(self) -> str:
         self._restart()
-        return f"{len(self.registrars)} cameras restart; added landmarks stay in the map"
+        return f"{len(self.fronts)} cameras restart; added landmarks stay in the map"
 
     def _request_keyframe(self, camera: str) -> None:
         self._requests[camera].publish(self.make("std_msgs/msg/Empty"))
@@ -143,7 +142,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._restart_camera(camera)
             self._register_waiting(camera)
         else:
-            self.registrars.pop(camera, None)
+            self.fronts.pop(camera, None)
             self._waiting.pop(camera, None)
 
     def _set_readout(self, camera: str, given: tuple[str, Readout | None]) -> None:
@@ -151,8 +150,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         if readout is not None:
             # Of those of several sources the best known counts.
             self._readouts[camera][source] = readout
-            if camera in self.registrars:
-                self.registrars[camera].set_readout(readout)
+            if camera in self.fronts:
+                self.fronts[camera].set_readout(readout)
 
     def _add_tracks(self, camera: str, frame: TrackFrame) -> None:
         self.moments.note(Moment.TRACKS_RECEIVED, camera, frame.stamp_ns)
@@ -162,7 +161,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         waiting.append(frame)
         if len(waiting) > STAGE_DEPTH:
             del waiting[0]
-            lacking = "too few nodes read its landmarks" if camera in self.registrars else f"no {camera}/camera_info"
+            lacking = "too few nodes read its landmarks" if camera in self.fronts else f"no {camera}/camera_info"
             self.dropped.add("track messages dropped", f"camera {camera}: tracks, but {lacking}")
         self._register_waiting(camera)
 
@@ -172,7 +171,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _register_waiting(self, camera: str) -> None:
         """Register the frames of a camera that wait, unless they must wait longer."""
-        if camera not in self.registrars or camera not in self._waiting:
+        if camera not in self.fronts or camera not in self._waiting:
             return
         if self._has_all_readers(camera):
             for frame in self._waiting.pop(camera):
@@ -216,7 +215,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._described.add(camera)
         elif camera not in self._described:
             self._request_keyframe(camera)
-        matches = self.registrars[camera].register(frame)
+        matches = self.fronts[camera].register(frame)
         self._diagnostics.add(matches)
         self._growth.add_image(frame, matches)
         return matches
@@ -228,7 +227,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         values: dict[str, object] = {
             "frames per second": frames,
             "time per frame [ms]": round(1e3 * work_s / frames, 1) if frames else "none",
-            "cameras": len(self.registrars),
+            "cameras": len(self.fronts),
             "cameras rejected": ", ".join(sorted(cameras.rejected)) or "none",
             "cameras without camera_info": ", ".join(missing) or "none",
             "camera_info changed": cameras.changes,

@@ -19,9 +19,8 @@ from bodycam_ros.nodes.camera_topics import CameraModels, subscribe_sensor
 from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
-from bodycam_ros.pipeline.camera import landmark_tracker
+from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.registration.landmark_tracker import LandmarkTracker
 from bodycam_ros.registration.reference_map import load_map
 
 
@@ -39,7 +38,7 @@ class TrackerStage(Stage[TrackerParameters]):
         super().__init__(node)
         self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
-        self._tracker: LandmarkTracker | None = None
+        self._front: CameraFront | None = None
         self._readers = self._track_count = self._keyframes = 0
         self.unanswered = UnansweredFrames()
         self._tracks = self.publisher(TRACKS_TYPE, f"{self.camera}/tracks", reliable(STAGE_DEPTH))
@@ -68,12 +67,12 @@ class TrackerStage(Stage[TrackerParameters]):
             # Samples from before a restart would do, but not those from before the time of the images went back.
             self._turn = CameraTurn(self._sensor) if self._sensor is not None else None
             model = self._models.models[self.camera]
-            self._tracker = landmark_tracker(model, self._map, self.settings, turn=self._turn)
+            self._front = CameraFront(model, self._map, self.settings, turn=self._turn)
         self.unanswered.clear()
 
     def _waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
-        if self._tracker is None:
+        if self._front is None:
             return f"there is no {self.camera}/camera_info"
         if not self._has_reader():
             return f"no node reads {self.camera}/tracks"
@@ -85,11 +84,11 @@ class TrackerStage(Stage[TrackerParameters]):
 
     def _track(self, image: CameraImage) -> bool:
         """Track an image; whether it could be used."""
-        assert self._tracker is not None
+        assert self._front is not None
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
         try:
             check_image_size(image, self._models.models[self.camera])
-            frame = self._tracker.track(decode_grey(image), image.stamp_ns)
+            frame = self._front.track(decode_grey(image), image.stamp_ns)
         except RecordingError as error:
             self.dropped.add("images unusable", str(error))
             return False
@@ -101,7 +100,7 @@ class TrackerStage(Stage[TrackerParameters]):
         return True
 
     def _reset(self) -> str:
-        if self._tracker is None:
+        if self._front is None:
             return f"nothing to reset: there is no {self.camera}/camera_info"
         self._images.restart()
         return f"camera {self.camera} restarts: the next image is a keyframe without a predecessor"
@@ -119,11 +118,11 @@ class TrackerStage(Stage[TrackerParameters]):
         return bool(readers)
 
     def _add_landmarks(self, matches: LandmarkMatches) -> None:
-        if self._tracker is None:
+        if self._front is None:
             return
         # Answers to frames before a restart do not concern the current tracks.
         if self.unanswered.answer(matches.stamp_ns):
-            self._tracker.add_registration(matches)
+            self._front.accept(matches)
         self.call_later(self._images.process_next)
 
     def _read_sensor(self) -> ImuCalibration | None:
@@ -138,8 +137,8 @@ class TrackerStage(Stage[TrackerParameters]):
             self._turn.motion.add_sample(stamp_ns, reading)
 
     def _request_keyframe(self, message: Message) -> None:
-        if self._tracker is not None:
-            self._tracker.want_keyframe()
+        if self._front is not None:
+            self._front.want_keyframe()
 
     @property
     def _sensor_state(self) -> str:

@@ -2,7 +2,7 @@
 
     image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodyEstimator--> BodyOutput
 
-What happens to one camera is in ``pipeline/camera.py``; ``SkeletonPipeline`` is what happens to all cameras'
+What happens to one camera is in ``pipeline/camera_front.py``; ``SkeletonPipeline`` is what happens to all cameras'
 registrations.
 """
 

@@ -14,31 +14,15 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.local_scale import local_scales, radial_gains
 from bodycam_ros.geometry import Array
 from bodycam_ros.kernels import as_rows
-from bodycam_ros.registration.landmark_choice_kernels import best_views, choose_landmarks
 from bodycam_ros.registration.map_photographs import MapPhotographs, pyramid_levels, pyramid_size, write_pyramid
-from bodycam_ros.registration.patch_kernels import align_patches
-from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
+from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_numbers
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.registration.search_kernels import choose_views, correct_prediction, find_landmarks
 from bodycam_ros.settings import setting
 from bodycam_ros.tracking.camera_motion import ImageMotion
 
-_COARSE = 20  # landmarks of the image before that correct the predicted pose
-_COARSE_LEVELS = 3, 1  # first and last; 4 px of 1/8 of the size are 32
-_FINE_LEVELS = 1, 0  # from 0 on, dev_walk is better by 7 %, and compressed and moving images are worse by 15 to 120 %
-_LIKENESS = 0.7  # least correlation of a patch with the image
-_INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
-_AGREE = 0.6  # least share of the coarse landmarks that fit one pose
-_LEAST_FOUND = 8  # landmarks of a pose
 _ENOUGH, _ENOUGH_SHARE = 24, 0.25  # landmarks, and of those looked for: at ten images a second 26 of 113 were 16 cm off
-_FADES = 0.998  # share of a landmark's trust that is left an image later
-_LATEST_SHARE = 0.2  # of the latest image in it
-_PROJECTIONS = np.zeros((0, 2))
-_ONE_CAMERA = np.zeros(1, np.uint16)
-_STILL = np.zeros(6)
-
-_References = tuple[Array, NDArray[np.uint16], Array, NDArray[np.uint8], NDArray[np.int64]]
-"""Pictures that patches are taken from: lenses of their cameras, the camera and the pose of each, their pyramids, and
-the levels of these; as ``align_patches`` takes them."""
+_NO_MOTION = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -101,20 +85,20 @@ class DirectRegistration:
         settings: DirectSettings,
         pose_fit: PoseFitSettings,
     ) -> None:
-        self._camera, self._photographs = camera, photographs
-        self._per_cell, self._pose_fit = settings.per_cell, pose_fit
+        self._photographs, self._per_cell = photographs, settings.per_cell
         self._lens, self._scales, self._gains = camera.parameters, local_scales(camera), radial_gains(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
-        self._pyramids = np.zeros((2, pyramid_size(self._levels)), np.uint8)  # of the latest image and the one before
+        self._image, self._image_before = np.zeros((2, pyramid_size(self._levels)), np.uint8)
         # How often each landmark was found, fading: -0.5 never, 0.5 always, 0 unknown.
         self._trust = np.zeros(len(reference_map.landmark_ids), np.float32)
-        self._points = as_rows(reference_map.points_world)
-        self._surfaces = reference_map.surfaces
+        self._points, self._normals = as_rows(reference_map.points_world), as_rows(photographs.normals)
+        self._surfaces, self._world_T_reference = reference_map.surfaces, as_rows(photographs.world_T_camera)
+        self._fit = fit_numbers(pose_fit)
 
     def add_image(self, image: NDArray[np.uint8]) -> None:
         """The next image (H, W)."""
-        self._pyramids = self._pyramids[::-1]
-        write_pyramid(image, self._levels, self._pyramids[0])
+        self._image, self._image_before = self._image_before, self._image
+        write_pyramid(image, self._levels, self._image)
 
     def register(
         self, before: DirectView, predicted: Array, motion: ImageMotion | None, stamp_ns: int
@@ -127,8 +111,21 @@ class DirectRegistration:
             motion: of the camera while its rows are read out; None if all are exposed together.
             stamp_ns: of the latest image [ns].
         """
-        pose = self._correct_prediction(before, predicted, motion)
-        return None if pose is None else self.find(pose, motion, stamp_ns)
+        pose, agree = correct_prediction(
+            self._lens,
+            as_rows(predicted),
+            *_as_kernels_take(motion, predicted),
+            self._image,
+            self._image_before,
+            self._levels,
+            before.world_T_camera,
+            before.rows,
+            before.pixels,
+            self._points,
+            self._normals,
+            self._fit,
+        )
+        return self.find(pose, motion, stamp_ns) if agree else None
 
     def find(self, near: Array, motion: ImageMotion | None, stamp_ns: int) -> DirectView | None:
         """The landmarks in the latest image around a pose (4, 4); None if too few are found.
@@ -138,108 +135,50 @@ class DirectRegistration:
             motion: as of ``register``.
             stamp_ns: of the latest image [ns].
         """
-        rows, views = self._choose(near, motion)
-        photographs = self._photographs
-        references = (
-            photographs.lenses,
-            photographs.camera_of_view,
-            as_rows(photographs.world_T_camera),
-            photographs.pyramids,
-            photographs.levels,
-        )
-        pixels, found = self._align(near, motion, rows, references, views, _PROJECTIONS, _FINE_LEVELS)
-        fit = self._fit(rows[found], pixels[found], near, motion)
-        inliers = np.zeros(0, np.int64) if fit is None else np.flatnonzero(fit.errors_px < _INLIER_PX)
-        if fit is None or len(inliers) < _LEAST_FOUND:
-            return None
-        agree = np.zeros(len(rows), bool)
-        agree[found[inliers]] = True
-        self._trust *= np.float32(_FADES)
-        self._trust[rows] += np.float32(_LATEST_SHARE) * (np.where(agree, 0.5, -0.5) - self._trust[rows])
-        share = len(inliers) / np.count_nonzero(views >= 0)
-        return DirectView(
-            stamp_ns, fit.world_T_camera, rows[agree], pixels[agree], fit.information, fit.shifts[inliers], share
-        )
-
-    def _choose(self, near: Array, motion: ImageMotion | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The landmarks to look for around a pose, and the photograph for each."""
-        photographs = self._photographs
-        rows = choose_landmarks(
+        photographs, near = self._photographs, as_rows(near)
+        moving = _as_kernels_take(motion, near)
+        rows, views = choose_views(
             self._lens,
             self._gains,
-            as_rows(near),
-            *_twist_and_time(near, motion),
+            self._scales,
+            near,
+            *moving,
             self._surfaces,
             self._trust,
             self._per_cell,
-        )
-        views = best_views(
-            self._scales,
-            as_rows(near),
             self._points,
-            rows,
             photographs.local_scales,
             photographs.camera_of_view,
-            as_rows(photographs.world_T_camera),
+            self._world_T_reference,
             photographs.first_observation,
             photographs.observation_view,
         )
-        photographs.develop(views[views >= 0])
-        return rows, views
-
-    def _correct_prediction(self, before: DirectView, predicted: Array, motion: ImageMotion | None) -> Array | None:
-        """The pose by some landmarks of the image before, each by its patch in that image (A eq. 2)."""
-        count = min(_COARSE, len(before.rows))
-        few = np.arange(count) * (len(before.rows) - 1) // max(count - 1, 1)
-        rows = before.rows[few]
-        seen_from = as_rows(before.world_T_camera)[None]
-        references = (self._lens[None], _ONE_CAMERA, seen_from, self._pyramids[1][None], self._levels[None])
-        views, shown = np.zeros(len(rows), np.int64), as_rows(before.pixels[few])
-        pixels, found = self._align(predicted, motion, rows, references, views, shown, _COARSE_LEVELS)
-        fit = self._fit(rows[found], pixels[found], predicted, motion)
-        if fit is None or fit.inliers.sum() < max(_LEAST_FOUND, _AGREE * len(found)):
-            return None
-        return fit.world_T_camera
-
-    def _align(
-        self,
-        pose: Array,
-        motion: ImageMotion | None,
-        rows: NDArray[np.int64],
-        references: _References,
-        views: NDArray[np.int64],
-        reference_pixels: Array,
-        levels: tuple[int, int],
-    ) -> tuple[Array, NDArray[np.int64]]:
-        """Pixels (N, 2) of landmarks in the latest image by patches of other pictures, and which were found."""
-        twist, readout_time = _twist_and_time(pose, motion)
-        pixels, likeness = align_patches(
+        photographs.develop(views)
+        found, world_T_camera, information, rows, pixels, shifts, share = find_landmarks(
             self._lens,
-            as_rows(pose),
-            twist,
-            readout_time,
-            self._pyramids[0],
+            near,
+            *moving,
+            self._image,
             self._levels,
-            *references,
+            photographs.lenses,
+            photographs.camera_of_view,
+            self._world_T_reference,
+            photographs.pyramids,
+            photographs.levels,
+            rows,
             views,
-            reference_pixels,
-            self._points[rows],
-            as_rows(self._photographs.normals[rows]),
-            levels[0],
-            levels[1],
-            _LIKENESS,
+            self._points,
+            self._normals,
+            self._trust,
+            self._fit,
         )
-        return pixels, np.flatnonzero(np.isfinite(likeness))
-
-    def _fit(self, rows: NDArray[np.int64], pixels: Array, start: Array, motion: ImageMotion | None) -> PoseFit | None:
-        """Pose from landmarks (A eq. 8, first term)."""
-        if len(rows) < _LEAST_FOUND:
+        if not found:
             return None
-        return fit_pose(self._camera, self._points[rows], pixels, start, self._pose_fit, motion)
+        return DirectView(stamp_ns, world_T_camera, rows, pixels, information, shifts, share)
 
 
-def _twist_and_time(pose: Array, motion: ImageMotion | None) -> tuple[Array, float]:
-    """Twist (6,) and read-out time, as kernels take them."""
-    if motion is None or motion.readout_time == 0.0:
-        return _STILL, 0.0
-    return as_rows(motion.twist_of(pose)), float(motion.readout_time)
+def _as_kernels_take(motion: ImageMotion | None, pose: Array) -> tuple[Array, Array]:
+    """Motion (20,) and pose (4, 4) of the image before; an empty one and any pose where rows are exposed together."""
+    if motion is None or not motion.is_rolling:
+        return _NO_MOTION, as_rows(pose)
+    return motion.as_vector, as_rows(motion.world_T_previous)

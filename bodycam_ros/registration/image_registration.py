@@ -11,7 +11,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar, RegistrarSettings
+from bodycam_ros.registration.registrar import RegisteredCamera, Registrar, RegistrarSettings
 from bodycam_ros.tracking.keypoints import KeypointDetector, Keypoints, KeypointSettings
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -37,8 +37,8 @@ class ImageRegistration:
         pose_fit: PoseFitSettings | None = None,
         keypoints: int = _KEYPOINTS,
     ) -> None:
-        self._camera, self._map = camera, reference_map
-        self._registrar, self._pose_fit = registrar, pose_fit
+        self._camera = camera
+        self._registrar = Registrar(camera, reference_map, registrar, pose_fit)
         self._detectors = [
             KeypointDetector(KeypointSettings(image_scale=scale, max_keypoints=keypoints)) for scale in _SCALES
         ]
@@ -56,7 +56,7 @@ class ImageRegistration:
         mask = np.full_like(image, 255) if mask is None else mask
         for detector in self._detectors:
             frame = _frame_of_keypoints(self._camera.name, detector.detect(image, mask))
-            matches = Registrar(self._camera, self._map, self._registrar, self._pose_fit).register(frame)
+            _, matches = self._registrar.register(RegisteredCamera(), frame)
             if matches.world_T_camera is not None:
                 break
         return matches

@@ -220,12 +220,13 @@ class MapPhotographs:
         return np.searchsorted(self.observation_landmark, np.arange(len(self.normals) + 1))
 
     def develop(self, views: NDArray[np.integer]) -> None:
-        """Make sure that the pyramids of these photographs are there.
+        """Make sure that the pyramids of these photographs are there; -1 stands for none.
 
         Raises:
             MapError: one of them is no picture, or of another size.
         """
-        for view in np.unique(views[~self._developed[views]]):
+        missing = views[~self._developed[views]]
+        for view in np.unique(missing[missing >= 0]) if len(missing) else ():
             camera = self.camera_of_view[view]
             height, width = self.levels[camera, 0, 1:]
             try:

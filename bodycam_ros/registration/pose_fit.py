@@ -106,6 +106,11 @@ def fit_pose(
     )
 
 
+def fit_numbers(settings: PoseFitSettings) -> NDArray[np.float64]:
+    """What kernels of many steps fit a pose by: sigma, error of an inlier, widest scale [px], and iterations."""
+    return np.array([settings.pixel_sigma, settings.inlier_px, _START_PX, _ITERATIONS])
+
+
 def row_shares(camera: CameraModel, pixels: NDArray[np.floating]) -> NDArray[np.float64]:
     """Place of the rows of pixels (N, 2) in the read-out: -0.5 the first row, 0.5 the last."""
     shares: NDArray[np.float64] = np.asarray(pixels, np.float64)[:, 1] / (camera.height - 1) - 0.5

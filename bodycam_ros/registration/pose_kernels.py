@@ -253,6 +253,12 @@ def _twist(pose: Array, bend: Array, motion: Array, world_T_previous: Array) -> 
 
 
 @kernel()
+def twist_at(pose: Array, motion: Array, world_T_previous: Array) -> Array:
+    """Twist (6,) [rad/s, m/s] at a pose as it is predicted; zero where all rows are exposed together."""
+    return _twist(pose, np.zeros(6), motion, world_T_previous)
+
+
+@kernel()
 def _in_camera(pose: Array, points_world: Array, i: int) -> tuple[float, float, float]:
     x, y, z = points_world[i, 0] - pose[0, 3], points_world[i, 1] - pose[1, 3], points_world[i, 2] - pose[2, 3]
     return (

@@ -5,8 +5,7 @@ are matched to the landmarks that should be in view, or to the whole map while t
 fitted here. A track keeps its landmark until it ends.
 """
 
-from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,17 +57,40 @@ class _Pose:
     shifts: Array
 
 
+@dataclass(frozen=True)
+class RegisteredCamera:
+    """What the registrar of a camera knows between two images.
+
+    Attributes:
+        readout: read-out time of the rows.
+        tracks: those with a landmark.
+        motion: of the registered images.
+        unregistered: consecutive images without a pose.
+        recent: poses (4, 4), landmarks (N, 3) and pixels (N, 2) of the latest two registered images.
+        until_readout: images until the read-out time is measured again.
+    """
+
+    readout: Readout = UNKNOWN_READOUT
+    tracks: TrackLandmarks = field(default_factory=lambda: NO_TRACKS)
+    motion: CameraMotion = CameraMotion()
+    unregistered: int = 0
+    recent: tuple[tuple[Array, Array, NDArray[np.floating]], ...] = ()
+    until_readout: int = 0
+
+    def with_readout(self, readout: Readout) -> "RegisteredCamera":
+        """With a read-out time of another source, if it is better known than the present one."""
+        return replace(self, readout=readout) if readout.sigma <= self.readout.sigma else self
+
+
 class Registrar:
     """Registers the frames of one camera, in order of time.
 
     Args:
         camera, reference_map: its model; the map, which may be shared by the registrars of all cameras.
         settings, pose_fit: of the registrar and of its fits.
-        readout: read-out time of the camera's rows, as far as it is known before the first image.
 
     Attributes:
         settings: may be replaced between two images.
-        readout: the read-out time of the camera's rows.
     """
 
     def __init__(
@@ -77,53 +99,42 @@ class Registrar:
         reference_map: ReferenceMap,
         settings: RegistrarSettings | None = None,
         pose_fit: PoseFitSettings | None = None,
-        readout: Readout | None = None,
     ) -> None:
         self.camera = camera
         self.map = reference_map
         self.settings = settings or RegistrarSettings()
         self._pose_fit = pose_fit or PoseFitSettings()
-        self.readout = readout or UNKNOWN_READOUT
-        self._motion = CameraMotion()
-        self._image_motion: ImageMotion | None = None
-        self._tracks = NO_TRACKS
-        self._predicted_frames = 0
-        self._recent: deque[tuple[Array, Array, NDArray[np.floating]]] = deque(
-            maxlen=2
-        )  # pose, points and pixels of latest images
-        self._until_readout = 0
 
-    def set_readout(self, readout: Readout) -> None:
-        """Take a read-out time from another source, if it is better known than the present one."""
-        if readout.sigma <= self.readout.sigma:
-            self.readout = readout
+    def register(self, known: RegisteredCamera, frame: TrackFrame) -> tuple[RegisteredCamera, LandmarkMatches]:
+        """Find the camera's pose and the landmarks of its tracks.
 
-    def register(self, frame: TrackFrame) -> LandmarkMatches:
-        """Find the camera's pose and the landmarks of its tracks."""
-        tracks = tracks_in_frame(self._tracks, frame, self.map)
-        pose, predicted = self._accept(frame, tracks), None
+        Args:
+            known: after the frame before.
+            frame: the next one.
+
+        Returns:
+            What is known after it, and its registration.
+        """
+        tracks = tracks_in_frame(known.tracks, frame, self.map)
+        pose, predicted, motion = self._accept(frame, tracks), None, None
         if pose is None:
-            rotation = frame.measured_rotation
-            predicted = self._motion.predict(frame.stamp_ns - frame.previous_stamp_ns, rotation)
-            self._image_motion = self._motion.in_image(
-                frame.stamp_ns, frame.previous_stamp_ns, rotation, self.readout.in_use
-            )
-            pose = self._fit(frame, tracks, predicted)
+            rotation, readout_time = frame.measured_rotation, known.readout.in_use
+            predicted = known.motion.predict(frame.stamp_ns - frame.previous_stamp_ns, rotation)
+            motion = known.motion.in_image(frame.stamp_ns, frame.previous_stamp_ns, rotation, readout_time)
+            pose = self._fit(frame, tracks, predicted, motion)
             if len(frame.described):
-                tracks, pose = self._match_described(frame, tracks, pose, predicted)
-        tracks, shifts = self._reject_outliers(frame, tracks, pose)
+                tracks, pose = self._match_described(frame, tracks, pose, predicted, motion)
+        tracks, shifts = self._reject_outliers(known, frame, tracks, pose, motion)
         if pose is None:
-            self._predicted_frames += 1
-            self._motion.add_unregistered(predicted if self._predicted_frames <= _MAX_PREDICTED_FRAMES else None)
+            lost = known.unregistered >= _MAX_PREDICTED_FRAMES
+            moved = known.motion.with_unregistered(None if lost else predicted)
+            known = replace(known, tracks=tracks, motion=moved, unregistered=known.unregistered + 1)
         else:
-            self._predicted_frames = 0
-            self._motion.add(frame.stamp_ns, pose.world_T_camera, frame.previous_stamp_ns)
-            if not self.readout.is_known:
-                points_world = self.map.points_world[tracks["landmark"]]
-                self._recent.append((pose.world_T_camera, points_world, frame.pixels[tracks["frame_row"]]))
-                self._estimate_readout()
-        self._tracks = tracks
-        return self._matches(frame, tracks, shifts, pose)
+            moved = known.motion.with_pose(frame.stamp_ns, pose.world_T_camera, frame.previous_stamp_ns)
+            known = replace(known, tracks=tracks, motion=moved, unregistered=0)
+            if not known.readout.is_known:
+                known = self._with_measured_readout(known, frame, pose)
+        return known, self._matches(known.readout, frame, tracks, shifts, pose)
 
     def _accept(self, frame: TrackFrame, tracks: TrackLandmarks) -> _Pose | None:
         """The tracker's own fit, if it is determined; None if there is none, or the map lacks one of its landmarks."""
@@ -136,19 +147,24 @@ class Registrar:
             return None
         return _Pose(frame.world_T_camera, covariance, np.ones(len(tracks), bool), frame.shifts)
 
-    def _fit(self, frame: TrackFrame, tracks: TrackLandmarks, start: Array | None) -> _Pose | None:
+    def _fit(
+        self, frame: TrackFrame, tracks: TrackLandmarks, start: Array | None, motion: ImageMotion | None
+    ) -> _Pose | None:
         """Pose from the tracks with a landmark (A eq. 8, first term), or None if too few of them agree."""
         if start is None or len(tracks) < self.settings.min_inliers:
             return None
         points_world = self.map.points_world[tracks["landmark"]]
-        fit = fit_pose(
-            self.camera, points_world, frame.pixels[tracks["frame_row"]], start, self._pose_fit, self._image_motion
-        )
+        fit = fit_pose(self.camera, points_world, frame.pixels[tracks["frame_row"]], start, self._pose_fit, motion)
         covariance = _covariance(fit.information) if fit.inliers.sum() >= self.settings.min_inliers else None
         return None if covariance is None else _Pose(fit.world_T_camera, covariance, fit.inliers, fit.shifts)
 
     def _match_described(
-        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None, predicted: Array | None
+        self,
+        frame: TrackFrame,
+        tracks: TrackLandmarks,
+        pose: _Pose | None,
+        predicted: Array | None,
+        motion: ImageMotion | None,
     ) -> tuple[TrackLandmarks, _Pose | None]:
         """Match the described tracks around the pose there is, fitted or predicted.
 
@@ -156,31 +172,36 @@ class Registrar:
         tracks agree with.
         """
         if pose is None and predicted is not None:
-            tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX)
-        known = self._match_again(frame, tracks, pose)
-        if known[1] is not None and known[1].inliers.sum() >= _FEW * len(frame.described):
-            return known
+            tracks, pose = self._match_near(frame, tracks, predicted, WIDE_RADIUS_PX, motion)
+        near = self._match_again(frame, tracks, pose, motion)
+        if near[1] is not None and near[1].inliers.sum() >= _FEW * len(frame.described):
+            return near
         # Here, so that the settings can be read without loading pycolmap.
         from bodycam_ros.registration.relocalisation import find_pose
 
-        pixels = self._steady(frame.pixels[frame.described.astype(np.int64)])
+        pixels = self._steady(frame.pixels[frame.described.astype(np.int64)], motion)
         candidate = find_pose(self.camera, self.map, pixels, frame.descriptors)
         if candidate is None:
-            return known
-        other = self._match_again(frame, *self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX))
-        return max(known, other, key=lambda each: 0 if each[1] is None else int(each[1].inliers.sum()))
+            return near
+        other = self._match_again(frame, *self._match_near(frame, tracks, candidate, WIDE_RADIUS_PX, motion), motion)
+        return max(near, other, key=lambda each: 0 if each[1] is None else int(each[1].inliers.sum()))
 
     def _match_again(
-        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None
+        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None, motion: ImageMotion | None
     ) -> tuple[TrackLandmarks, _Pose | None]:
         """Matches closer around a pose, where they give one."""
         if pose is None:
             return tracks, None
-        better_tracks, better_pose = self._match_near(frame, tracks, pose.world_T_camera, RADIUS_PX)
+        better_tracks, better_pose = self._match_near(frame, tracks, pose.world_T_camera, RADIUS_PX, motion)
         return (better_tracks, better_pose) if better_pose else (tracks, pose)
 
     def _match_near(
-        self, frame: TrackFrame, tracks: TrackLandmarks, near: Array, radius_px: float
+        self,
+        frame: TrackFrame,
+        tracks: TrackLandmarks,
+        near: Array,
+        radius_px: float,
+        motion: ImageMotion | None,
     ) -> tuple[TrackLandmarks, _Pose | None]:
         """Match the described tracks to landmarks that project near them, and fit the pose to all with a landmark."""
         described = frame.described.astype(np.int64)
@@ -188,38 +209,49 @@ class Registrar:
             self.map,
             self.camera,
             near,
-            self._steady(frame.pixels[described]),
+            self._steady(frame.pixels[described], motion),
             frame.descriptors,
             frame.scales,
             radius_px,
         )
         # A new match must agree at once; an old one may fail for a moment.
         matched = rematched(tracks, frame, self.map, described[features], landmarks, _MAX_STRIKES - 1)
-        pose = self._fit(frame, matched, near)
+        pose = self._fit(frame, matched, near, motion)
         # Matches that no pose confirms are worse than none.
         return (tracks, None) if pose is None else (matched, pose)
 
-    def _steady(self, pixels: NDArray[np.floating]) -> Array:
+    def _steady(self, pixels: NDArray[np.floating], motion: ImageMotion | None) -> Array:
         """Pixels (M, 2) as if all rows were exposed together, near enough for a gate."""
-        turning = np.zeros(3) if self._image_motion is None else self._image_motion.turning
-        return steady_pixels(self.camera, pixels, turning, self.readout.in_use)
+        if motion is None:
+            return np.asarray(pixels, np.float64)
+        return steady_pixels(self.camera, pixels, motion.turning, motion.readout_time)
 
-    def _estimate_readout(self) -> None:
-        """Add the image before the latest to the read-out time; both of its neighbours give its motion."""
-        self._until_readout -= 1
-        if self._until_readout > 0 or len(self._recent) < 2:
-            return
-        motion = self._motion.in_middle_image(self.readout.seconds, self.readout.sigma)
+    def _with_measured_readout(self, known: RegisteredCamera, frame: TrackFrame, pose: _Pose) -> RegisteredCamera:
+        """With the read-out time by the image before the latest; both of its neighbours give its motion."""
+        points_world = self.map.points_world[known.tracks["landmark"]]
+        latest = pose.world_T_camera, points_world, frame.pixels[known.tracks["frame_row"]]
+        known = replace(known, recent=(*known.recent[-1:], latest), until_readout=known.until_readout - 1)
+        if known.until_readout > 0 or len(known.recent) < 2:
+            return known
+        motion = known.motion.in_middle_image(known.readout.seconds, known.readout.sigma)
         if motion is None or np.linalg.norm(motion.turning) < _LEAST_TURN:
-            return
-        self._until_readout = _EVERY
-        pose, points_world, pixels = self._recent[0]
-        fit = fit_pose(self.camera, points_world, pixels, pose, self._pose_fit, motion, iterations=_REFIT_ITERATIONS)
+            return known
+        world_T_camera, points_world, pixels = known.recent[0]
+        fit = fit_pose(
+            self.camera, points_world, pixels, world_T_camera, self._pose_fit, motion, iterations=_REFIT_ITERATIONS
+        )
+        readout = known.readout
         if fit.inliers.sum() >= self.settings.min_inliers:
-            self.readout = self.readout.updated(fit.readout_time, _EVERY * fit.readout_information)
+            readout = readout.updated(fit.readout_time, _EVERY * fit.readout_information)
+        return replace(known, readout=readout, until_readout=_EVERY)
 
     def _reject_outliers(
-        self, frame: TrackFrame, tracks: TrackLandmarks, pose: _Pose | None
+        self,
+        known: RegisteredCamera,
+        frame: TrackFrame,
+        tracks: TrackLandmarks,
+        pose: _Pose | None,
+        motion: ImageMotion | None,
     ) -> tuple[TrackLandmarks, Array]:
         """Take the landmark from tracks that keep disagreeing; from all once the camera is lost.
 
@@ -227,15 +259,17 @@ class Registrar:
             The others, and how far the read-out of the rows moved them in the image (N, 2) [px].
         """
         if pose is None:
-            if self._predicted_frames >= _MAX_PREDICTED_FRAMES:
+            if known.unregistered >= _MAX_PREDICTED_FRAMES:
                 tracks = NO_TRACKS
             pixels = frame.pixels[tracks["frame_row"]]
-            return tracks, pixels - self._steady(pixels)
+            return tracks, pixels - self._steady(pixels, motion)
         tracks["strikes"] = np.where(pose.inliers, 0, tracks["strikes"] + 1)
         keep = tracks["strikes"] < _MAX_STRIKES
         return tracks[keep], pose.shifts[keep]
 
-    def _matches(self, frame: TrackFrame, tracks: TrackLandmarks, shifts: Array, pose: _Pose | None) -> LandmarkMatches:
+    def _matches(
+        self, readout: Readout, frame: TrackFrame, tracks: TrackLandmarks, shifts: Array, pose: _Pose | None
+    ) -> LandmarkMatches:
         return LandmarkMatches(
             camera=frame.camera,
             stamp_ns=frame.stamp_ns,
@@ -249,7 +283,7 @@ class Registrar:
             current_R_previous=frame.current_R_previous,
             rotation_inliers=frame.rotation_inliers,
             shifts=shifts.astype(np.float32) if shifts.any() else None,
-            readout=self.readout,
+            readout=readout,
             grown=int((tracks["landmark"] >= self.map.first_grown).sum()),
         )
 

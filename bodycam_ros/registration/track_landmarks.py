@@ -25,6 +25,8 @@ NO_TRACKS: TrackLandmarks = np.zeros(0, _TRACK_LANDMARK)
 def tracks_in_frame(tracks: TrackLandmarks, frame: TrackFrame, reference_map: ReferenceMap) -> TrackLandmarks:
     """The tracks that continue in a frame, and those by which the tracker found tracks."""
     new, old = NO_TRACKS, tracks
+    if frame.landmark_rows is not None and frame.landmark_ids is not None:
+        return _tracks(frame, np.arange(len(frame.track_ids)), frame.landmark_rows, frame.landmark_ids, 0)
     if frame.landmark_ids is not None:
         found = np.flatnonzero(frame.landmark_ids != NO_LANDMARK)
         landmarks, known = reference_map.rows_of(frame.landmark_ids[found])
@@ -69,7 +71,7 @@ def _tracks(
     landmark_ids: NDArray[np.uint32],
     strikes: int,
 ) -> TrackLandmarks:
-    tracks = np.zeros(len(rows), _TRACK_LANDMARK)
+    tracks = np.empty(len(rows), _TRACK_LANDMARK)
     tracks["frame_row"], tracks["track_id"] = rows, frame.track_ids[rows]
     tracks["landmark"], tracks["landmark_id"], tracks["strikes"] = landmarks, landmark_ids, strikes
     return tracks

@@ -25,7 +25,7 @@ from bodycam_ros.files.bounded_inputs import bound_inputs
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
-from bodycam_ros.pipeline.camera import CameraPipeline
+from bodycam_ros.pipeline.camera_front import camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
@@ -138,7 +138,7 @@ class RegistrationTask:
         slim: of these no tracks, and of the landmarks the pose alone.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
         turns: camera -> rotations by its gyroscope.
-        keyframes: as of ``CameraPipeline``.
+        keyframes: as of ``CameraFront``.
     """
 
     recording_path: Path
@@ -213,18 +213,15 @@ def register_images(
     growth = task.settings.growth
     replica = MapReplica(reference_map, growth.capacity, inbox.get) if growth.enabled else None
     with open_recording(task.recording_path) as recording:
-        pipelines = {
-            camera: CameraPipeline(
-                recording.camera_model(camera),
-                reference_map,
-                task.settings,
-                best_known(recording.readout(camera), task.readouts.get(camera)),
-                None if replica is None else replica.map,
-                task.turns.get(camera),
-                task.keyframes,
-            )
-            for camera in cameras
-        }
+        fronts = camera_fronts(
+            {camera: recording.camera_model(camera) for camera in cameras},
+            reference_map,
+            task.settings,
+            readouts={camera: best_known(recording.readout(camera), task.readouts.get(camera)) for camera in cameras},
+            turns=task.turns,
+            registered_in=None if replica is None else replica.map,
+            keyframes=task.keyframes,
+        )
         rate = task.settings.images.max_rate
         limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
         stamp_ns = 0
@@ -238,7 +235,7 @@ def register_images(
                     yield AwaitedUpdate(image.camera, image.recorded_ns)
                 replica.advance(image.recorded_ns)
             try:
-                tracks, matches, keyframe = pipelines[image.camera].process(decode_grey(image), stamp_ns)
+                tracks, matches, keyframe = fronts[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
                 limit.discard(image.camera)
                 text = f"{error}; it is left out, and so will be others like it"

@@ -20,7 +20,7 @@ from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StationError
 from bodycam_ros.files.whole_file import scratch_folder
-from bodycam_ros.pipeline.camera import camera_turns, unused_sensors
+from bodycam_ros.pipeline.sensors import camera_turns, unused_sensors
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.pipeline.static_cameras import image_measurement

@@ -8,7 +8,6 @@ camera of twist ``xi`` sees a point where ``exp(-s * readout_time * xi)`` takes 
 of the images before, up to the camera's own acceleration; the rows of the image itself correct it.
 """
 
-from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
@@ -22,6 +21,7 @@ LONGEST_NS: Final = 500_000_000
 TWIST_SIGMAS: Final = np.repeat([0.5, 0.15], 3)
 """[rad/s, m/s] difference of the twist in an image from the one that the images before predict."""
 
+_KEPT = 3  # poses
 _GYROSCOPE_SIGMA = 0.05  # [rad/s] of a twist that a gyroscope measured: its change while rows are read out
 _UNKNOWN = 4.0  # times wider sigmas where only one image precedes
 _BOTH_SIDES = 0.2  # times narrower sigmas between two images
@@ -65,7 +65,7 @@ class ImageMotion:
     @property
     def as_vector(self) -> Array:
         """As ``pose_kernels`` take it (20,): read-out time and its sigma, gain, twist, sigmas."""
-        return np.concatenate([[self.readout_time, self.readout_sigma], self.gain, self.twist, self.sigmas])
+        return np.concatenate(((self.readout_time, self.readout_sigma), self.gain, self.twist, self.sigmas))
 
     def twist_of(self, world_T_camera: Array) -> Array:
         """(6,) twist at a pose (4, 4) [rad/s, m/s]."""
@@ -73,36 +73,36 @@ class ImageMotion:
         return self.gain * step + self.twist
 
 
+@dataclass(frozen=True)
 class CameraMotion:
     """Predicts the poses of one camera from its latest registered images.
 
     Attributes:
         world_T_camera: (4, 4) the latest pose, registered or predicted; None if it is unknown.
+        poses: stamps [ns] and poses (4, 4) of the latest consecutive registered images, three at most.
     """
 
-    def __init__(self) -> None:
-        self.world_T_camera: Array | None = None
-        self._poses: deque[tuple[int, Array]] = deque(maxlen=3)  # of consecutive registered images
+    world_T_camera: Array | None = None
+    poses: tuple[tuple[int, Array], ...] = ()
 
-    def add(self, stamp_ns: int, world_T_camera: Array, previous_stamp_ns: int) -> None:
-        """The pose of a registered image, and the stamp of the image before it, registered or not [ns]."""
-        if self._poses and self._poses[-1][0] != previous_stamp_ns:
-            self._poses.clear()
-        self._poses.append((stamp_ns, world_T_camera))
-        self.world_T_camera = world_T_camera
+    def with_pose(self, stamp_ns: int, world_T_camera: Array, previous_stamp_ns: int) -> "CameraMotion":
+        """After a registered image; ``previous_stamp_ns`` is that of the image before it, registered or not [ns]."""
+        follows = bool(self.poses) and self.poses[-1][0] == previous_stamp_ns
+        before = self.poses[1 - _KEPT :] if follows else ()
+        return CameraMotion(world_T_camera, (*before, (stamp_ns, world_T_camera)))
 
-    def add_unregistered(self, world_T_camera: Array | None) -> None:
-        """An image without registration: the pose predicted for it, or None where the camera is lost."""
+    def with_unregistered(self, world_T_camera: Array | None) -> "CameraMotion":
+        """After an image without registration: the pose predicted for it, or None where the camera is lost."""
         if world_T_camera is not None:
             # Or rounding doubles with every image.
             world_T_camera = rigid(nearest_rotation(world_T_camera[:3, :3]), world_T_camera[:3, 3])
-        self.world_T_camera = world_T_camera
+        return CameraMotion(world_T_camera, self.poses)
 
     def predict(self, passed_ns: int, later_R_camera: Array | None = None) -> Array | None:
         """The pose (4, 4) some time after the latest [ns]; a measured rotation since (3, 3) is used (A eq. 2)."""
         if self.world_T_camera is None:
             return None
-        velocity = self._mean_twist(-1) if len(self._poses) > 1 else np.zeros(6)
+        velocity = self._mean_twist(-1) if len(self.poses) > 1 else np.zeros(6)
         camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
         if later_R_camera is not None:
             camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
@@ -126,7 +126,7 @@ class CameraMotion:
         if readout_time == 0.0:
             return None
         dt_s = 1e-9 * (stamp_ns - previous_stamp_ns)
-        poses = list(self._poses) if self._poses and self._poses[-1][0] == previous_stamp_ns else []
+        poses = self.poses if self.poses and self.poses[-1][0] == previous_stamp_ns else ()
         before = self._mean_twist(-1) if len(poses) > 1 else None
         turning = np.zeros(3) if before is None else before[:3]
         if later_R_camera is not None:
@@ -152,9 +152,9 @@ class CameraMotion:
 
         It is free of the image's own error, which would bias a read-out time towards zero.
         """
-        if len(self._poses) < 3:
+        if len(self.poses) < 3:
             return None
-        before_ns, middle_ns, after_ns = (stamp_ns for stamp_ns, _ in self._poses)
+        before_ns, middle_ns, after_ns = (stamp_ns for stamp_ns, _ in self.poses)
         first_s, second_s = 1e-9 * (middle_ns - before_ns), 1e-9 * (after_ns - middle_ns)
         # The parabola through all three; the image's own error cancels where the steps are equally long.
         first, second = self._mean_twist(-2), self._mean_twist(-1)
@@ -164,5 +164,5 @@ class CameraMotion:
 
     def _mean_twist(self, step: int) -> Array:
         """(6,) twist in camera axes between two consecutive images [rad/s, m/s]: -1 is the latest step."""
-        (earlier_ns, earlier), (later_ns, later) = self._poses[step - 1], self._poses[step]
+        (earlier_ns, earlier), (later_ns, later) = self.poses[step - 1], self.poses[step]
         return camera_velocity(earlier, later, later_ns - earlier_ns)

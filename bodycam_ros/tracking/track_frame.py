@@ -50,6 +50,7 @@ class TrackFrame:
     current_R_previous: NDArray[np.float64]
     rotation_inliers: int
     landmark_ids: NDArray[np.uint32] | None = None
+    landmark_rows: NDArray[np.int64] | None = None
     world_T_camera: NDArray[np.float64] | None = None
     pose_information: NDArray[np.float64] | None = None
     shifts: NDArray[np.float64] | None = None

@@ -12,9 +12,10 @@ from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.graph.live_mapper import LiveMapper
 from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.pipeline.camera_front import CameraFront
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
 CAMERA = worn_camera()
@@ -32,7 +33,7 @@ class Live:
         self.begin()
 
     def begin(self) -> None:
-        self.registrar = Registrar(CAMERA, self.growth.map)
+        self.registrar = CameraFront(CAMERA, self.growth.map, PipelineSettings())
         self.growth.start_camera(CAMERA.name, CAMERA)
 
     def see(self, frame: TrackFrame) -> LandmarkMatches:
@@ -57,7 +58,7 @@ def unknown_tracks(number: int, first: int) -> TrackFrame:
 
 def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
     live = Live()
-    assert Registrar(CAMERA, small_map()).register(unknown_tracks(0, 0)).world_T_camera is None
+    assert CameraFront(CAMERA, small_map(), PipelineSettings()).register(unknown_tracks(0, 0)).world_T_camera is None
     for number in range(5):
         assert live.see(all_tracks(number)).world_T_camera is not None
         live.work()

@@ -97,7 +97,7 @@ def test_the_twist_inside_an_image_is_the_gyroscopes(orientations: Array) -> Non
             ]
             true = rates(1e-9 * np.array([stamp_ns - START_NS]))[0]
             errors.append([np.linalg.norm(each.twist_of(pose)[:3] - true) for each in in_image if each])
-        motion.add(stamp_ns, pose, stamp_ns - passed_ns)
+        motion = motion.with_pose(stamp_ns, pose, stamp_ns - passed_ns)
         turn.observe(stamp_ns, pose[:3, :3])
     by_gyroscope, by_poses = np.mean(errors, axis=0)
     assert by_gyroscope < 0.02 < 0.2 < by_poses

@@ -16,7 +16,7 @@ from bodycam_ros.geometry import inverse, log_se3, log_so3
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.pipeline.camera import landmark_tracker, registrar
+from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.direct_registration import DirectSettings
@@ -57,13 +57,11 @@ def run(
     turn: CameraTurn | None = None,
 ) -> Said:
     settings = settings or PipelineSettings()
-    tracker = landmark_tracker(camera, reference_map, settings, turn=turn)
-    registering = registrar(camera, reference_map, settings)
+    front = CameraFront(camera, reference_map, settings, turn=turn)
     said: Said = []
     for image, stamp_ns in images:
-        frame = tracker.track(image, stamp_ns)
-        said.append((frame, registering.register(frame)))
-        tracker.add_registration(said[-1][1])
+        frame, matches, _ = front.process(image, stamp_ns)
+        said.append((frame, matches))
     return said
 
 

@@ -9,9 +9,10 @@ from helpers.reprojection import reprojection_errors
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.pipeline.camera_front import CameraFront
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.feature_tracker import FeatureTracker
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -44,7 +45,7 @@ def without_names(frame: TrackFrame) -> TrackFrame:
 
 def test_registers_from_nothing_and_tracks_carry_their_landmarks(reference_map, seen) -> None:
     camera, frames = seen
-    registrar = Registrar(camera, reference_map)
+    registrar = CameraFront(camera, reference_map, PipelineSettings())
     names: dict[int, int] = {}
     for frame in frames:
         matches = registrar.register(frame)
@@ -59,7 +60,7 @@ def test_registers_from_nothing_and_tracks_carry_their_landmarks(reference_map, 
 
 def test_a_lost_camera_comes_back_at_the_next_keyframe(reference_map, seen) -> None:
     camera, frames = seen
-    registrar = Registrar(camera, reference_map)
+    registrar = CameraFront(camera, reference_map, PipelineSettings())
     registrar.register(frames[0])
     blind = without_names(frames[1])
     empty = dataclasses.replace(
@@ -76,7 +77,7 @@ def test_a_map_of_noise_registers_nothing(reference_map, seen) -> None:
     noise = dataclasses.replace(
         reference_map, descriptors=rng.integers(0, 100, reference_map.descriptors.shape).astype(np.uint8)
     )
-    registrar = Registrar(camera, noise)
+    registrar = CameraFront(camera, noise, PipelineSettings())
     assert [registrar.register(frame).world_T_camera for frame in frames] == [None] * len(frames)
 
 
@@ -91,7 +92,7 @@ def described(frame: TrackFrame, keyframe: TrackFrame) -> TrackFrame:
 
 def test_tracks_that_slid_along_do_not_keep_a_camera_where_it_was(sample, reference_map, seen) -> None:
     camera, frames = seen
-    registrar = Registrar(camera, reference_map)
+    registrar = CameraFront(camera, reference_map, PipelineSettings())
     before = registrar.register(frames[0])
     with open_recording(sample / "sample" / "bag") as recording:
         image = [image for image, _ in zip(recording.images([CAMERA]), range(25), strict=False)][-1]
@@ -106,7 +107,7 @@ def test_tracks_that_slid_along_do_not_keep_a_camera_where_it_was(sample, refere
         pixels=np.concatenate([before.pixels[:slid], later.pixels]),
         described=later.described + np.uint32(slid),
     )
-    there = Registrar(camera, reference_map).register(later).world_T_camera
+    there = CameraFront(camera, reference_map, PipelineSettings()).register(later).world_T_camera
     found = registrar.register(jumped).world_T_camera
     assert there is not None and found is not None and before.world_T_camera is not None
     assert np.linalg.norm(there[:3, 3] - before.world_T_camera[:3, 3]) > 0.2

@@ -7,9 +7,10 @@ from helpers.rolling_camera import START_NS, landmarks_ahead, map_of, swinging, 
 from bodycam_ros.camera import readout
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import inverse, log_se3
+from bodycam_ros.pipeline.camera_front import CameraFront
+from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.registration.registrar import Registrar
 
 CAMERA = wide_camera()
 IMAGES = 90
@@ -23,8 +24,8 @@ def around() -> ReferenceMap:
 
 def registered(
     around: ReferenceMap, true_s: float, known: Readout | None = None
-) -> tuple[Registrar, list[LandmarkMatches]]:
-    registrar = Registrar(CAMERA, around, readout=known)
+) -> tuple[CameraFront, list[LandmarkMatches]]:
+    registrar = CameraFront(CAMERA, around, PipelineSettings(), known)
     frames = track_frames(CAMERA, around, np.random.default_rng(4), true_s, IMAGES)
     with pytest.MonkeyPatch.context() as patch:
         # Every image has errors of its own here, so that each counts in full.
@@ -45,9 +46,9 @@ def error_m(matches: list[LandmarkMatches]) -> float:
 @pytest.mark.parametrize("true_s", [0.012, -0.012, 0.0])
 def test_the_readout_time_is_found(around: ReferenceMap, true_s: float) -> None:
     registrar, matches = registered(around, true_s)
-    assert registrar.readout.seconds == pytest.approx(true_s, abs=3e-4)
-    assert abs(registrar.readout.seconds - true_s) < 4.0 * registrar.readout.sigma
-    assert matches[-1].readout == registrar.readout
+    assert registrar.known.registered.readout.seconds == pytest.approx(true_s, abs=3e-4)
+    assert abs(registrar.known.registered.readout.seconds - true_s) < 4.0 * registrar.known.registered.readout.sigma
+    assert matches[-1].readout == registrar.known.registered.readout
     ideal = error_m(registered(around, 0.0, Readout(0.0, 0.0))[1])
     assert error_m(matches) < 1.5 * ideal + 2e-4
     if true_s == 0.0:
@@ -59,6 +60,6 @@ def test_the_readout_time_is_found(around: ReferenceMap, true_s: float) -> None:
 
 def test_what_is_given_is_used_from_the_first_image_and_never_changed(around: ReferenceMap) -> None:
     registrar, matches = registered(around, 0.012, Readout(0.0115, 0.0))
-    assert registrar.readout.seconds == 0.0115
+    assert registrar.known.registered.readout.seconds == 0.0115
     assert {one.readout for one in matches} == {Readout(0.0115, 0.0)}
     assert matches[2].shifts is not None and np.abs(matches[2].shifts).max() > 0.3

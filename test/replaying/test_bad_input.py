@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.cli.main import main
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.pipeline.camera import unused_sensors
+from bodycam_ros.pipeline.sensors import unused_sensors
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.camera_worker import UnusableCount, UnusableImages
 from bodycam_ros.results.solved_body import read_solved_body

@@ -12,10 +12,8 @@ FIRST = exp_se3(np.array([0.3, -0.1, 0.8, 1.0, 2.0, 1.5]))
 
 
 def predicted(passed_ns: int) -> Array:
-    motion = CameraMotion()
-    motion.add(0, FIRST, 0)
-    motion.add(FRAME_NS, FIRST @ exp_se3(PER_FRAME), 0)
-    pose = motion.predict(passed_ns)
+    first = CameraMotion().with_pose(0, FIRST, 0)
+    pose = first.with_pose(FRAME_NS, FIRST @ exp_se3(PER_FRAME), 0).predict(passed_ns)
     assert pose is not None
     return pose
 
