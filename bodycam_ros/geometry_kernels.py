@@ -238,3 +238,19 @@ def solve_positive(A: Array, b: Array) -> tuple[Array, bool]:
             x[i] -= L[k, i] * x[k]
         x[i] /= L[i, i]
     return x, True
+
+
+@kernel("(f8[:, ::1],)")
+def invert_positive(A: Array) -> tuple[Array, bool]:
+    """Inverse (N, N) of A by Cholesky, symmetric, and whether A (N, N) is positive definite."""
+    size = len(A)
+    inverse_A, unit = np.empty((size, size)), np.zeros(size)
+    for j in range(size):
+        unit[j] = 1.0
+        column, found = solve_positive(A, unit)
+        unit[j] = 0.0
+        if not found:
+            return inverse_A, False
+        for i in range(j, size):
+            inverse_A[i, j] = inverse_A[j, i] = column[i]
+    return inverse_A, True

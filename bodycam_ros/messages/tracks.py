@@ -31,8 +31,20 @@ from bodycam_ros.tracking.track_frame import DESCRIPTOR_LENGTH, TrackFrame
 TRACKS_TYPE, LANDMARKS_TYPE = "bodycam_msgs/msg/FeatureTracks", "bodycam_msgs/msg/LandmarkMatches"
 
 
-def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
-    """bodycam_msgs/FeatureTracks of a track frame."""
+def image_messages(
+    make: MessageFactory, frame: TrackFrame, matches: LandmarkMatches
+) -> tuple[Message, Message, Message | None]:
+    """Tracks, landmarks and pose of one image: ``tracks_message``, ``landmarks_message``, ``camera_pose_message``."""
+    landmarks = landmarks_message(make, matches)
+    is_judged = frame.world_T_camera is matches.world_T_camera  # the tracker's own pose
+    tracks = tracks_message(make, frame, landmarks.pose.pose if is_judged else None)
+    return tracks, landmarks, camera_pose_message(make, landmarks)
+
+
+def tracks_message(make: MessageFactory, frame: TrackFrame, pose: Message | None = None) -> Message:
+    """bodycam_msgs/FeatureTracks of a track frame; ``pose``: its geometry_msgs/Pose, where that is made already."""
+    if pose is None:
+        pose = pose_message(make, np.eye(4) if frame.world_T_camera is None else frame.world_T_camera)
     information = np.zeros((6, 6)) if frame.pose_information is None else frame.pose_information
     return make(
         TRACKS_TYPE,
@@ -48,7 +60,7 @@ def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
         landmark_ids=make.array(frame.landmark_ids, np.uint32),
         rotation_inliers=int(frame.rotation_inliers),
         located=frame.world_T_camera is not None,
-        pose=pose_message(make, np.eye(4) if frame.world_T_camera is None else frame.world_T_camera),
+        pose=pose,
         pose_information=flat(information, np.float64),
         shifts=make.array(frame.shifts, np.float64),
     )

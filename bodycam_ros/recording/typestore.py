@@ -55,7 +55,7 @@ def _message_class(type_name: str) -> Callable[..., Message]:
         zero[_IDENTITY_W[1]] = _IDENTITY_W[2]
 
     def message(**fields: Any) -> Message:
-        return cls(**(zero | fields))
+        return cls(**fields) if len(fields) == len(zero) else cls(**(zero | fields))
 
     return message
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import UNKNOWN_READOUT, Readout
 from bodycam_ros.geometry import Array
+from bodycam_ros.geometry_kernels import invert_positive
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.matching import RADIUS_PX, WIDE_RADIUS_PX, match_near_prediction
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose, steady_pixels
@@ -290,8 +291,8 @@ class Registrar:
 
 def _covariance(information: Array) -> Array | None:
     """(6, 6) covariance of a pose, or None if its landmarks do not determine it."""
-    values, vectors = np.linalg.eigh(information)
-    if not values[0] * _DEGENERATE > values[-1]:
+    covariance, found = invert_positive(information)
+    # The product of the traces is at least the condition, and at most 36 times it.
+    if not (found and np.trace(information) * np.trace(covariance) < _DEGENERATE):
         return None
-    covariance: Array = (vectors / values) @ vectors.T
     return covariance if np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2 else None

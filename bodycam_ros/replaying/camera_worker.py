@@ -24,7 +24,8 @@ from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.files.bounded_inputs import bound_inputs
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
-from bodycam_ros.messages.tracks import camera_pose_message, landmarks_message, tracks_message
+from bodycam_ros.messages.factory import Message
+from bodycam_ros.messages.tracks import camera_pose_message, image_messages, landmarks_message
 from bodycam_ros.pipeline.camera_front import camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
@@ -263,12 +264,12 @@ def missing_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImag
 def _serialised(camera: str, tracks: TrackFrame, matches: LandmarkMatches, slim: bool) -> tuple[SerializedMessage, ...]:
     """The messages that a bag keeps of one image."""
     make = recorded_messages()
-    landmarks = landmarks_message(make, matches.bare() if slim else matches)
-    messages = {
-        "tracks": None if slim else tracks_message(make, tracks),
-        "landmarks": landmarks,
-        "pose": camera_pose_message(make, landmarks),
-    }
+    messages: dict[str, Message | None] = {}
+    if slim:
+        messages["landmarks"] = landmarks_message(make, matches.bare())
+        messages["pose"] = camera_pose_message(make, messages["landmarks"])
+    else:
+        messages["tracks"], messages["landmarks"], messages["pose"] = image_messages(make, tracks, matches)
     return tuple(
         SerializedMessage.of(matches.stamp_ns, f"/{camera}/{name}", message)
         for name, message in messages.items()

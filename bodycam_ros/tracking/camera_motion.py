@@ -9,6 +9,7 @@ of the images before, up to the camera's own acceleration; the rows of the image
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -102,7 +103,7 @@ class CameraMotion:
         """The pose (4, 4) some time after the latest [ns]; a measured rotation since (3, 3) is used (A eq. 2)."""
         if self.world_T_camera is None:
             return None
-        velocity = self._mean_twist(-1) if len(self.poses) > 1 else np.zeros(6)
+        velocity = self._latest_twist if len(self.poses) > 1 else np.zeros(6)
         camera_T_later = exp_se3(1e-9 * min(passed_ns, LONGEST_NS) * velocity)
         if later_R_camera is not None:
             camera_T_later = rigid(later_R_camera.T, camera_T_later[:3, 3])
@@ -127,7 +128,7 @@ class CameraMotion:
             return None
         dt_s = 1e-9 * (stamp_ns - previous_stamp_ns)
         poses = self.poses if self.poses and self.poses[-1][0] == previous_stamp_ns else ()
-        before = self._mean_twist(-1) if len(poses) > 1 else None
+        before = self._latest_twist if len(poses) > 1 else None
         turning = np.zeros(3) if before is None else before[:3]
         if later_R_camera is not None:
             turning = log_so3(later_R_camera.T) / dt_s
@@ -157,10 +158,15 @@ class CameraMotion:
         before_ns, middle_ns, after_ns = (stamp_ns for stamp_ns, _ in self.poses)
         first_s, second_s = 1e-9 * (middle_ns - before_ns), 1e-9 * (after_ns - middle_ns)
         # The parabola through all three; the image's own error cancels where the steps are equally long.
-        first, second = self._mean_twist(-2), self._mean_twist(-1)
+        first, second = self._mean_twist(-2), self._latest_twist
         twist = (second_s * first + first_s * second) / (first_s + second_s)
         sigmas = _BOTH_SIDES * TWIST_SIGMAS + _UNEVEN * np.abs(second - first)
         return ImageMotion(readout_time, readout_sigma, np.eye(4), np.zeros(6), twist, sigmas, twist[:3])
+
+    @cached_property
+    def _latest_twist(self) -> Array:
+        """(6,) twist in camera axes between the latest two images [rad/s, m/s]."""
+        return self._mean_twist(-1)
 
     def _mean_twist(self, step: int) -> Array:
         """(6,) twist in camera axes between two consecutive images [rad/s, m/s]: -1 is the latest step."""

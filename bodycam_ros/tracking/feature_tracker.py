@@ -147,9 +147,9 @@ class FeatureTracker:
             current_R_previous: (3, 3) rotation of the camera since the image before.
             afresh: whether these replace a keyframe.
         """
-        at, known = find_rows(self._ids, track_ids)
         born_ns = np.full(len(track_ids), stamp_ns)
         if not afresh:
+            at, known = find_rows(self._ids, track_ids)
             born_ns[known] = self._born_ns[at[known]]
         if self._image is not None and stamp_ns > self._stamp_ns:
             self._turning = log_so3(current_R_previous) / (stamp_ns - self._stamp_ns)
