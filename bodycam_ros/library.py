@@ -2,36 +2,53 @@
 
 from bodycam_ros import Body, Map, replay
 
-for output in replay("walk.mcap", Map.load("map"), Body.load("body.yaml")):
+states = replay("walk.mcap", Map.load("map"), Body.load("body.yaml"))
+for output in states:
 print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
+print(states.verdict)
 """
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.formats.stations_file import read_stations
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.pipeline.camera_front import camera_fronts
+from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.sensors import camera_turns
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
+from bodycam_ros.pipeline.static_cameras import image_measurement
+from bodycam_ros.quality.camera_poses import CameraPoseLog
+from bodycam_ros.quality.judge import judge
+from bodycam_ros.quality.static_camera_findings import StaticCameraLog
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replaying.extend import extend_map
 from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate, MapUpdateSource
+from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.results.verdict import Verdict
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
+from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 
-__all__ = ["Body", "CameraImage", "CameraModel", "Map", "replay"]
+__all__ = ["Body", "CameraImage", "CameraModel", "Map", "Replay", "StaticCameraFiles", "extend_map", "replay"]
 
 
 class Body(BodyModel):
@@ -45,70 +62,126 @@ class Body(BodyModel):
             BodyError: the file is missing, or describes no body.
         """
         body = read_body(path)
+        if body.surface is not None:
+            body = replace(body, surface=str(Path(path).resolve().parent / body.surface))
         return cls(**{field.name: getattr(body, field.name) for field in fields(body) if field.init})
 
 
 Map = ReferenceMap
 
 
-def replay(
-    images: Path | str | Iterable[CameraImage],
-    reference_map: Map,
-    body: BodyModel,
-    cameras: Mapping[str, CameraModel] | None = None,
-    equipment: Equipment | None = None,
-    settings: PipelineSettings | None = None,
-    live: bool = False,
-    imus: Mapping[str, ImuSamples] | None = None,
-) -> Iterator[BodyOutput]:
-    """Solve a recording in this process, and yield states as they are solved, in order of time.
+class Replay(Iterator[BodyOutput]):
+    """The states of a recording as they are solved, in order of time, and whether they may be used; see ``replay``."""
 
-    They follow their images by some seconds, in which later images give the clocks and the poses of limbs that were
-    blind.
+    def __init__(
+        self,
+        images: Path | str | Iterable[CameraImage],
+        reference_map: Map | None,
+        body: BodyModel,
+        cameras: Mapping[str, CameraModel],
+        equipment: Equipment | None,
+        settings: PipelineSettings,
+        live: bool,
+        imus: Mapping[str, ImuSamples],
+        static_cameras: StaticCameraFiles | None,
+    ) -> None:
+        self._images, self._map, self._own = images, reference_map, body
+        self._body = with_hands(body) if static_cameras else body
+        self._cameras, self._equipment, self._settings, self._live = dict(cameras), equipment, settings, live
+        self._imus, self._static_cameras = dict(imus), static_cameras
+        self._readouts: Mapping[str, Readout | None] = body.readout_starts
+        self._stations: Mapping[str, Station] = {}
+        self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
+        self._static_log = StaticCameraLog()
+        self._states = self._solve()
 
-    Args:
-        images: a ros2 bag folder or .mcap file, or images in order of their stamps.
-        reference_map: metric.
-        body: which has been calibrated.
-        cameras: models by name; of a bag its own.
-        equipment: what the body rides, holds or stands on.
-        settings: of all stages.
-        live: states follow by ``smoother.output_delay`` instants alone, and may be as much less accurate.
-        imus: camera -> samples of its inertial sensor; of a bag its own.
+    def __next__(self) -> BodyOutput:
+        """The next state."""
+        return next(self._states)
 
-    Raises:
-        RecordingError: there is no recording, or an image cannot be decoded.
-        BodyError: the body carries none of the cameras that have models.
-    """
-    with ExitStack() as opened:
-        readouts: Mapping[str, Readout | None] = body.readout_starts
-        if isinstance(images, Path | str):
-            recording = opened.enter_context(open_recording(Path(images)))
-            worn = [camera for camera in recording.cameras if camera in body.mounts]
-            cameras = cameras or {camera: recording.camera_model(camera) for camera in worn}
-            readouts = {camera: best_known(recording.readout(camera), readouts.get(camera)) for camera in worn}
-            imus = imus or read_imus([Path(images)], worn)
-            images = recording.images(worn)
-        cameras, imus, settings = cameras or {}, imus or {}, settings or PipelineSettings()
-        if not set(cameras) & set(body.mounts):
-            raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
-        prepare_kernels()
-        skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
-        source = replica = None
-        if settings.growth.enabled:
-            sent: deque[MapUpdate] = deque()
-            source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
-            replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
-        fronts = camera_fronts(
-            {camera: model for camera, model in cameras.items() if camera in body.mounts},
-            reference_map,
-            settings,
-            readouts=readouts,
-            turns=camera_turns(body, imus) if settings.inertial.enabled else {},
-            registered_in=None if replica is None else replica.map,
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict on the states that were taken so far, as ``bodycam replay`` prints it; equipment is not judged."""
+        bare: list[str] = []
+        if self._static_cameras is not None:
+            own, worn = self._own, self._cameras
+            bare = [name for name in own.segments if not any(each in worn for each in own.cameras_on(name))]
+        return judge(self._log.poses(), self._static_log.findings(bare))
+
+    def _solve(self) -> Iterator[BodyOutput]:
+        with ExitStack() as opened:
+            images = self._open(opened)
+            if not (set(self._cameras) & set(self._body.mounts) or self._stations):
+                raise BodyError(f"none of the cameras that have models is on the body ({', '.join(self._body.mounts)})")
+            prepare_kernels()
+            skeleton = SkeletonPipeline(
+                self._body,
+                self._cameras,
+                self._settings,
+                self._live,
+                on_corrected=self._log.add_registration,
+                equipment=self._equipment,
+                static_cameras=self._measurement(),
+                stations=self._stations,
+                imus=self._imus,
+            )
+            for message in self._messages(images):
+                yield from self._logged(skeleton.add(message))
+            yield from self._logged(skeleton.flush())
+
+    def _open(self, opened: ExitStack) -> Iterable[CameraImage]:
+        """The images, once cameras, sensors and stations are those of the recording."""
+        given, files, body = self._images, self._static_cameras, self._body
+        if not isinstance(given, Path | str):
+            if files is not None:
+                self._stations = read_stations(files.stations, self._map)
+            return given
+        recording = opened.enter_context(open_recording(Path(given)))
+        worn = [camera for camera in recording.cameras if camera in body.mounts] if self._map is not None else []
+        if files is not None:
+            self._stations = read_recorded_stations(files, self._map, recording, body)
+        if not self._cameras:
+            self._cameras.update({camera: recording.camera_model(camera) for camera in worn})
+        self._readouts = {camera: best_known(recording.readout(camera), self._readouts.get(camera)) for camera in worn}
+        self._imus = self._imus or read_imus([Path(given)], worn)
+        return recording.images([*worn, *self._stations])
+
+    def _measurement(self) -> ImageMeasurement | None:
+        """What measures the body by static cameras, if there are any."""
+        if self._static_cameras is None:
+            return None
+        body = coupled_body(self._body, self._equipment)
+
+        def log(stamps_ns: Mapping[str, int], measured: StaticMeasurement) -> None:
+            unsupported = [body.segments[row] for row in measured.unsupported]
+            self._static_log.add(min(stamps_ns.values()), measured.observed, unsupported, measured.misplaced)
+
+        return image_measurement(
+            self._static_cameras, self._stations, body, Path(), self._settings, log, live=self._live
         )
+
+    def _messages(self, images: Iterable[CameraImage]) -> Iterator[LandmarkMatches | CameraImage]:
+        """Registrations of worn cameras, which may extend the map, and images of static ones."""
+        settings, reference_map = self._settings, self._map
+        fronts: Mapping[str, CameraFront] = {}
+        source = replica = None
+        if reference_map is not None:
+            if settings.growth.enabled:
+                sent: deque[MapUpdate] = deque()
+                source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
+                replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
+            fronts = camera_fronts(
+                {camera: model for camera, model in self._cameras.items() if camera in self._body.mounts},
+                reference_map,
+                settings,
+                readouts=self._readouts,
+                turns=camera_turns(self._body, self._imus) if settings.inertial.enabled else {},
+                registered_in=None if replica is None else replica.map,
+            )
         limit = ImageRateLimit(settings.images.max_rate)
         for image in images:
+            if image.camera in self._stations:
+                yield image
             if image.camera not in fronts or not limit.is_due(image.camera, image.stamp_ns):
                 continue
             if source is not None and replica is not None:
@@ -117,5 +190,54 @@ def replay(
             _, matches, keyframe = fronts[image.camera].process(decode_grey(image), image.stamp_ns)
             if source is not None and keyframe is not None:
                 source.mapper.wait_for_turn(keyframe)
-            yield from skeleton.add(matches)
-        yield from skeleton.flush()
+            yield matches
+
+    def _logged(self, outputs: Iterable[BodyOutput]) -> Iterator[BodyOutput]:
+        for output in outputs:
+            self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
+            yield output
+
+
+def replay(
+    images: Path | str | Iterable[CameraImage],
+    reference_map: Map | None,
+    body: BodyModel,
+    cameras: Mapping[str, CameraModel] | None = None,
+    equipment: Equipment | None = None,
+    settings: PipelineSettings | None = None,
+    live: bool = False,
+    imus: Mapping[str, ImuSamples] | None = None,
+    static_cameras: StaticCameraFiles | None = None,
+) -> Replay:
+    """Solve a recording in this process: an iterator over states, and their verdict.
+
+    States follow their images by some seconds, in which later images give the clocks and the poses of limbs that were
+    blind. More passes over a recording are a replay in the map that it extended: ``extend_map``.
+
+    Args:
+        images: a ros2 bag folder or .mcap file, or images in order of their stamps.
+        reference_map: metric; None with static cameras alone.
+        body: which has been calibrated.
+        cameras: models of worn cameras by name; of a bag its own.
+        equipment: what the body rides, holds or stands on.
+        settings: of all stages.
+        live: states follow by ``smoother.output_delay`` instants alone, and may be as much less accurate.
+        imus: camera -> samples of its inertial sensor; of a bag its own.
+        static_cameras: files of cameras that stand around the body, if there are any.
+
+    Raises:
+        RecordingError: there is no recording, or an image cannot be decoded; with the first state.
+        BodyError: the body carries none of the cameras that have models; with the first state.
+        StationError: the static cameras cannot be used; with the first state.
+    """
+    return Replay(
+        images,
+        reference_map,
+        body,
+        cameras or {},
+        equipment,
+        settings or PipelineSettings(),
+        live,
+        imus or {},
+        static_cameras,
+    )

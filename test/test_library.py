@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from static_cameras.painted_bag import dressed_body, write_painted
 
-from bodycam_ros import Body, Map, replay
+from bodycam_ros import Body, Map, StaticCameraFiles, replay
+from bodycam_ros.cli.main import main
 from bodycam_ros.errors import BodyError
 from bodycam_ros.results.solved_recording import read_solved
 
@@ -39,11 +41,31 @@ def test_importing_it_sets_nothing_in_its_host() -> None:
 
 def test_states_are_those_of_a_replay(sample: Path, sample_out: Path) -> None:
     body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
-    outputs = list(replay(sample / "sample" / "bag", reference_map, body))
+    states = replay(sample / "sample" / "bag", reference_map, body)
+    outputs = list(states)
     solved = read_solved(sample_out)
     np.testing.assert_array_equal([output.state.stamp_ns for output in outputs], solved.stamps_ns)
     poses = np.stack([solved.world_T_link[segment] for segment in body.segments], axis=1)
     np.testing.assert_allclose([output.state.world_T_segment for output in outputs], poses, atol=1e-6)
+    assert solved.stored_verdict is not None and solved.stored_verdict.level is states.verdict.level
+    assert [(each.subject, each.check) for each in states.verdict.findings] == [
+        (each.subject, each.check) for each in solved.stored_verdict.findings
+    ]
+
+
+def test_static_cameras_are_those_of_a_replay(sample: Path, tmp_path: Path) -> None:
+    files = tmp_path / "painted"
+    files.mkdir()
+    write_painted(dressed_body(sample), files)
+    given = StaticCameraFiles(files / "cameras.yaml", start=files / "start.yaml")
+    states = replay(files / "bag", None, Body.load(sample / "body.yaml"), static_cameras=given)
+    outputs = list(states)
+    command = ["replay", files / "bag", "--body", sample / "body.yaml", "-o", tmp_path / "out", "--jobs", 1]
+    main([*map(str, command), "--stations", str(given.stations), "--start", str(given.start)])
+    solved = read_solved(tmp_path / "out")
+    poses = np.stack([solved.world_T_link[segment] for segment in outputs[0].state.segments], axis=1)
+    np.testing.assert_allclose([output.state.world_T_segment for output in outputs], poses, atol=1e-6)
+    assert solved.stored_verdict is not None and solved.stored_verdict.level is states.verdict.level
 
 
 def test_live_states_come_while_images_are_given(sample: Path) -> None:

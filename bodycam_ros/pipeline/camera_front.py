@@ -8,7 +8,7 @@ the wire between them.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -109,18 +109,19 @@ class CameraFront:
             RecordingError: the image has another size than the camera model, or its stamp does not advance.
         """
         tracked, tracks = self._tracker.track(self.known.tracked, image, stamp_ns)
-        self.known = replace(self.known, tracked=tracked)
+        self.known = KnownCamera(tracked, self.known.registered)
         return tracks
 
     def register(self, tracks: TrackFrame) -> LandmarkMatches:
         """The camera's pose in the map, judged or fitted, and the landmarks of its tracks (A eq. 8, first term)."""
         registered, matches = self._registrar.register(self.known.registered, tracks)
-        self.known = replace(self.known, registered=registered)
+        self.known = KnownCamera(self.known.tracked, registered)
         return matches
 
     def accept(self, matches: LandmarkMatches) -> None:
         """Go on tracking from the registration of the latest image or, live, of one before it."""
-        self.known = replace(self.known, tracked=self._tracker.add_registration(self.known.tracked, matches))
+        tracked = self._tracker.add_registration(self.known.tracked, matches)
+        self.known = KnownCamera(tracked, self.known.registered)
 
     def want_keyframe(self) -> None:
         """Make the next image a keyframe: for a registrar that starts anew, or a map that is to grow."""
@@ -128,7 +129,7 @@ class CameraFront:
 
     def set_readout(self, readout: Readout) -> None:
         """Register by a read-out time of another source, if it is better known than the present one."""
-        self.known = replace(self.known, registered=self.known.registered.with_readout(readout))
+        self.known = KnownCamera(self.known.tracked, self.known.registered.with_readout(readout))
 
     def set_registrar(self, settings: RegistrarSettings) -> None:
         """Register the next images by other settings."""

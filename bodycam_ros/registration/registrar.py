@@ -293,6 +293,6 @@ def _covariance(information: Array) -> Array | None:
     """(6, 6) covariance of a pose, or None if its landmarks do not determine it."""
     covariance, found = invert_positive(information)
     # The product of the traces is at least the condition, and at most 36 times it.
-    if not (found and np.trace(information) * np.trace(covariance) < _DEGENERATE):
+    if not (found and information.trace() * covariance.trace() < _DEGENERATE):
         return None
-    return covariance if np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2 else None
+    return covariance if covariance[3:, 3:].trace() < MAX_SIGMA_M**2 else None
