@@ -97,8 +97,10 @@ class BodyFrame:
         stamp_ns: the instant [ns].
         matches: camera -> its registration; a camera without one is absent.
         images: static camera -> its image.
+        is_earlier: whether time went back to it, so that nothing is known of the motion before.
     """
 
     stamp_ns: int
     matches: Mapping[str, LandmarkMatches]
     images: Mapping[str, CameraImage] = field(default_factory=dict)
+    is_earlier: bool = False

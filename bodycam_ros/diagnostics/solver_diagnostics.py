@@ -89,7 +89,7 @@ class SolverDiagnostics:
         """
         tally, self._tally = self._tally, _Tally()
         dropped = self._dropped
-        late = pipeline.assembler.late if pipeline else 0
+        late = pipeline.arrivals.late if pipeline else 0
         lost, self._late_reported = dropped.count_new() + max(0, late - self._late_reported), late
         counts = pipeline.counts if pipeline else SolverCounts()
         rejected = counts.rejected
@@ -103,7 +103,7 @@ class SolverDiagnostics:
             "late registrations": late,
             "registrations rejected": ", ".join(f"{c} {n}" for c, n in sorted(rejections.items())) or "none",
             **solver_status(counts).values,
-            "restarts": pipeline.timeline.epoch if pipeline else 0,
+            "restarts": pipeline.arrivals.epoch if pipeline else 0,
             **dropped.values,
         }
         level, text = self._judge(tally, lost, sorted(rejections), pipeline)
@@ -129,7 +129,7 @@ class SolverDiagnostics:
             return StatusLevel.ERROR, f"{what} arrive, but no camera {found}"
         if tally.solved and tally.predicted == tally.solved:
             return StatusLevel.ERROR, f"no camera {found}; the body is predicted"
-        if silent := pipeline.assembler.silent:
+        if silent := pipeline.arrivals.silent:
             return StatusLevel.WARN, f"solving without {few(silent)}: no {what}"
         if rejected:
             return StatusLevel.WARN, f"solving without {few(rejected)}: rejected, they contradict the other cameras"
@@ -166,27 +166,26 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str) -> list[Sta
     """Agreement in time of each camera with the others; ``what`` it sends."""
     if pipeline is None:
         return []
-    assembler, clocks = pipeline.assembler, pipeline.clocks.histories
+    clocks = pipeline.clocks.histories
     statuses = []
-    for camera, share in assembler.shares.items():
+    for camera, own in pipeline.arrivals.cameras().items():
         values: dict[str, object] = {
-            "share of frames [%]": round(100 * share),
-            "late registrations": assembler.late_of[camera],
+            "share of frames [%]": round(100 * own.share),
+            "late registrations": own.late,
         }
         level, text = StatusLevel.OK, "in time with the others"
         if (clock := clocks.get(camera)) is not None:
             values |= clock_values(clock.latest)
             if clock.is_off:
                 text = f"clock offset {1e3 * clock.latest.offset:+.1f} ms, corrected"
-        apart_s = pipeline.timeline.apart_s(camera)
-        if apart_s is not None and abs(apart_s) > _APART_S:
+        if (apart_s := own.apart_s) is not None and abs(apart_s) > _APART_S:
             side = "ahead of" if apart_s > 0 else "behind"
             level, text = StatusLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
-        elif camera in assembler.silent:
+        elif own.is_silent:
             level, text = StatusLevel.ERROR, f"no {what}; the solver does not wait for it"
-        elif share < LOW_SHARE:
+        elif own.share < LOW_SHARE:
             level, text = StatusLevel.WARN, f"{what} are missing"
-        statuses.append(Status(f"camera {camera}", level, f"{text}; in {share:.0%} of the body's frames", values))
+        statuses.append(Status(f"camera {camera}", level, f"{text}; in {own.share:.0%} of the body's frames", values))
     return statuses
 
 

@@ -264,7 +264,7 @@ class SolverStage(Stage[SolverParameters]):
         if self._diagnostics.quiet_s > self.parameters.idle_flush:
             self._flush()
         else:
-            self._pipeline.assembler.max_wait_ns = round(1e9 * self.settings.assembler.max_wait)
+            self._pipeline.arrivals.set_max_wait(self.settings.assembler.max_wait)
             self._publish(self._pipeline.poll())
         self._timings.publish_clocks(self._pipeline.clocks.histories)
 

@@ -1,6 +1,6 @@
 """The stages wired together once, for the offline replay and for the live nodes alike.
 
-    image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --FrameAssembler, BodyEstimator--> BodyOutput
+    image --FeatureTracker--> TrackFrame --Registrar--> LandmarkMatches --Arrivals, BodyEstimator--> BodyOutput
 
 What happens to one camera is in ``pipeline/camera_front.py``; ``SkeletonPipeline`` is what happens to all cameras'
 registrations.
@@ -25,10 +25,9 @@ from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.arrivals import Arrivals
 from bodycam_ros.timing.clock_estimator import ClockEstimator
-from bodycam_ros.timing.frame_assembler import FrameAssembler
-from bodycam_ros.timing.silence import Silence
-from bodycam_ros.timing.timeline import Message, Timeline
+from bodycam_ros.timing.timeline import Message
 
 
 class SkeletonPipeline:
@@ -38,7 +37,7 @@ class SkeletonPipeline:
         body: segments, joints and mounts.
         cameras: names of the recording's; those that the body does not carry are ignored.
         settings: of all stages.
-        live: whether registrations come while images are taken, see ``FrameAssembler``.
+        live: whether registrations come while images are taken, see ``Arrivals``.
         on_corrected: called with every registration, its stamp corrected by its camera's clock.
         equipment: what the body rides, holds or stands on.
         on_together: called with the share that is done while all instants are solved together.
@@ -48,9 +47,8 @@ class SkeletonPipeline:
 
     Attributes:
         body: with the equipment, if any.
-        timeline: admits messages of the time that most cameras agree on.
         clocks: of the cameras on the body.
-        assembler: makes frames of the body of the messages of single cameras.
+        arrivals: makes frames of the body of the messages of single cameras.
 
     Raises:
         BodyError: the body carries none of the cameras, and none looks at it.
@@ -78,14 +76,12 @@ class SkeletonPipeline:
         self._settings, self._live, self._on_together = settings, live, on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras = static_cameras
-        self.timeline = Timeline(settings.assembler.max_wait)
         self.clocks = ClockEstimator(body, on_body, settings.clock, evidence_floor(settings.evidence), live)
-        self.assembler = FrameAssembler([*on_body, *stations], settings.assembler, live, self.clocks, on_corrected)
+        self.arrivals = Arrivals([*on_body, *stations], settings.assembler, live, self.clocks, on_corrected)
         self._root = body.segment_index[body.root]
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
             self.inertial.add(camera, samples)
-        self._silence, self._is_carried = Silence(), False
         self._counts = SolverCounts()
         self._begin()
 
@@ -126,39 +122,29 @@ class SkeletonPipeline:
         latest_ns = self.inertial.add_sample(camera, stamp_ns, reading)
         if latest_ns is None or not self._live:
             return []
-        self._silence.add_sample(latest_ns)
-        due_ns = self._silence.due_ns(self._smoother.period_ns)
+        due_ns = self.arrivals.add_sample(latest_ns, self._smoother.period_ns)
         return [] if due_ns is None else self._carry(due_ns)
 
     def add_image(self, stamp_ns: int) -> None:
         """Note that an image was taken, whose registration is still to come; live, it is waited for."""
-        self._silence.add_image(stamp_ns)
+        self.arrivals.add_image(stamp_ns)
 
     def add(self, message: Message) -> list[BodyOutput]:
         """Add a registration, or an image of a static camera; outputs that are ready, by time."""
-        outputs, epoch = list[BodyOutput](), self.timeline.epoch
-        for each in self.timeline.admit(message):
-            if self.timeline.epoch > epoch:
-                epoch = self.timeline.epoch
-                outputs += self._solve(self.assembler.restart())
-                self._silence.restart()
-            self._silence.add_message(each.stamp_ns)
-            self._is_carried = False
-            outputs += self._solve(self.assembler.add(each))
-        return outputs
+        return self._solve(self.arrivals.add(message))
 
     def poll(self) -> list[BodyOutput]:
         """What is ready because a camera has been silent for long enough by now; live, call it now and then."""
-        return self._solve(self.assembler.complete())
+        return self._solve(self.arrivals.complete())
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        return self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
+        return self._solve(self.arrivals.flush()) + self._outputs(self._smoother.flush())
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []
         for frame in frames:
-            if frame.stamp_ns <= self._solved_ns:
+            if frame.is_earlier:
                 outputs += self._outputs(self._smoother.flush())
                 self._counts = self.counts
                 self._begin()
@@ -170,14 +156,12 @@ class SkeletonPipeline:
     def _carry(self, due_ns: float) -> list[BodyOutput]:
         """States without images up to a time [ns], as far as inertial sensors carry the body."""
         period_ns = round(self._smoother.period_ns)
-        outputs = [] if self._is_carried else self._solve(self.assembler.flush())
-        self._is_carried = True
-        due_ns = min(due_ns, self._silence.message_ns + 1e9 * CARRIED_S)
+        outputs = self._solve(self.arrivals.flush())
+        due_ns = min(due_ns, self.arrivals.latest_message_ns + 1e9 * CARRIED_S)
         while self._smoother.has_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
             if not self.inertial.carry(self._solved_ns, stamp_ns):
                 break
-            outputs += self._solve([BodyFrame(stamp_ns, {})])
-            self.assembler.skip(stamp_ns)
+            outputs += self._solve([self.arrivals.frame_without_images(stamp_ns)])
             self._counts.interpolated += 1
         return outputs
 

@@ -27,7 +27,8 @@ from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import MAP, map_record
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.timing.frame_assembler import AssemblerSettings, FrameAssembler
+from bodycam_ros.timing.arrivals import Arrivals
+from bodycam_ros.timing.frame_assembler import AssemblerSettings
 from bodycam_ros.tracking.image_rate import ImageSettings
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
@@ -96,10 +97,10 @@ def _frames(path: Path, stations: Collection[str]) -> Iterator[tuple[float, Body
 
 
 def _frames_of_images(images: Iterable[CameraImage], stations: Collection[str]) -> Iterator[BodyFrame]:
-    assembler = FrameAssembler(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
+    arrivals = Arrivals(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
     for image in images:
-        yield from assembler.add(image)
-    yield from assembler.flush()
+        yield from arrivals.add(image)
+    yield from arrivals.flush()
 
 
 def calibrate(

@@ -157,8 +157,8 @@ class ReplayOutput:
         self._writer.attach(VERDICT_FILE, "application/json", text, self._latest_ns)
         self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(counts))
         summary.interpolated, summary.rejected = counts.interpolated, counts.rejected
-        summary.instants = skeleton.assembler.assembled + summary.interpolated
-        summary.late = skeleton.assembler.late
+        summary.instants = skeleton.arrivals.frames + summary.interpolated
+        summary.late = skeleton.arrivals.late
         if summary.late:
             logger.warning(
                 "%d registrations came after their instant had been solved without them; does a camera pause for "

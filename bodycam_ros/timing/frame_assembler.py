@@ -1,4 +1,4 @@
-"""From the messages of single cameras to frames of the whole body: which belong to which instant, given the clocks.
+"""From the messages of single cameras to frames of the whole body, within one epoch: which belong to which state.
 
 Cameras that share their stamps give frames at these, as static cameras do. The others are interpolated to them; where
 no cameras share, frames are equally spaced.
@@ -6,7 +6,7 @@ no cameras share, frames are equally spaced.
 
 import time
 from bisect import bisect_left, insort
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -16,11 +16,8 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.settings import setting
 from bodycam_ros.timing.camera_stream import CameraStream
 from bodycam_ros.timing.clock_estimator import ALL_NS, ClockEstimator
+from bodycam_ros.timing.common_stamps import CommonStamps
 from bodycam_ros.timing.timeline import Message
-
-_RECENT = 150  # frames by which cameras are judged: some seconds
-_SAME_NS = 1_000_000  # stamps of one trigger differ by less
-_MISSING_NS = 1_000_000_000  # after so long without cameras that share their stamps, frames are spaced equally
 
 
 def _order(message: Message) -> tuple[int, str]:
@@ -48,7 +45,7 @@ class AssemblerSettings:
 
 
 class FrameAssembler:
-    """Merges the messages of all cameras; those of each camera come in order of time (``Timeline``).
+    """Merges the messages of all cameras of one epoch; those of each camera come in order of time (``Timeline``).
 
     Frames depend on the stamps alone, not on the order of arrival, as long as no camera is behind the others by more
     than ``max_wait``. A camera that stops is waited for once. From then on a frame is complete without it; offline as
@@ -65,40 +62,30 @@ class FrameAssembler:
         on_corrected: called with every registration, its stamp corrected.
 
     Attributes:
-        clocks: as given.
-        assembled: number of frames so far.
-        late_of: camera -> messages that came after their frame, and were dropped.
+        closed_ns: stamp of the latest frame, in the body's time [ns]: messages up to it are late; -1 before the first.
+        late: camera -> its late messages, which were dropped.
         max_wait_ns: by the settings, or as it is replaced.
     """
 
     def __init__(
         self,
         cameras: Iterable[str],
-        settings: AssemblerSettings | None = None,
-        live: bool = False,
-        clocks: ClockEstimator | None = None,
-        on_corrected: Callable[[LandmarkMatches], None] = lambda matches: None,
+        settings: AssemblerSettings,
+        live: bool,
+        clocks: ClockEstimator | None,
+        on_corrected: Callable[[LandmarkMatches], None],
     ) -> None:
-        settings = settings or AssemblerSettings()
         self._tolerance_ns = round(1e9 * settings.sync_tolerance)
         self.max_wait_ns = round(1e9 * settings.max_wait)
-        self._live, self.clocks, self._on_corrected = live, clocks, on_corrected
-        self._recent: deque[frozenset[str]] = deque(maxlen=_RECENT)
-        self.assembled = 0
-        self.late_of: Counter[str] = Counter()
-        self._begin(cameras)
-
-    def _begin(self, cameras: Iterable[str]) -> None:
+        self._live, self._clocks, self._on_corrected = live, clocks, on_corrected
         self._streams = {camera: CameraStream(self._tolerance_ns) for camera in cameras}
         self._free: frozenset[str] | None = None
+        self._common = CommonStamps(clocks) if clocks else None
         self._waiting: list[Message] = []  # for the clocks, by their own stamps
-        self._came_ns = self._first_ns = self._twice_ns = self._assembled_ns = self._common_ns = self._shared_ns = -1
-        self._common: deque[int] = deque()  # stamps of frames that free-running cameras are interpolated to
-
-    @property
-    def late(self) -> int:
-        """Messages that were dropped because they came too late."""
-        return self.late_of.total()
+        self._came_ns = -1  # stamp of the first message
+        self._first_ns = self._twice_ns = -1  # in the body's time: the first stamp, and the latest but one of a camera
+        self.closed_ns = -1
+        self.late: Counter[str] = Counter()
 
     @property
     def silent(self) -> list[str]:
@@ -109,13 +96,6 @@ class FrameAssembler:
             if (stream.is_free or not stream.messages) and self._has_stopped(stream)
         ]
 
-    @property
-    def shares(self) -> dict[str, float]:
-        """Camera -> its share of the latest frames, of those that the most frequent camera took part in, 0 to 1."""
-        counts = Counter(camera for frame in self._recent for camera in frame)
-        most = max(counts.values(), default=0)
-        return {camera: counts[camera] / most for camera in self._streams} if most else {}
-
     def add(self, message: Message) -> list[BodyFrame]:
         """Add a message; frames that are complete now, in order of time."""
         stream = self._streams.get(message.camera)
@@ -124,8 +104,8 @@ class FrameAssembler:
         stream.came_s = time.monotonic()
         self._came_ns = message.stamp_ns if self._came_ns < 0 else self._came_ns
         insort(self._waiting, message, key=_order)
-        if self.clocks and isinstance(message, LandmarkMatches):
-            self.clocks.add(message)
+        if self._clocks and isinstance(message, LandmarkMatches):
+            self._clocks.add(message)
         return self._release(message.stamp_ns)
 
     def complete(self) -> list[BodyFrame]:
@@ -135,37 +115,29 @@ class FrameAssembler:
             frames += self._take(stamp_ns)
         return frames
 
-    def skip(self, stamp_ns: int) -> None:
-        """Drop what comes up to a stamp [ns]: its state was solved without images."""
-        self._assembled_ns = max(self._assembled_ns, stamp_ns)
+    def close(self, stamp_ns: int) -> None:
+        """Let messages up to a stamp [ns] be late: its state was solved without images."""
+        self.closed_ns = max(self.closed_ns, stamp_ns)
 
     def flush(self) -> list[BodyFrame]:
-        """Frames that were still waiting for a camera; the recording is over."""
-        if self.clocks:
-            self.clocks.flush()
+        """Frames that were still waiting for a camera: the epoch is over, or all cameras are silent."""
+        if self._clocks:
+            self._clocks.flush()
         frames = self._release(ALL_NS)
         while (stamp_ns := self._next_ns()) is not None:
             frames += self._take(stamp_ns)
         return frames
 
-    def restart(self) -> list[BodyFrame]:
-        """What is left of this epoch; the next one's time may be earlier."""
-        frames = self.flush()
-        if self.clocks:
-            self.clocks.restart()
-        self._begin(self._streams)
-        return frames
-
     def _release(self, now_ns: int) -> list[BodyFrame]:
         """Let messages go on to their frames, as far as clocks are known; all, while no body camera sends any."""
-        known_ns, clocks = ALL_NS, self.clocks
+        known_ns, clocks = ALL_NS, self._clocks
         if clocks:
             if now_ns - max(clocks.latest_ns, self._came_ns) <= 2 * self.max_wait_ns:
                 known_ns = clocks.known_ns
             if self._free != clocks.free:
                 self._free = clocks.free
                 for camera, stream in self._streams.items():
-                    stream.set_free(camera in self._free, self._assembled_ns)
+                    stream.set_free(camera in self._free, self.closed_ns)
         count = bisect_left(self._waiting, (known_ns, ""), key=_order)
         released = self._waiting[:count]
         del self._waiting[:count]
@@ -186,40 +158,27 @@ class FrameAssembler:
             self._first_ns = stamp_ns
             for each in self._streams.values():
                 each.came_s = max(each.came_s, stream.came_s)
-        is_late = stamp_ns <= self._assembled_ns
-        self.late_of[message.camera] += is_late
+        is_late = stamp_ns <= self.closed_ns
+        self.late[message.camera] += is_late
         self._twice_ns = max(self._twice_ns, stream.latest_ns)
         stream.add(message, is_late)
-        if self.clocks and isinstance(message, LandmarkMatches):
-            self._add_common(stamp_ns, self.clocks, stream.is_free)
-
-    def _add_common(self, stamp_ns: int, clocks: ClockEstimator, is_free: bool) -> None:
-        """Add stamps for free-running cameras, up to that of a registration."""
-        new: Iterable[int] = ()
-        if not is_free:
-            self._shared_ns = max(self._shared_ns, stamp_ns)
-            new = [stamp_ns] if stamp_ns > self._common_ns + _SAME_NS else ()
-        elif (period_ns := clocks.shared.period_ns if clocks.shared else 0) and (
-            not clocks.sharing or 0 <= self._shared_ns < stamp_ns - _MISSING_NS
-        ):
-            if self._common_ns < 0:
-                new = [stamp_ns // period_ns * period_ns]
-            else:
-                new = range(self._common_ns + period_ns, stamp_ns + 1, period_ns)
-        self._common += new
-        self._common_ns = max(self._common_ns, *new, -1)
+        if self._common and isinstance(message, LandmarkMatches):
+            self._common.extend(stamp_ns, stream.is_free)
 
     def _next_ns(self) -> int | None:
         """The earliest stamp of a frame to come."""
-        while self._common and self._common[0] <= self._assembled_ns:
-            self._common.popleft()
+        common_ns = None
+        if self._common:
+            self._common.drop(self.closed_ns)
+            common_ns = self._common.first_ns
         heads_ns = [s.messages[0].stamp_ns for s in self._streams.values() if s.messages and not s.is_free]
-        return min(heads_ns + ([self._common[0]] if self._common else []), default=None)
+        return min(heads_ns + ([] if common_ns is None else [common_ns]), default=None)
 
     def _common_at(self, stamp_ns: int) -> int | None:
         """The stamp that free-running cameras are interpolated to in a frame."""
         within_ns = min((s.within_ns for s in self._streams.values() if s.is_free), default=0)
-        return self._common[0] if self._common and self._common[0] <= stamp_ns + within_ns else None
+        common_ns = self._common.first_ns if self._common else None
+        return common_ns if common_ns is not None and common_ns <= stamp_ns + within_ns else None
 
     def _is_complete(self, stamp_ns: int) -> bool:
         """Whether no camera is to be waited for in the frame at a stamp."""
@@ -245,11 +204,9 @@ class FrameAssembler:
         common_ns = self._common_at(stamp_ns)
         given = {name: s.take(stamp_ns, common_ns) for name, s in self._streams.items()}
         taken = {name: each for name, each in given.items() if each is not None}
-        self._assembled_ns = max(self._assembled_ns, stamp_ns, *(each.stamp_ns for each in taken.values()))
+        self.close(max([stamp_ns, *(each.stamp_ns for each in taken.values())]))
         if not taken:
             return []
-        self.assembled += 1
-        self._recent.append(frozenset(taken))
         return [
             BodyFrame(
                 stamp_ns,

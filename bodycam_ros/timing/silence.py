@@ -6,20 +6,20 @@ from collections.abc import Callable
 
 _QUIET_S, _STEP_S = 0.1, 0.02  # of real time without registrations; of it so much counts between two samples
 _WAIT_NS, _WAIT_FRAMES, _WAIT_DELAYS = 50_000_000, 2.5, 2.0  # without registrations, before cameras count as silent
-_LATE_FRAMES, _LATE_DELAYS = 1.0, 1.2  # by which states are later than samples from then on
+_BEHIND_FRAMES, _BEHIND_DELAYS = 1.0, 1.2  # by which states are behind samples from then on
 _STALL_NS = 500_000_000  # without registrations: longer, images that are taken are not waited for
 _RECENT_NS = 500_000_000  # of registrations whose delays count: at first they are late by a second and more
 
 
 class Silence:
-    """Finds that all cameras are silent, and up to when states are due without them.
+    """Finds within one epoch that all cameras are silent, and up to when states are due without them.
 
-    A registration is later than an inertial sample of the same time, by as much as its image takes on its way. By the
+    A registration comes after an inertial sample of the same time, by as much as its image takes on its way. By the
     largest recent delay, silence is distinguished from images that are still on their way; states without images are as
-    late as with them, so that images that come again are not late. A process that stood still receives samples and
-    registrations in bursts, in any order, so silence lasts for some real time too, in which samples keep coming. Where
-    registrations stall, as on an overloaded machine, drivers still publish a camera_info with each image: such images
-    are waited for.
+    far behind samples as with them, so that images that come again are not late (``Arrivals``). A process that stood
+    still receives samples and registrations in bursts, in any order, so silence lasts for some real time too, in which
+    samples keep coming. Where registrations stall, as on an overloaded machine, drivers still publish a camera_info
+    with each image: such images are waited for.
 
     Args:
         steady_s: the steady clock [s].
@@ -57,11 +57,6 @@ class Silence:
         self._quiet_s += min(now_s - self._sensed_s, _STEP_S)
         self._sensed_ns, self._sensed_s = stamp_ns, now_s
 
-    def restart(self) -> None:
-        """Begin a new epoch, whose time may be earlier."""
-        self._sensed_ns = self._taken_ns = self.message_ns = -1
-        self._delays.clear()
-
     def due_ns(self, period_ns: float) -> float | None:
         """Time up to which states are due without images [ns]; None while there are images.
 
@@ -75,4 +70,4 @@ class Silence:
         latest_ns = max(self.message_ns, min(self._taken_ns, self.message_ns + _STALL_NS))
         if self._sensed_ns - latest_ns <= wait_ns:
             return None
-        return self._sensed_ns - _LATE_FRAMES * period_ns - _LATE_DELAYS * delay_ns
+        return self._sensed_ns - _BEHIND_FRAMES * period_ns - _BEHIND_DELAYS * delay_ns

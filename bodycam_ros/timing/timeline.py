@@ -30,11 +30,15 @@ class Timeline:
 
     def __init__(self, max_wait_s: float) -> None:
         self.epoch = 0
-        self._near_ns = round(1e9 * _NEAR * max_wait_s)
+        self.set_max_wait(max_wait_s)
         self._admitted_ns: dict[str, int] = {}
         self._elsewhere: dict[str, deque[Message]] = {}
         self._numbers: dict[str, int] = {}
         self._count = 0
+
+    def set_max_wait(self, seconds: float) -> None:
+        """Replace the longest wait for a camera [s]."""
+        self._near_ns = round(1e9 * _NEAR * seconds)
 
     def admit(self, message: Message) -> list[Message]:
         """The messages that go on with this one: itself, none, or with a new epoch those that began it, in order."""

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.arrivals import Arrivals
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
-from bodycam_ros.timing.frame_assembler import FrameAssembler
 from helpers.range_of_motion import START_NS, known_body, range_of_motion
 from helpers.registration_of_a_pose import told_pose
 
@@ -126,8 +126,8 @@ def watched(
 ) -> tuple[ClockEstimator, list[LandmarkMatches]]:
     """A watch that has heard all images, and what it let pass."""
     watch, passed = ClockEstimator(BODY, cameras, settings or ClockSettings(), FLOOR, live), list[LandmarkMatches]()
-    assembler = FrameAssembler(cameras, None, live, watch, passed.append)
+    arrivals = Arrivals(cameras, None, live, watch, passed.append)
     for image in images:
-        assembler.add(image)
-    assembler.flush()
+        arrivals.add(image)
+    arrivals.flush()
     return watch, passed

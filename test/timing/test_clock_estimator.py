@@ -18,9 +18,9 @@ from helpers.started_by_hand import (
 
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.arrivals import Arrivals
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
-from bodycam_ros.timing.frame_assembler import FrameAssembler
 
 ONE_FRAME_S = 1.0 / 30.0
 
@@ -117,11 +117,11 @@ def test_live_all_passes_at_once_and_is_corrected_by_what_is_known() -> None:
     recording = Recording(runs={"forearm_left": CameraRun(ahead_s=0.02)})
     passed = list[LandmarkMatches]()
     watch = ClockEstimator(BODY, CAMERAS, ClockSettings(), FLOOR, live=True)
-    assembler = FrameAssembler(CAMERAS, None, True, watch, passed.append)
+    arrivals = Arrivals(CAMERAS, None, True, watch, passed.append)
     held, last_ns = [], 0
     for image in recording.images():
         passed.clear()
-        assembler.add(image)
+        arrivals.add(image)
         held.append(1 - len(passed))
         if image.camera == "forearm_left":
             last_ns = image.stamp_ns - passed[-1].stamp_ns if passed else 0

@@ -7,18 +7,18 @@ from helpers.started_by_hand import BODY, CAMERAS, FLOOR, CameraRun, Recording, 
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.timing.arrivals import Arrivals
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
-from bodycam_ros.timing.frame_assembler import FrameAssembler
 
 DURATION_S = 8.0
 
 
 def brought(images: list[LandmarkMatches]) -> list[LandmarkMatches]:
     clocks = ClockEstimator(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
-    assembler = FrameAssembler(CAMERAS, clocks=clocks)
-    frames = [frame for image in images for frame in assembler.add(image)] + assembler.flush()
-    assert not assembler.late
+    arrivals = Arrivals(CAMERAS, clocks=clocks)
+    frames = [frame for image in images for frame in arrivals.add(image)] + arrivals.flush()
+    assert not arrivals.late
     return [each for frame in frames for each in frame.matches.values()]
 
 
@@ -79,9 +79,9 @@ def test_a_pause_of_all_body_cameras_loses_none_of_their_images_while_a_static_o
         images = Recording(12.0, runs=runs).images()
         static = [CameraImage("wall", START_NS + 40_000_000 * number, b"") for number in range(300)]
         clocks = ClockEstimator(BODY, CAMERAS, ClockSettings(), FLOOR, live=False)
-        assembler = FrameAssembler([*CAMERAS, "wall"], clocks=clocks)
+        arrivals = Arrivals([*CAMERAS, "wall"], clocks=clocks)
         in_order = sorted([*images, *static], key=lambda message: message.stamp_ns)
-        frames = [frame for message in in_order for frame in assembler.add(message)] + assembler.flush()
-        assert assembler.late == 0
+        frames = [frame for message in in_order for frame in arrivals.add(message)] + arrivals.flush()
+        assert arrivals.late == 0
         assert sum(len(frame.images) for frame in frames) == len(static)
         assert sum(len(frame.matches) for frame in frames) > 0.99 * len(images)

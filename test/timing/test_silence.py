@@ -65,11 +65,3 @@ def test_samples_that_come_in_a_burst_before_the_registrations_are_no_silence() 
         clock.seconds += 1e-5
         silence.add_sample(START_NS + ms * MS)
         assert silence.due_ns(PERIOD_NS) is None
-
-
-def test_a_time_that_begins_anew_is_no_silence() -> None:
-    silence = Silence(clock := Clock())
-    run(silence, clock, 1000, 40)
-    silence.restart()
-    silence.add_sample(START_NS)
-    assert silence.due_ns(PERIOD_NS) is None
