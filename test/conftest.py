@@ -17,6 +17,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.files.bounded_inputs import bound_inputs
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 
 REPOSITORY = Path(__file__).parent.parent
 
@@ -59,7 +60,7 @@ def sample_out(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     bag, jobs = sample / "sample" / "bag", os.cpu_count() or 1
 
     def make(folder: Path) -> None:
-        replay(bag, sample / "map", sample / "body.yaml", folder / "out", PipelineSettings(), jobs)
+        replay(ReplayRequest(bag, sample / "map", sample / "body.yaml", folder / "out", PipelineSettings(), jobs))
 
     return made_once(tmp_path_factory, "sample", make) / "out"
 

@@ -62,28 +62,27 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.cli.print_replay import print_replay
     from bodycam_ros.recording.bag_writer import check_replaceable
     from bodycam_ros.replaying.replay import replay
+    from bodycam_ros.replaying.replay_request import ReplayRequest
 
-    settings = pipeline_settings(arguments)
-    outside = _outside(arguments)
+    request = ReplayRequest(
+        arguments.recording,
+        arguments.map,
+        arguments.body,
+        arguments.output,
+        settings=pipeline_settings(arguments),
+        jobs=arguments.jobs,
+        force=arguments.force,
+        equipment=arguments.equipment,
+        outside=_outside(arguments),
+        slim=arguments.slim,
+        passes=arguments.passes,
+        imus=tuple(arguments.imu),
+    )
     check_output(arguments.output, input_paths(arguments))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with shown_progress() as progress:
-        summary = replay(
-            arguments.recording,
-            arguments.map,
-            arguments.body,
-            arguments.output,
-            settings,
-            jobs=arguments.jobs,
-            passes=arguments.passes,
-            force=arguments.force,
-            on_step=progress.show,
-            equipment=arguments.equipment,
-            outside=outside,
-            slim=arguments.slim,
-            imu_paths=arguments.imu,
-        )
+        summary = replay(request, progress.show)
     return print_replay(summary, arguments.recording, arguments.output)
 
 

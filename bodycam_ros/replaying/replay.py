@@ -1,9 +1,8 @@
 """A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
 
-import json
 import logging
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
@@ -21,7 +20,6 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StationError
 from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.pipeline.sensors import camera_turns, unused_sensors
-from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
@@ -32,92 +30,56 @@ from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTas
 from bodycam_ros.replaying.extend import ExtensionRound, extend_map
 from bodycam_ros.replaying.front_end import merged_results, start_workers
 from bodycam_ros.replaying.replay_output import ReplayOutput
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.replaying.static_input import read_recorded_stations
 from bodycam_ros.replaying.worker_process import warm_up
-from bodycam_ros.results.provenance import (
-    BODY,
-    EQUIPMENT,
-    MAP,
-    RECORDING,
-    SETTINGS,
-    body_record,
-    map_record,
-    settings_record,
-    source_remarks,
-    write_sources,
-)
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.results.provenance import source_remarks, write_sources
 
 logger = logging.getLogger(__name__)
 
 
-def replay(
-    recording_path: Path,
-    map_path: Path | None,
-    body_path: Path,
-    output_path: Path,
-    settings: PipelineSettings,
-    jobs: int,
-    force: bool = False,
-    equipment: str | Path | None = None,
-    on_step: Callable[[str, float], None] = lambda step, share: None,
-    outside: StaticCameraFiles | None = None,
-    slim: bool = False,
-    passes: int = 1,
-    imu_paths: Sequence[Path] = (),
-) -> ReplaySummary:
+def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambda step, share: None) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
     Args:
-        recording_path: ros2 bag folder or .mcap file.
-        map_path: folder of the reference map; None with static cameras alone, in the frame of their file.
-        body_path: YAML of the body.
-        output_path: the ros2 bag folder to be; it appears whole or not at all.
-        settings: of all stages.
-        jobs: processes for the cameras.
-        force: replace an output that is there already.
-        equipment: name or file of the equipment that the body is coupled to.
+        request: the files, and how they are solved.
         on_step: called with each step, and the share of it that is done.
-        outside: static cameras, if there are any.
-        slim: write no tracks, and of landmarks the poses by them alone.
-        passes: over the recording: all but the last extend the map by the recording itself.
-        imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    started, given_map = time.monotonic(), map_path
+    started, settings, outside = time.monotonic(), request.settings, request.outside
     with ExitStack() as stack:
         # What was recorded, who wears the cameras, and where they are.
-        recording = stack.enter_context(open_recording(recording_path))
-        own = read_body(body_path)
+        recording = stack.enter_context(open_recording(request.recording))
+        own = read_body(request.body)
         person = with_hands(own) if outside else own
-        coupling = None if equipment is None else held_equipment(equipment, person)
+        coupling = None if request.equipment is None else held_equipment(request.equipment, person)
         body = coupled_body(person, coupling)
-        rounds: tuple[ExtensionRound, ...] = ()
-        if passes > 1 and map_path is not None:
+        map_path, rounds = request.map, tuple[ExtensionRound, ...]()
+        if request.passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
-            map_path, rounds = _extend(recording, map_path, body, settings, jobs, passes, on_step, scratch)
+            map_path, rounds = _extend(request, recording, map_path, body, on_step, scratch)
         summary = ReplaySummary(recording.duration_s, rounds=rounds)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
-        sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
+        sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
             logger.warning("%s", remark)
         # Cameras are registered while the rest is made ready.
         task = RegistrationTask(
-            recording_path,
+            request.recording,
             map_path or Path(),
             settings,
             readouts=body.readout_starts,
-            slim=slim,
+            slim=request.slim,
             turns=camera_turns(body, imus),
         )
-        workers = stack.enter_context(start_workers(task, mounted, jobs))
+        workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
         stack.enter_context(threadpool_limits(1, user_api="blas"))
         cameras = {camera: recording.camera_model(camera) for camera in mounted}
@@ -127,10 +89,10 @@ def replay(
         static_cameras = None
         if outside is not None:
             static_cameras = image_measurement(
-                outside, stations, body, body_path, settings, lambda *measured: out.write_measured(*measured)
+                outside, stations, body, request.body, settings, lambda *measured: out.write_measured(*measured)
             )
             if not cameras and outside.start is None:
-                raise _nothing_solved(recording_path, map_path, outside, "")
+                raise _nothing_solved(request, "")
         log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
         skeleton = SkeletonPipeline(
             person,
@@ -144,18 +106,9 @@ def replay(
             imus=imus,
         )
         # The states of the body, as soon as they are solved.
-        writer = stack.enter_context(write_recording(output_path, force))
-        start_ns = recording.start_ns
-        sources = {
-            BODY: body_record(own),
-            RECORDING: {"name": recording_path.resolve().name, "start_ns": str(start_ns)},
-            SETTINGS: settings_record(settings) | {"passes": str(passes), "slim": json.dumps(slim)},
-        }
-        if reference_map is not None and given_map is not None:
-            sources[MAP] = map_record(reference_map, given_map)
-        if equipment is not None:
-            sources[EQUIPMENT] = {"name": Path(equipment).stem}
-        write_sources(writer, sources, own, start_ns)
+        writer = stack.enter_context(write_recording(request.output, request.force))
+        sources = request.sources(own, reference_map, recording.start_ns)
+        write_sources(writer, sources, own, recording.start_ns)
         summary.notes = source_remarks(sources)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
@@ -169,7 +122,7 @@ def replay(
                 on_step(images_step, 1e-9 * (item.stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9))
         out.write_states(skeleton.flush())
         if not summary.solved:
-            raise _nothing_solved(recording_path, map_path, outside, out.unusable)
+            raise _nothing_solved(request, out.unusable)
         # Hands that the body file does not have were added here, and need not be observed.
         out.finish([name for name in own.segments if not any(each in cameras for each in own.cameras_on(name))])
     summary.elapsed_s = time.monotonic() - started
@@ -177,19 +130,19 @@ def replay(
 
 
 def _extend(
+    request: ReplayRequest,
     recording: Recording,
     map_path: Path,
     body: BodyModel,
-    settings: PipelineSettings,
-    jobs: int,
-    passes: int,
     on_step: Callable[[str, float], None],
     scratch: Path,
 ) -> tuple[Path, tuple[ExtensionRound, ...]]:
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
-    cameras = [camera for camera in recording.cameras if camera in body.mounts]
-    limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    extended, rounds = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
+    settings, cameras = request.settings, [camera for camera in recording.cameras if camera in body.mounts]
+    limited = replace(settings, extend=replace(settings.extend, rounds=request.passes - 1))
+    extended, rounds = extend_map(
+        recording.path, map_path, limited, request.jobs, cameras, body.readout_starts, on_step
+    )
     extended.save(scratch / "map")
     return scratch / "map", rounds
 
@@ -203,21 +156,20 @@ def _with_images(
     yield from missing_images(recording, recording.start_ns)
 
 
-def _nothing_solved(
-    recording_path: Path, map_path: Path | None, outside: StaticCameraFiles | None, unusable: str
-) -> BodycamError:
+def _nothing_solved(request: ReplayRequest, unusable: str) -> BodycamError:
     """Why there is no motion to write; ``unusable``: why no image could be used, if none could."""
+    recording, outside = request.recording, request.outside
     if unusable:
-        return RecordingError(f"{recording_path}: none of its images could be used: {unusable}")
+        return RecordingError(f"{recording}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
         return StationError(
-            f"{recording_path}: no worn camera was registered, so where the body is at first is unknown; place it "
-            f"by hand with 'bodycam view --place {recording_path}', and give that as --start"
+            f"{recording}: no worn camera was registered, so where the body is at first is unknown; place it "
+            f"by hand with 'bodycam view --place {recording}', and give that as --start"
         )
     if outside is not None:
-        return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
+        return StationError(f"{recording}: no image of a static camera could be used, so there is no motion")
     return MapError(
-        f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
+        f"no camera of {recording} could be registered in {request.map}, so there is no motion to write; "
         "is it the map of another place, or are the images too dark or blurred?"
     )
 

@@ -19,6 +19,7 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.replay import replay as replay_recording
+from bodycam_ros.replaying.replay_request import ReplayRequest
 
 REPOSITORY = Path(__file__).parents[2]
 _SAMPLE = REPOSITORY / "bags"
@@ -50,8 +51,8 @@ def make_stock(folder: Path) -> None:
     shutil.copyfile(REPOSITORY / "config/equipment/bicycle.yaml", folder / "equipment.yaml")
     _write_small_map(folder)
     map_path, body = folder / "map", folder / "body.yaml"
-    replay_recording(folder / "recording", map_path, body, folder / "solved", PipelineSettings(), jobs=1)
-    replay_recording(folder / "walk", map_path, body, folder / "walked", PipelineSettings(), jobs=1)
+    replay_recording(ReplayRequest(folder / "recording", map_path, body, folder / "solved", PipelineSettings(), jobs=1))
+    replay_recording(ReplayRequest(folder / "walk", map_path, body, folder / "walked", PipelineSettings(), jobs=1))
     with TemporaryDirectory() as place:
         export([folder / "walked"], "trc", Path(place) / "points.trc", False, MotionOptions(), Unshown())
         shutil.copyfile(Path(place) / "points.trc", folder / "points.trc")
@@ -61,12 +62,14 @@ def make_stock(folder: Path) -> None:
 def _write_small_map(folder: Path) -> None:
     """The landmarks that the walk shows: a map of a tenth of the size, which every case loads."""
     replay_recording(
-        folder / "walk",
-        _SAMPLE / "map",
-        folder / "body.yaml",
-        folder / "full",
-        PipelineSettings(),
-        jobs=len(WALK_CAMERAS),
+        ReplayRequest(
+            folder / "walk",
+            _SAMPLE / "map",
+            folder / "body.yaml",
+            folder / "full",
+            PipelineSettings(),
+            jobs=len(WALK_CAMERAS),
+        )
     )
     with BagFile(folder / "full") as bag:
         topics = [f"/{camera}/landmarks" for camera in WALK_CAMERAS]

@@ -21,6 +21,7 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 
 CAMERAS = ("waist_front", "torso_front", "thigh_left", "shin_left")
@@ -58,7 +59,7 @@ def test_live_with_sensors_agrees_with_a_replay_while_all_cameras_are_dark(
     reference_map, settings = sample / "map", PipelineSettings()
     settings = replace(settings, smoother=replace(settings.smoother, output_delay=0))
     whole = write_altered_sample(sample, tmp_path / "whole", cameras=CAMERAS, frames=FRAMES)
-    replay(whole, reference_map, sample / "body.yaml", tmp_path / "true", settings, jobs=2)
+    replay(ReplayRequest(whole, reference_map, sample / "body.yaml", tmp_path / "true", settings, jobs=2))
     true = read_solved(tmp_path / "true")
     sensors = write_sensors(tmp_path / "imu", true)
     person = read_body(sample / "body.yaml")
@@ -73,7 +74,7 @@ def test_live_with_sensors_agrees_with_a_replay_while_all_cameras_are_dark(
         return None if number in DARK and "image_raw" in topic else message
 
     bag = write_altered_sample(sample, tmp_path / "bag", darken, CAMERAS, FRAMES)
-    replay(bag, reference_map, body, tmp_path / "replayed", settings, jobs=2, imu_paths=[sensors])
+    replay(ReplayRequest(bag, reference_map, body, tmp_path / "replayed", settings, jobs=2, imus=(sensors,)))
     replayed = read_solved(tmp_path / "replayed")
 
     graph.listen(

@@ -20,6 +20,7 @@ from bodycam_ros.graph.declared_graph import READERS_OF_LANDMARKS
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
@@ -45,7 +46,7 @@ def test_live_joint_states_agree_with_the_replay(
         if cameras
         else sample / "sample/bag"
     )
-    replay(bag, reference_map, body, tmp_path / "replayed", PipelineSettings(), jobs=os.cpu_count() or 1)
+    replay(ReplayRequest(bag, reference_map, body, tmp_path / "replayed", PipelineSettings(), jobs=os.cpu_count() or 1))
     replayed = read_solved(tmp_path / "replayed")
     with open_recording(bag) as recording:
         images = {camera: recording.image_count(camera) for camera in recording.cameras}

@@ -16,6 +16,7 @@ from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import read_solved
 
 ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
@@ -96,7 +97,11 @@ def played(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[A
 
 
 def test_joint_states_agree_with_the_replay(played: Any, sample: Path, tmp_path: Path) -> None:
-    replay(played.bag, sample / "map", sample / "body.yaml", tmp_path / "replayed", PipelineSettings(), jobs=1)
+    replay(
+        ReplayRequest(
+            played.bag, sample / "map", sample / "body.yaml", tmp_path / "replayed", PipelineSettings(), jobs=1
+        )
+    )
     live, replayed = played.live, read_solved(tmp_path / "replayed")
     with open_recording(played.bag) as recording:
         assert len(replayed.stamps_ns) <= max(map(recording.image_count, recording.cameras)) == FRAMES

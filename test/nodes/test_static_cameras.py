@@ -19,6 +19,7 @@ from bodycam_ros.geometry import exp_se3, quaternion_xyzw
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
@@ -84,7 +85,7 @@ def test_a_person_is_followed_live_as_in_a_replay(
     from std_srvs.srv import Trigger
 
     body = sample / "body.yaml"
-    replay(bag, None, body, tmp_path / "replayed", PipelineSettings(), jobs=1, outside=outside)
+    replay(ReplayRequest(bag, None, body, tmp_path / "replayed", PipelineSettings(), jobs=1, outside=outside))
     replayed = read_solved(tmp_path / "replayed")
 
     nodes = live_graph("", body, stations=str(outside.stations), start=str(outside.start))

@@ -9,6 +9,7 @@ from helpers.altered_sample import write_altered_sample
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 
 CAMERAS = ("waist_front", "torso_front", "thigh_left", "shin_left")
 _OFF_NS = {"torso_front": 20_000_000, "shin_left": -13_000_000}
@@ -33,7 +34,7 @@ def test_any_number_of_processes_gives_equal_bytes(recording: Path, sample: Path
     written = []
     for jobs in (1, 2, 3, 4):
         out = tmp_path / str(jobs) / "out"
-        replay(recording, sample / "map", sample / "body.yaml", out, PipelineSettings(), jobs=jobs)
+        replay(ReplayRequest(recording, sample / "map", sample / "body.yaml", out, PipelineSettings(), jobs=jobs))
         written.append({file.name: file.read_bytes() for file in out.iterdir()})
     assert len(written[0]) == 2
     assert all(each == written[0] for each in written)

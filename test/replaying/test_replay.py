@@ -20,6 +20,7 @@ from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.replaying.replay import replay
 from bodycam_ros.replaying.replay_remarks import clock_remarks
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.timing.frame_assembler import AssemblerSettings
 
@@ -43,7 +44,7 @@ def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
     sample: Path, short: Path, tmp_path: Path
 ) -> None:
     for name, jobs in (("one", 1), ("two", 2)):
-        replay(short, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs)
+        replay(ReplayRequest(short, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs))
     one, two = joint_states(tmp_path / "one"), joint_states(tmp_path / "two")
     assert list(one) == list(two)
     assert len(one) == 8
@@ -56,8 +57,10 @@ def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, sho
     settings = PipelineSettings(smoother=SmootherSettings(output_delay="offline"))
     steps: list[tuple[str, float]] = []
     inputs = (short, sample / "map", sample / "body.yaml")
-    summary = replay(*inputs, tmp_path / "whole", settings, 1, on_step=lambda step, share: steps.append((step, share)))
-    replay(*inputs, tmp_path / "forward", PipelineSettings(), 1)
+    summary = replay(
+        ReplayRequest(*inputs, tmp_path / "whole", settings, 1), on_step=lambda step, share: steps.append((step, share))
+    )
+    replay(ReplayRequest(*inputs, tmp_path / "forward", PipelineSettings(), 1))
     whole, forward = joint_states(tmp_path / "whole"), joint_states(tmp_path / "forward")
     assert summary.solved == 8 and list(whole) == list(forward)
     # What the three cameras see; of the other limbs the whole recording has another opinion.
@@ -77,7 +80,7 @@ def test_a_camera_that_starts_late_costs_the_others_nothing(sample: Path, tmp_pa
     bag = write_altered_sample(sample, tmp_path / "bag", late, frames=45)
     settings = PipelineSettings(assembler=AssemblerSettings(max_wait=0.5))
     for name, jobs in (("one", 1), ("three", 3)):
-        summary = replay(bag, sample / "map", sample / "body.yaml", tmp_path / name, settings, jobs)
+        summary = replay(ReplayRequest(bag, sample / "map", sample / "body.yaml", tmp_path / name, settings, jobs))
         assert (summary.solved, summary.late) == (45, 0)
         assert dict(summary.images) == {"waist_front": 45, "torso_front": 45, "thigh_left": 5}
     one, three = joint_states(tmp_path / "one"), joint_states(tmp_path / "three")
@@ -97,7 +100,9 @@ def test_a_camera_that_is_late_is_found_named_and_corrected(sample: Path, tmp_pa
     angles = {}
     for name, alter in (("late", late), ("right", lambda topic, number, message: message)):
         bag = write_altered_sample(sample, tmp_path / f"{name}_bag", alter, cameras, frames=60)
-        summary = replay(bag, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs=2)
+        summary = replay(
+            ReplayRequest(bag, sample / "map", sample / "body.yaml", tmp_path / name, PipelineSettings(), jobs=2)
+        )
         assert summary.solved == 60 and not any(timing.jumps for timing in summary.timings.values())
         solved = read_solved(tmp_path / name)
         angles[name] = solved.joint_angles
@@ -116,7 +121,9 @@ def test_a_camera_that_is_late_is_found_named_and_corrected(sample: Path, tmp_pa
 
 
 def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Path) -> None:
-    summary = replay(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
+    summary = replay(
+        ReplayRequest(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
+    )
     assert (summary.instants, summary.solved, summary.predicted) == (8, 8, 0)
     assert set(summary.images.values()) == {8}
     body = read_body(sample / "body.yaml")

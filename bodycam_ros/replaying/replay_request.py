@@ -1,0 +1,72 @@
+"""What a replay is asked for: the files of one recording, and how it is solved."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.provenance import (
+    BODY,
+    EQUIPMENT,
+    MAP,
+    RECORDING,
+    SETTINGS,
+    body_record,
+    map_record,
+    settings_record,
+)
+from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+
+
+@dataclass(frozen=True)
+class ReplayRequest:
+    """Files and settings of one replay.
+
+    Attributes:
+        recording: ros2 bag folder or .mcap file.
+        map: folder of the reference map; None with static cameras alone, in the frame of their file.
+        body: YAML of the body.
+        output: the ros2 bag folder to be; it appears whole or not at all.
+        settings: of all stages.
+        jobs: processes for the cameras.
+        force: replace an output that is there already.
+        equipment: name or file of the equipment that the body is coupled to.
+        outside: static cameras, if there are any.
+        slim: write no tracks, and of landmarks the poses by them alone.
+        passes: over the recording: all but the last extend the map by the recording itself.
+        imus: bags with the cameras' inertial sensors, beside those in the recording itself.
+    """
+
+    recording: Path
+    map: Path | None
+    body: Path
+    output: Path
+    settings: PipelineSettings = PipelineSettings()
+    jobs: int = 1
+    force: bool = False
+    equipment: str | Path | None = None
+    outside: StaticCameraFiles | None = None
+    slim: bool = False
+    passes: int = 1
+    imus: tuple[Path, ...] = ()
+
+    def sources(self, body: BodyModel, reference_map: ReferenceMap | None, start_ns: int) -> dict[str, dict[str, str]]:
+        """What the result says it was made from.
+
+        Args:
+            body: of the file, as it was read.
+            reference_map: that the cameras are registered in, if any.
+            start_ns: first stamp of the recording [ns].
+        """
+        sources: dict[str, dict[str, str]] = {
+            BODY: body_record(body),
+            RECORDING: {"name": self.recording.resolve().name, "start_ns": str(start_ns)},
+            SETTINGS: settings_record(self.settings) | {"passes": str(self.passes), "slim": json.dumps(self.slim)},
+        }
+        if reference_map is not None and self.map is not None:
+            sources[MAP] = map_record(reference_map, self.map)
+        if self.equipment is not None:
+            sources[EQUIPMENT] = {"name": Path(self.equipment).stem}
+        return sources
