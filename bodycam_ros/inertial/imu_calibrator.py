@@ -17,6 +17,7 @@ from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.inertial.preintegration import integrate
+from bodycam_ros.robust_least_squares import by_differences, robust_least_squares
 
 logger = logging.getLogger(__name__)
 
@@ -197,20 +198,13 @@ class _Fit:
 
 
 def _fit(residuals: Callable[[Array], Array], prior: Array) -> _Fit:
-    """Robust Gauss-Newton (Cauchy) over values (K) around zero, of sigmas ``prior``; residuals (T, 3) in sigmas."""
-    x, information = np.zeros(len(prior)), np.diag(prior**-2.0)
-    for _ in range(_STEPS):
-        r = residuals(x)
-        J = np.stack([(residuals(x + step) - r) / _SMALL for step in _SMALL * np.eye(len(x))], axis=-1)
-        weights = 1.0 / (1.0 + (r**2).sum(axis=1) / (3.0 * _KERNEL**2))
-        weighted = weights[:, None, None] * J
-        information = np.tensordot(weighted, J, axes=([0, 1], [0, 1])) + np.diag(prior**-2.0)
-        step = -np.linalg.solve(information, np.tensordot(weighted, r, axes=([0, 1], [0, 1])) + x / prior**2)
-        x = x + step
-        if np.abs(step).max() < _CONVERGED:
-            break
-    sigmas = _SHARED * np.sqrt(np.diag(np.linalg.inv(information)))
-    return _Fit(x, sigmas, float(np.sqrt(np.average((r**2).mean(axis=1), weights=weights))))
+    """Values (K) around zero, of sigmas ``prior``, by residuals (T, 3) in sigmas."""
+    # By the mean of the squares over the three axes.
+    fit = robust_least_squares(
+        by_differences(residuals, _SMALL), np.zeros(len(prior)), prior, np.sqrt(3.0) * _KERNEL, _STEPS, _CONVERGED
+    )
+    sigmas = _SHARED * np.sqrt(np.diag(fit.covariance))
+    return _Fit(fit.values, sigmas, float(np.sqrt(np.average((fit.residuals**2).mean(axis=1), weights=fit.weights))))
 
 
 def _initial(camera: str, images: _Images) -> ImuCalibration:

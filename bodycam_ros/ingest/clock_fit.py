@@ -10,6 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.geometry import Array
+from bodycam_ros.robust_least_squares import robust_least_squares
+
 _DRIFT_SIGMA = 100e-6  # of two cameras: crystals are sold with 20 to 50 ppm, and get warm; a minute outweighs it
 _ROUNDS = 30
 _CAUCHY = 3.4  # sigmas of the difference of two times: 95 % efficient where nothing is wrong
@@ -72,13 +75,14 @@ def fit_clocks(
         for name, media_s, sign in zip(pair, times, (-1.0, 1.0), strict=True):
             if name != reference:
                 design[row, [column[name], count + column[name]]] = sign / sigma_s, sign * media_s / sigma_s
-    prior = np.diag(np.repeat([0.0, _DRIFT_SIGMA**-2.0], count))
-    weights = np.ones(len(used))
-    for _ in range(_ROUNDS):
-        covariance = np.linalg.inv((design.T * weights) @ design + prior)
-        clocks = covariance @ (design.T * weights) @ wanted
-        weights = 1.0 / (1.0 + ((design @ clocks - wanted) / _CAUCHY) ** 2)
-    sigma = np.sqrt(np.diag(covariance))
+    prior = np.repeat([np.inf, _DRIFT_SIGMA], count)
+
+    def linearise(clocks: Array) -> tuple[Array, Array]:
+        return (design @ clocks - wanted)[:, None], design[:, None]
+
+    start = robust_least_squares(linearise, np.zeros(2 * count), prior, kernel=np.inf, rounds=1)
+    fit = robust_least_squares(linearise, start.values, prior, _CAUCHY, _ROUNDS - 1)
+    clocks, sigma = fit.values, np.sqrt(np.diag(fit.covariance))
     fitted = {reference: CameraTime()}
     for name, k in column.items():
         start_s, drift = float(clocks[k]), float(clocks[count + k])
