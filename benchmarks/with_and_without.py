@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Comparison, TrueMotion, compare, read_true_motion
-from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.evaluate.figures import Spread, spread
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
@@ -55,7 +55,7 @@ class WithAndWithout:
     true_with: Comparison | None
     true_without: Comparison | None
 
-    def measures(self) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
+    def measures(self) -> dict[str, tuple[Spread, Spread]]:
         """Name -> figures with the equipment, and without."""
         pairs = {
             f"{point.name.replace('_', ' ')} [mm]": (spread(point.off_with, 1e3), spread(point.off_without, 1e3))
@@ -63,8 +63,8 @@ class WithAndWithout:
         }
         if self.true_with is not None and self.true_without is not None:
             figures = self.true_with.figures(), self.true_without.figures()
-            pairs["joints against the truth [cm]"] = figures[0]["position_cm"], figures[1]["position_cm"]
-            pairs["angles against the truth [deg]"] = figures[0]["angle_deg"], figures[1]["angle_deg"]
+            pairs["joints against the truth [cm]"] = figures[0].position_cm, figures[1].position_cm
+            pairs["angles against the truth [deg]"] = figures[0].angle_deg, figures[1].angle_deg
         return pairs
 
 
@@ -152,8 +152,8 @@ def main() -> None:
     compared = None if truth is None else compare(solved, truth)
     both = with_and_without(solved, read_solved(arguments.without), truth, compared)
     for name, (ours, theirs) in both.measures().items():
-        print(f"{name}: with {ours['mean']:.2f}, {ours['max']:.2f} at most", end="; ")
-        print(f"without {theirs['mean']:.2f}, {theirs['max']:.2f} at most")
+        print(f"{name}: with {ours.mean:.2f}, {ours.max:.2f} at most", end="; ")
+        print(f"without {theirs.mean:.2f}, {theirs.max:.2f} at most")
     draw_constraints(both, arguments.output)
 
 

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from bodycam_ros.evaluate.anatomical_angles import (
 )
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.comparison import TrueMotion
-from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.evaluate.figures import AgreementFigures, PointFigures, spread
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array
@@ -90,14 +89,14 @@ class PointAgreement:
         distance: Array = np.linalg.norm(self.ours - self.theirs, axis=1)
         return distance
 
-    def figures(self) -> dict[str, Any]:
-        """Figures by name."""
-        return {
-            "on": self.link,
-            "place_fitted": self.is_fitted,
-            "seen": float(np.isfinite(self.theirs[:, 0]).mean()),
-            "position_cm": spread(self.errors, 100.0),
-        }
+    def figures(self) -> PointFigures:
+        """The agreement in figures."""
+        return PointFigures(
+            on=self.link,
+            place_fitted=self.is_fitted,
+            seen=float(np.isfinite(self.theirs[:, 0]).mean()),
+            position_cm=spread(self.errors, 100.0),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,28 +164,28 @@ class Agreement:
         """Segment -> (T,) [rad] the paper's measure: of the turn of a joint since the first frame."""
         return {angle.segment: angle.turn_errors for angle in self.angles}
 
-    def figures(self) -> dict[str, Any]:
-        """Figures by name, the unit at the end of the name."""
+    def figures(self) -> AgreementFigures:
+        """The agreement in figures."""
         clock, angles = self.clock, list(self.angle_errors.values())
-        return {
-            "with": self.name,
-            "format": self.kind,
-            "instants": len(self.stamps_ns),
-            "align": "similarity" if self.with_scale else "rigid",
-            "scale": self.scale,
-            "unit_m": self.unit_m,
-            "starts_at_s": clock.start_s,
-            "starts_at_sigma_s": clock.start_sigma_s,
-            "clock_rate": clock.rate,
-            "clock_rate_sigma": clock.rate_sigma,
-            "doubts": list(self.doubts),
-            "names_left_out": list(self.left_out),
-            "position_cm": spread(self.position_errors, 100.0),
-            "position_rigid_mean_cm": 100.0 * self.rigid_error,
-            "angle_deg": spread(np.degrees(np.array(angles))) if angles else None,
-            "points": {point.name: point.figures() for point in self.points},
-            "joints": {SegmentName(angle.segment).joint.replace("_", " "): angle.figures() for angle in self.angles},
-        }
+        return AgreementFigures(
+            other=self.name,
+            format=self.kind,
+            instants=len(self.stamps_ns),
+            align="similarity" if self.with_scale else "rigid",
+            scale=self.scale,
+            unit_m=self.unit_m,
+            starts_at_s=clock.start_s,
+            starts_at_sigma_s=clock.start_sigma_s,
+            clock_rate=clock.rate,
+            clock_rate_sigma=clock.rate_sigma,
+            doubts=list(self.doubts),
+            names_left_out=list(self.left_out),
+            position_cm=spread(self.position_errors, 100.0),
+            position_rigid_mean_cm=100.0 * self.rigid_error,
+            angle_deg=spread(np.degrees(np.array(angles))) if angles else None,
+            points={point.name: point.figures() for point in self.points},
+            joints={SegmentName(angle.segment).joint.replace("_", " "): angle.figures() for angle in self.angles},
+        )
 
     def lines(self) -> list[str]:
         """How the two were compared, in sentences."""

@@ -8,12 +8,11 @@ limb points the opposite way, and the swing needs no more than the two ends of a
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from bodycam_ros.body.segment_name import JOINT_ABOVE, RIGHT, SegmentName
-from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.evaluate.figures import JointFigures, PlaneFigures, spread
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 
 PLANES = ("sagittal", "frontal", "transverse")
@@ -134,28 +133,24 @@ class AngleAgreement:
     turn_errors: Array
     rotation_errors: Array | None = None
 
-    def figures(self) -> dict[str, Any]:
-        """Figures by name, the unit at the end of the name."""
+    def figures(self) -> JointFigures:
+        """The agreement in figures."""
         columns = zip(PLANES, np.degrees(self.ours).T, np.degrees(self.theirs).T, strict=True)
-        return {
-            "from": "centres of joints" if self.rotation_errors is None else "rotations of bones",
-            "angle_deg": spread(np.degrees(self.turn_errors)),
-            "planes": {
-                plane: {"error_deg": spread(np.abs(ours - theirs))} | limits_of_agreement(ours, theirs)
-                for plane, ours, theirs in columns
-                if np.isfinite(theirs).any()
-            },
-        }
+        return JointFigures(
+            source="centres of joints" if self.rotation_errors is None else "rotations of bones",
+            angle_deg=spread(np.degrees(self.turn_errors)),
+            planes={plane: plane_figures(ours, theirs) for plane, ours, theirs in columns if np.isfinite(theirs).any()},
+        )
 
 
-def limits_of_agreement(ours: Array, theirs: Array) -> dict[str, float]:
-    """Bias, 95 % limits and root mean square of the differences (Bland and Altman 1986); NaN of none."""
-    differences = (ours - theirs)[np.isfinite(ours - theirs)]
+def plane_figures(ours: Array, theirs: Array) -> PlaneFigures:
+    """Differences of angles (T,) [deg] in a plane, with 95 % limits of agreement (Bland and Altman 1986)."""
+    differences, errors = (ours - theirs)[np.isfinite(ours - theirs)], spread(np.abs(ours - theirs))
     if not differences.size:
-        return dict.fromkeys(("bias", "low", "high", "rmse"), np.nan)
+        return PlaneFigures(errors, np.nan, np.nan, np.nan, np.nan)
     bias, sd = float(differences.mean()), float(differences.std())
     rmse = float(np.sqrt((differences**2).mean()))
-    return {"bias": bias, "low": bias - _WITHIN * sd, "high": bias + _WITHIN * sd, "rmse": rmse}
+    return PlaneFigures(errors, bias, bias - _WITHIN * sd, bias + _WITHIN * sd, rmse)
 
 
 def compare_rotations(segment: str, ours: Array, theirs: Array, *, shares_axes: bool = False) -> AngleAgreement:

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
@@ -13,7 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.evaluate.figures import CameraFigures, ClockFigures, SensorFigures, StationFigures, spread
 from bodycam_ros.geometry import Array, inverse, log_so3
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
 from bodycam_ros.quality.sensor_checks import sensor_quality
@@ -81,11 +81,8 @@ def jitter(solved: SolvedRecording) -> Array:
     return noise
 
 
-def camera_figures(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> dict[str, dict[str, Any]]:
-    """Body camera -> its figures, the unit at the end of each name.
-
-    The registration has this camera alone, the solution all cameras and the body: a gap that stays is a mount that has
-    moved or a wrong body, one that comes and goes bad registrations.
+def camera_figures(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> dict[str, CameraFigures]:
+    """Body camera -> its figures.
 
     Args:
         solved: the recording.
@@ -99,18 +96,18 @@ def camera_figures(solved: SolvedRecording, models: Mapping[str, CameraModel]) -
     for record in solved.cameras:
         position_gap, rotation_gap = _pose_gaps(solved, record, poses.get(record.camera))
         has_landmarks = record.landmarks.any() or not record.registered.any()  # else a slim bag
-        figures[record.camera] = {
-            "images": len(record.stamps_ns),
-            "registered": float(record.registered.mean()),
-            "sight": {sight.label: float(np.mean(record.sights == sight)) for sight in CameraSight},
-            "longest_lost_s": _longest_lost_s(record, solved.frame_ns),
-            "landmarks": float(record.landmarks.mean()) if has_landmarks else np.nan,
-            "position_gap_mm": spread(position_gap, 1e3),
-            "rotation_gap_deg": spread(rotation_gap, np.degrees(1.0)),
-            **({} if record.timing is None else {"clock": _clock_figures(record.timing)}),
-        }
+        figures[record.camera] = CameraFigures(
+            images=len(record.stamps_ns),
+            registered=float(record.registered.mean()),
+            sight={sight.label: float(np.mean(record.sights == sight)) for sight in CameraSight},
+            longest_lost_s=_longest_lost_s(record, solved.frame_ns),
+            landmarks=float(record.landmarks.mean()) if has_landmarks else np.nan,
+            position_gap_mm=spread(position_gap, 1e3),
+            rotation_gap_deg=spread(rotation_gap, np.degrees(1.0)),
+            clock=None if record.timing is None else _clock_figures(record.timing),
+        )
     for camera, errors in _reprojection_errors(solved, models, poses).items():
-        figures[camera]["reprojection_px"] = spread(errors)
+        figures[camera] = msgspec.structs.replace(figures[camera], reprojection_px=spread(errors))
     return figures
 
 
@@ -132,19 +129,18 @@ def _pose_gaps(solved: SolvedRecording, record: CameraRecord, world_T_camera: Ar
     return np.linalg.norm(gap[:, :3, 3], axis=1), np.linalg.norm(log_so3(gap[:, :3, :3]), axis=1)
 
 
-def _clock_figures(timing: ClockHistory) -> dict[str, Any]:
-    """The clock at the end; ``is_off``: not that of the recording; ``held_from_s``: when it became another."""
+def _clock_figures(timing: ClockHistory) -> ClockFigures:
     clock, first_ns, readout = timing.latest, timing.clocks[0].since_ns, timing.readout or Readout(math.nan, math.nan)
-    return {
-        "is_off": timing.is_off,
-        "ahead_ms": 1e3 * clock.offset,
-        "ahead_sigma_ms": 1e3 * clock.offset_sigma,
-        "drift_ppm": 1e6 * clock.drift,
-        "drift_sigma_ppm": 1e6 * clock.drift_sigma,
-        "held_from_s": [1e-9 * (later.since_ns - first_ns) for later in timing.clocks[1:]],
-        "readout_ms": 1e3 * readout.seconds,
-        "readout_sigma_ms": 1e3 * readout.sigma,
-    }
+    return ClockFigures(
+        is_off=timing.is_off,
+        ahead_ms=1e3 * clock.offset,
+        ahead_sigma_ms=1e3 * clock.offset_sigma,
+        drift_ppm=1e6 * clock.drift,
+        drift_sigma_ppm=1e6 * clock.drift_sigma,
+        held_from_s=[1e-9 * (later.since_ns - first_ns) for later in timing.clocks[1:]],
+        readout_ms=1e3 * readout.seconds,
+        readout_sigma_ms=1e3 * readout.sigma,
+    )
 
 
 def camera_models(solved: SolvedRecording, recording: Path) -> dict[str, CameraModel]:
@@ -182,14 +178,14 @@ def _reprojection_errors(
     return {camera: np.concatenate(values) for camera, values in errors.items()}
 
 
-def station_figures(record: StationRecord) -> dict[str, Any]:
+def station_figures(record: StationRecord) -> StationFigures:
     """Figures of a static camera."""
-    return {
-        "images": len(record.stamps_ns),
-        "seen": float(record.observes.mean()),
-        "segments": float(record.segments.mean()),
-        "confidence": float(record.confidence.mean()),
-    }
+    return StationFigures(
+        images=len(record.stamps_ns),
+        seen=float(record.observes.mean()),
+        segments=float(record.segments.mean()),
+        confidence=float(record.confidence.mean()),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,25 +203,21 @@ class GyroscopeResiduals:
 
 def sensor_figures(
     sensors: Mapping[str, ImuSamples], residuals: Mapping[str, GyroscopeResiduals]
-) -> dict[str, dict[str, float]]:
-    """Camera -> figures of its inertial sensor: noise and bias at rest, and the gyroscope against the solved camera.
-
-    ``bias_change_deg_s`` is the median of the gyroscope, corrected by the body's calibration, less the solved angular
-    velocity; ``residual_deg_s`` the median of what remains. Both are NaN without a calibration.
-    """
+) -> dict[str, SensorFigures]:
+    """Camera -> figures of its inertial sensor; ``residuals``: of those that the body file calibrates."""
     figures, degrees = {}, np.degrees(1.0)
     for camera, samples in sensors.items():
         quality = sensor_quality(samples)
         rad_s = residuals[camera].rad_s if camera in residuals else np.full((1, 3), np.nan)
         change = np.median(rad_s, axis=0)
-        figures[camera] = {
-            "rate_hz": quality.rate_hz,
-            "gyro_noise_deg_s": degrees * quality.gyro_noise,
-            "accelerometer_noise_micro_g": 1e6 * quality.accelerometer_noise / GRAVITY,
-            "rest_bias_deg_s": degrees * quality.bias,
-            "bias_change_deg_s": degrees * float(np.linalg.norm(change)),
-            "residual_deg_s": spread(np.linalg.norm(rad_s - change, axis=1), degrees)["median"],
-        }
+        figures[camera] = SensorFigures(
+            rate_hz=quality.rate_hz,
+            gyro_noise_deg_s=degrees * quality.gyro_noise,
+            accelerometer_noise_micro_g=1e6 * quality.accelerometer_noise / GRAVITY,
+            rest_bias_deg_s=degrees * quality.bias,
+            bias_change_deg_s=degrees * float(np.linalg.norm(change)),
+            residual_deg_s=spread(np.linalg.norm(rad_s - change, axis=1), degrees).median,
+        )
     return figures
 
 

@@ -7,14 +7,13 @@ axis.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.anatomical_angles import AngleAgreement, compare_rotations
-from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.evaluate.figures import SegmentErrors, TruthFigures, spread
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array, inverse, rigid, umeyama
@@ -123,8 +122,8 @@ class Comparison:
         """Child segment -> (T,) [rad] geodesic errors of its rotation in its parent."""
         return {s: joint.rotation_errors for s, joint in self.joints.items() if joint.rotation_errors is not None}
 
-    def figures(self) -> dict[str, Any]:
-        """Figures by name, the unit at the end of the name."""
+    def figures(self) -> TruthFigures:
+        """The errors in figures."""
         degrees, cm = np.degrees(1.0), 100.0
         errors = {
             "position_cm": dict(zip(self.segments, cm * self.position_errors.T, strict=True)),
@@ -132,22 +131,24 @@ class Comparison:
             "rotation_deg": {segment: degrees * errors for segment, errors in self.rotation_errors.items()},
         }
         per_joint = {
-            segment: {name: float(each[segment].mean()) for name, each in errors.items() if segment in each}
+            segment: SegmentErrors(
+                **{name: float(each[segment].mean()) for name, each in errors.items() if segment in each}
+            )
             for segment in self.segments
         }
-        return {
-            "frames": len(self.stamps_ns),
-            "coverage": self.coverage,
-            "joints": len(self.segments),
-            "links_missing": list(self.missing),
-            "position_cm": spread(self.position_errors, cm),
-            "sim_position_cm": spread(self.similarity_errors, cm),
-            "scale": self.scale,
-            "tilt_deg": degrees * self.tilt,
-            "angle_deg": spread(np.array([*errors["angle_deg"].values()])),
-            "rotation_deg": spread(np.array([*errors["rotation_deg"].values()])),
-            "per_joint": per_joint,
-        }
+        return TruthFigures(
+            frames=len(self.stamps_ns),
+            coverage=self.coverage,
+            joints=len(self.segments),
+            links_missing=list(self.missing),
+            position_cm=spread(self.position_errors, cm),
+            sim_position_cm=spread(self.similarity_errors, cm),
+            scale=self.scale,
+            tilt_deg=degrees * self.tilt,
+            angle_deg=spread(np.array([*errors["angle_deg"].values()])),
+            rotation_deg=spread(np.array([*errors["rotation_deg"].values()])),
+            per_joint=per_joint,
+        )
 
 
 def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:

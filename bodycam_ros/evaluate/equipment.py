@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.body.segment_name import SegmentName
-from bodycam_ros.evaluate.sections import spread
+from bodycam_ros.evaluate.figures import AttachmentFigures, EquipmentFigures, LengthFigures, spread
 from bodycam_ros.results.picture_style import QUIET, light_grid, panel_title, side_colour
 from bodycam_ros.results.solved_recording import SolvedRecording
 
@@ -18,12 +18,8 @@ _DASHES: tuple[tuple[int, tuple[int, ...]], ...] = ((0, ()), (0, (6, 2)), (0, (3
 """Dashes of attachments, by name without the side."""
 
 
-def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
-    """Figures by name, the unit at the end of the name.
-
-    Per attachment: the share of the states at which it was active, the distances of its points while it was and while
-    it was not, and the stretches of time at which it was released although the equipment was placed [s since the
-    start]. Per length that the file leaves open: its last estimate.
+def equipment_figures(record: EquipmentRecord, start_ns: int) -> EquipmentFigures:
+    """How well the body was coupled to its equipment.
 
     Args:
         record: of a solved recording.
@@ -32,21 +28,21 @@ def equipment_figures(record: EquipmentRecord, start_ns: int) -> dict[str, Any]:
     attachments = {}
     for column, name in enumerate(record.attachments):
         held, deviations = record.held[:, column], record.deviations[:, column]
-        attachments[name] = {
-            "held": float(held.mean()),
-            "deviation_mm": spread(deviations[held], 1e3),
-            "apart_mm": spread(deviations[~held & record.placed], 1e3),
-            "let_go_s": [[1e-9 * (stamp - start_ns) for stamp in stretch] for stretch in record.let_go(column)],
-        }
+        attachments[name] = AttachmentFigures(
+            held=float(held.mean()),
+            deviation_mm=spread(deviations[held], 1e3),
+            apart_mm=spread(deviations[~held & record.placed], 1e3),
+            let_go_s=[[1e-9 * (stamp - start_ns) for stamp in stretch] for stretch in record.let_go(column)],
+        )
     lengths = zip(record.lengths, (1e3 * record.values).tolist(), (1e3 * record.sigmas).tolist(), strict=True)
     placed = record.stamps_ns[record.placed]
-    return {
-        "name": record.name,
-        "placed": float(np.mean(record.placed)),
-        "placed_from_s": 1e-9 * float(placed[0] - start_ns) if placed.size else None,
-        "attachments": attachments,
-        "lengths": {name: {"value_mm": value, "sigma_mm": sigma} for name, value, sigma in lengths},
-    }
+    return EquipmentFigures(
+        name=record.name,
+        placed=float(np.mean(record.placed)),
+        placed_from_s=1e-9 * float(placed[0] - start_ns) if placed.size else None,
+        attachments=attachments,
+        lengths={name: LengthFigures(value, sigma) for name, value, sigma in lengths},
+    )
 
 
 def draw_equipment(axes: Axes, solved: SolvedRecording, record: EquipmentRecord) -> None:

@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +17,8 @@ from bodycam_ros.evaluate.agreement import (
 )
 from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motion
 from bodycam_ros.evaluate.equipment import equipment_figures
+from bodycam_ros.evaluate.figures import EvaluationFigures, SameMotion, VerdictFigures, spread
 from bodycam_ros.evaluate.gait import solved_gait
-from bodycam_ros.evaluate.sections import spread
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
@@ -45,7 +43,7 @@ class Evaluation:
     Attributes:
         solved: the recording.
         verdict: whether the result may be used: the stored one, or that of its bag.
-        figures: content of ``summary.json``: by name, with the unit at the end of the name; unknown ones are None.
+        figures: content of ``summary.json``.
         blind: (T,) states without any registered camera.
         position_sigma: (T,) of the root [m].
         jitter: (T, S) [m].
@@ -57,7 +55,7 @@ class Evaluation:
 
     solved: SolvedRecording
     verdict: Verdict
-    figures: dict[str, Any]
+    figures: EvaluationFigures
     blind: NDArray[np.bool_]
     position_sigma: Array
     jitter: Array
@@ -109,40 +107,33 @@ def evaluate(
     verdict, blind, jitter = solved_verdict(solved, models), camera_figures.blind(solved), camera_figures.jitter(solved)
     variances = np.diagonal(solved.root_covariance, axis1=1, axis2=2)
     rotation_sigma, position_sigma = (np.sqrt(variances[:, rows].sum(axis=1)) for rows in (slice(0, 3), slice(3, 6)))
-    figures: dict[str, Any] = {
-        "duration_s": solved.duration_s,
-        "frame_s": 1e-9 * solved.frame_ns,
-        "instants": len(solved.stamps_ns),
-        "instants_without_camera": int(blind.sum()),
-        "image_coverage": camera_figures.image_coverage(solved),
-        "verdict": {
-            "level": verdict.level.word,
-            "text": verdict.text,
-            "findings": [*map(finding_record, verdict.findings)],
-        },
-        "gaps_s": camera_figures.gaps(solved),
-        "root_position_sigma_mm": spread(position_sigma, 1e3),
-        "root_rotation_sigma_deg": spread(rotation_sigma, np.degrees(1.0)),
-        "jitter_mm": spread(jitter, 1e3),
-        "sliding": sliding_figures(solved, comparison),
-        "joint_ranges_deg": camera_figures.angle_ranges_deg(solved),
-        "cameras": camera_figures.camera_figures(solved, models),
-    }
+    cameras = camera_figures.camera_figures(solved, models)
     bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
-    sensors = {name: s for name, s in read_imus(bags, figures["cameras"]).items() if len(s) >= MIN_SAMPLES}
+    sensors = {name: s for name, s in read_imus(bags, cameras).items() if len(s) >= MIN_SAMPLES}
     gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
-    more = {
-        "sensors": camera_figures.sensor_figures(sensors, gyroscopes),
-        "stations": {record.station: camera_figures.station_figures(record) for record in solved.stations},
-        "equipment": solved.equipment and equipment_figures(solved.equipment, solved.start_ns),
-        "truth": comparison and comparison.figures(),
-        "same_motion": same_motion and {"correlation": same_motion.likeness, "by_chance": same_motion.chance},
-        "agreement": agreement and agreement.figures(),
-        "gait": solved_gait(solved, comparison),
-        "made_from": made_from.sources,
-    }
-    figures |= {name: value for name, value in more.items() if value}
-    figures = msgspec.json.decode(msgspec.json.encode(figures, enc_hook=float))  # JSON has no NaN
+    figures = EvaluationFigures(
+        duration_s=solved.duration_s,
+        frame_s=1e-9 * solved.frame_ns,
+        instants=len(solved.stamps_ns),
+        instants_without_camera=int(blind.sum()),
+        image_coverage=camera_figures.image_coverage(solved),
+        verdict=VerdictFigures(verdict.level.word, verdict.text, [*map(finding_record, verdict.findings)]),
+        gaps_s=camera_figures.gaps(solved),
+        root_position_sigma_mm=spread(position_sigma, 1e3),
+        root_rotation_sigma_deg=spread(rotation_sigma, np.degrees(1.0)),
+        jitter_mm=spread(jitter, 1e3),
+        sliding=sliding_figures(solved, comparison),
+        joint_ranges_deg=camera_figures.angle_ranges_deg(solved),
+        cameras=cameras,
+        sensors=camera_figures.sensor_figures(sensors, gyroscopes) or None,
+        stations={record.station: camera_figures.station_figures(record) for record in solved.stations} or None,
+        equipment=equipment_figures(solved.equipment, solved.start_ns) if solved.equipment else None,
+        truth=comparison.figures() if comparison else None,
+        same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,
+        agreement=agreement.figures() if agreement else None,
+        gait=solved_gait(solved, comparison),
+        made_from=made_from.sources or None,
+    )
     curves = blind, position_sigma, jitter
     return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from)
 

@@ -17,6 +17,7 @@ from scipy.signal import find_peaks
 
 from bodycam_ros.evaluate.anatomical_angles import planes_of
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.figures import GaitFigures, GaitMeasure
 from bodycam_ros.evaluate.sliding import feet_of, sole_of
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_recording import SolvedRecording
@@ -204,24 +205,22 @@ def find_strides(
     return tuple(strides) if walks else ()
 
 
-def gait_figures(strides: Sequence[Stride]) -> dict[str, Any]:
-    """Figures by key: mean and deviation of all strides, the mean of each side, and how symmetric they are.
-
-    The symmetry is left less right over the mean of both [%] (Robinson, Herzog and Nigg 1987).
-    """
+def gait_figures(strides: Sequence[Stride], true: Sequence[Stride] = ()) -> GaitFigures:
+    """Figures of strides, with the mean of true ones, if there are any."""
     sides = {side: [stride for stride in strides if stride.side == side] for side in SIDES}
-    figures: dict[str, Any] = {"strides": {side: len(each) for side, each in sides.items()}}
+    measures = {}
     for key, (_, is_symmetric) in MEASURES.items():
         left, right = (_statistic(each, key, np.mean) for each in sides.values())
-        figures[key] = {
-            "mean": _statistic(strides, key, np.mean),
-            "sd": _statistic(strides, key, np.std),
-            "left": left,
-            "right": right,
-        }
-        if is_symmetric:
-            figures[key]["symmetry_percent"] = 200.0 * (left - right) / (left + right) if left + right else np.nan
-    return figures
+        symmetry = 200.0 * (left - right) / (left + right) if left + right else np.nan
+        measures[key] = GaitMeasure(
+            mean=_statistic(strides, key, np.mean),
+            sd=_statistic(strides, key, np.std),
+            left=left,
+            right=right,
+            symmetry_percent=symmetry if is_symmetric else None,
+            true=_statistic(true, key, np.mean) if true else None,
+        )
+    return GaitFigures(strides={side: len(each) for side, each in sides.items()}, **measures)
 
 
 def _statistic(strides: Sequence[Stride], key: str, statistic: Callable[[Array], Any]) -> float:
@@ -231,17 +230,14 @@ def _statistic(strides: Sequence[Stride], key: str, statistic: Callable[[Array],
     return float(statistic(known)) if known.size else np.nan
 
 
-def solved_gait(solved: SolvedRecording, comparison: Comparison | None) -> dict[str, Any]:
-    """Figures of the walking body as it was solved, with the ``true`` mean of each; empty where no steps are found."""
+def solved_gait(solved: SolvedRecording, comparison: Comparison | None) -> GaitFigures | None:
+    """Figures of the walking body as it was solved; None where no steps are found."""
     strides = _strides_of(solved, solved.stamps_ns, {s: solved.world_T_link[s] for s in solved.body_segments})
     if not strides:
-        return {}
-    figures = gait_figures(strides)
-    if comparison is not None:
-        true = _strides_of(solved, comparison.stamps_ns, comparison.true_segments)
-        for key in MEASURES if true else ():
-            figures[key]["true"] = _statistic(true, key, np.mean)
-    return figures
+        return None
+    if comparison is None:
+        return gait_figures(strides)
+    return gait_figures(strides, _strides_of(solved, comparison.stamps_ns, comparison.true_segments))
 
 
 def _strides_of(

@@ -1,12 +1,13 @@
 """Writes an evaluation into a folder: figures, pictures and one page with all of them, or nothing."""
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.figures import SameMotion, figures_text
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
 from bodycam_ros.evaluate.report_sections import report_sections
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
@@ -55,23 +56,23 @@ def report_lines(evaluation: Evaluation) -> list[str]:
     """What is not in tables, in sentences."""
     figures = evaluation.figures
     lines = [
-        f"{figures['instants']} frames in {figures['duration_s']:.2f} s, {figures['image_coverage']:.1%} of the images "
-        f"covered; {figures['instants_without_camera']} frames without any camera"
+        f"{figures.instants} frames in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
+        f"covered; {figures.instants_without_camera} frames without any camera"
     ]
     lines += evaluation.made_from.lines
-    lines += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures["gaps_s"]]
-    if (match := figures.get("same_motion")) is not None:
+    lines += [f"not solved: {start:.2f} to {end:.2f} s" for start, end in figures.gaps_s]
+    if (match := figures.same_motion) is not None:
         lines.append(f"same motion as {evaluation.truth_name}: {_describe_match(match, evaluation.agreement)}")
     return lines if evaluation.agreement is None else [*lines, *evaluation.agreement.lines()]
 
 
-def _describe_match(match: Mapping[str, float | None], agreement: Agreement | None) -> str:
+def _describe_match(match: SameMotion, agreement: Agreement | None) -> str:
     """How sure it is that two motions are the same."""
-    likeness, chance = match["correlation"], match["by_chance"]
-    if likeness is None:
+    likeness, chance = match.correlation, match.by_chance
+    if math.isnan(likeness):
         return "too short to tell"
     text = f"they correlate by {likeness:.3f}"
-    if chance is None:
+    if math.isnan(chance):
         return f"{text}; too short to tell how probable that is by chance"
     if agreement is None or agreement.clock.start_sigma_s == 0.0:
         return f"{text}, and at {chance:.0%} of other offsets in time as well"
@@ -97,7 +98,7 @@ def write_report(
     """
     figures = evaluation.figures
     with whole_files(folder) as unfinished:
-        (unfinished / FIGURES).write_text(json.dumps(figures, indent=1, allow_nan=False) + "\n")
+        (unfinished / FIGURES).write_text(figures_text(figures))
         draw_summary(evaluation, unfinished / "summary.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")

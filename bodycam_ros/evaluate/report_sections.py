@@ -1,10 +1,13 @@
 """The tables of a report, of the figures of an evaluation: for page and terminal alike."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
+from msgspec.structs import asdict
+
+from bodycam_ros.evaluate.figures import AgreementFigures, EquipmentFigures, EvaluationFigures
 from bodycam_ros.evaluate.gait import CRITERION, MEASURES
 from bodycam_ros.evaluate.sections import Columns, Section, column_table
+from bodycam_ros.evaluate.sliding import ALL
 from bodycam_ros.files.shown import few
 
 _SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
@@ -60,97 +63,99 @@ _GAIT: Columns = (
 _MAX_STRETCHES = 3
 
 
-def report_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
+def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
     """A section with a table for each kind of figures of an evaluation."""
-    if "truth" in figures:
-        truth = figures["truth"]
+    if (truth := figures.truth) is not None:
         note = (
-            f"positions after one rigid alignment; coverage {truth['coverage']:.1%}, scale {truth['scale']:.5f}, tilt "
-            f"{truth['tilt_deg']:.3f} deg"
+            f"positions after one rigid alignment; coverage {truth.coverage:.1%}, scale {truth.scale:.5f}, tilt "
+            f"{truth.tilt_deg:.3f} deg"
         )
-        if truth["links_missing"]:
-            note += f"; in the truth, but not in the body: {', '.join(truth['links_missing'])}"
+        if truth.links_missing:
+            note += f"; in the truth, but not in the body: {', '.join(truth.links_missing)}"
         rows = {
-            "position [cm]": truth["position_cm"],
-            "position, scale fitted [cm]": truth["sim_position_cm"],
-            "angle [deg]": truth["angle_deg"],
-            "rotation [deg]": truth["rotation_deg"],
+            "position [cm]": truth.position_cm,
+            "position, scale fitted [cm]": truth.sim_position_cm,
+            "angle [deg]": truth.angle_deg,
+            "rotation [deg]": truth.rotation_deg,
         }
         yield column_table("against the truth", "measure", _SPREAD, rows, note)
-        yield column_table("joints against the truth, mean", "segment", _JOINTS, truth["per_joint"])
-    if "agreement" in figures:
-        yield from _agreement_sections(figures["agreement"])
-    if cameras := figures["cameras"]:
-        faulty = {finding["subject"] for finding in figures["verdict"]["findings"]}
-        lost = {name for name, camera in cameras.items() if not camera["registered"]}
+        yield column_table("joints against the truth, mean", "segment", _JOINTS, truth.per_joint)
+    if figures.agreement is not None:
+        yield from _agreement_sections(figures.agreement)
+    if cameras := figures.cameras:
+        faulty = {finding["subject"] for finding in figures.verdict.findings}
+        lost = {name for name, camera in cameras.items() if not camera.registered}
         yield column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, faulty | lost)
-    if stations := figures.get("stations"):
+    if stations := figures.stations:
         note = "observed: share of the images that measure a segment's pose; confidence: share of the contour that does"
-        blind = {name for name, each in stations.items() if not each["seen"]}
+        blind = {name for name, each in stations.items() if not each.seen}
         yield column_table("static cameras", "camera", _STATIONS, stations, note, blind)
-    clocks = {name: camera["clock"] for name, camera in cameras.items() if "clock" in camera}
-    if any(clock["is_off"] for clock in clocks.values()):
-        rows = {n: clock | {"set": " ".join(f"{s:.1f}" for s in clock["held_from_s"])} for n, clock in clocks.items()}
+    clocks = {name: camera.clock for name, camera in cameras.items() if camera.clock is not None}
+    if any(clock.is_off for clock in clocks.values()):
+        shown = {
+            name: asdict(clock) | {"set": " ".join(f"{s:.1f}" for s in clock.held_from_s)}
+            for name, clock in clocks.items()
+        }
         note = "offset: ahead of the recording's time (+) or behind, corrected; the last one if the clock was set"
-        yield column_table("clocks", "camera", _CLOCKS, rows, note)
-    if "sensors" in figures:
+        yield column_table("clocks", "camera", _CLOCKS, shown, note)
+    if figures.sensors:
         note = (
             "noise and bias at rest; bias change: the gyroscope as the body file corrects it, less the solved camera, "
             "median; residual: what remains, median from frame to frame"
         )
-        yield column_table("inertial sensors", "camera", _SENSORS, figures["sensors"], note)
+        yield column_table("inertial sensors", "camera", _SENSORS, figures.sensors, note)
     rows = {
-        "root position sigma [mm]": figures["root_position_sigma_mm"],
-        "root rotation sigma [deg]": figures["root_rotation_sigma_deg"],
-        "jitter [mm]": figures["jitter_mm"],
+        "root position sigma [mm]": figures.root_position_sigma_mm,
+        "root rotation sigma [deg]": figures.root_rotation_sigma_deg,
+        "jitter [mm]": figures.jitter_mm,
     }
     yield column_table("body", "measure", _SPREAD, rows)
-    if "equipment" in figures:
-        yield from equipment_sections(figures["equipment"])
-    if figures["sliding"].get("all", {"stances": 0})["stances"]:
+    if figures.equipment is not None:
+        yield from equipment_sections(figures.equipment)
+    if ALL in figures.sliding and figures.sliding[ALL].stances:
         note = "horizontal distance of heel or ball from its mean position in a stance; path: its length in a stance"
-        yield column_table("sliding of feet in stance", "foot", _SLIDING, figures["sliding"], note)
-    if "gait" in figures:
-        counts = ", ".join(f"{count} {side}" for side, count in figures["gait"]["strides"].items())
+        yield column_table("sliding of feet in stance", "foot", _SLIDING, figures.sliding, note)
+    if figures.gait is not None:
+        counts = ", ".join(f"{count} {side}" for side, count in figures.gait.strides.items())
         note = (
             f"strides: {counts}; a stride begins where the heel is furthest ahead of the pelvis (Zeni 2008); symmetry: "
             f"left less right over their mean; walking is {CRITERION}"
         )
-        rows = {name: figures["gait"][key] for key, (name, _) in MEASURES.items()}
+        rows = {name: getattr(figures.gait, key) for key, (name, _) in MEASURES.items()}
         yield column_table("walking", "measure", _GAIT, rows, note)
 
 
-def _agreement_sections(agreement: Mapping[str, Any]) -> Iterator[Section]:
-    rows = {"joint position [cm]": agreement["position_cm"], "joint angle [deg]": agreement["angle_deg"]}
-    rows |= {f"{name} [cm]": point["position_cm"] for name, point in agreement["points"].items()}
+def _agreement_sections(agreement: AgreementFigures) -> Iterator[Section]:
+    rows = {"joint position [cm]": agreement.position_cm, "joint angle [deg]": agreement.angle_deg}
+    rows |= {f"{name} [cm]": point.position_cm for name, point in agreement.points.items()}
     rows = {name: spread for name, spread in rows.items() if spread is not None}
-    yield column_table(f"against {agreement['with']} ({agreement['format']})", "error", _SPREAD, rows)
+    yield column_table(f"against {agreement.other} ({agreement.format})", "error", _SPREAD, rows)
     planes = {
         f"{joint}, {plane}": figures
-        for joint, each in agreement["joints"].items()
-        for plane, figures in each["planes"].items()
+        for joint, each in agreement.joints.items()
+        for plane, figures in each.planes.items()
     }
     if planes:
         yield column_table("joint angles by anatomical plane", "joint, plane", _PLANES, planes, _PLANES_NOTE)
 
 
-def equipment_sections(figures: Mapping[str, Any]) -> Iterator[Section]:
+def equipment_sections(figures: EquipmentFigures) -> Iterator[Section]:
     """A table of the attachments, and one of the lengths that were estimated, if any.
 
     Args:
         figures: of ``equipment_figures``.
     """
-    placed_s = figures["placed_from_s"]
+    placed_s = figures.placed_from_s
     placed = "never placed" if placed_s is None else f"placed from {placed_s:.2f} s"
     note = (
         f"{placed}; active: share of the frames; mean, p95, max: distance of the points while active; apart: while "
         "released, median"
     )
-    rows = {name: {**each, "released": _stretches(each["let_go_s"])} for name, each in figures["attachments"].items()}
-    yield column_table(f"equipment {figures['name']}", "attachment", _ATTACHMENTS, rows, note)
-    if figures["lengths"]:
+    rows = {name: asdict(each) | {"released": _stretches(each.let_go_s)} for name, each in figures.attachments.items()}
+    yield column_table(f"equipment {figures.name}", "attachment", _ATTACHMENTS, rows, note)
+    if figures.lengths:
         columns = ("value [mm]", "value_mm", ".1f"), ("+-", "sigma_mm", ".1f")
-        yield column_table("estimated lengths of the equipment", "length", columns, figures["lengths"])
+        yield column_table("estimated lengths of the equipment", "length", columns, figures.lengths)
 
 
 def _stretches(stretches: Sequence[Sequence[float]]) -> str:

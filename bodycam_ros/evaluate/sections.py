@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 Columns = Sequence[tuple[str, str, str] | tuple[str, str, str, float]]
 """Heading, path of the figure ("position_gap_mm.median"), format of each column, and a factor to the heading's unit."""
 
@@ -124,15 +121,6 @@ def _cell(value: Any, form: str, factor: float = 1.0) -> str:
         return " ".join(_cell(each, form, factor) or "?" for each in value.tolist())
     text = f"{factor * value if factor != 1.0 else value:{form}}" if value == value else ""
     return text.lstrip("+-") if text and not text.strip("+-0.") else text
-
-
-def spread(values: NDArray[np.floating], factor: float = 1.0) -> dict[str, float]:
-    """Mean, median, 95th percentile and maximum of values of any shape, times a factor; NaN ones do not count."""
-    known = factor * values[np.isfinite(values)]
-    if not known.size:
-        return dict.fromkeys(("mean", "median", "p95", "max"), np.nan)
-    statistics = (known.mean(), np.median(known), np.percentile(known, 95), known.max())
-    return dict(zip(("mean", "median", "p95", "max"), map(float, statistics), strict=True))
 
 
 def render_page(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:

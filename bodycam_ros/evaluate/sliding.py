@@ -9,14 +9,15 @@ The error of its place moves by the same measure, beyond what the true foot does
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.estimation.contact import FEET
 from bodycam_ros.evaluate.comparison import Comparison
+from bodycam_ros.evaluate.figures import SlidingFigures
 from bodycam_ros.geometry import Array, transform_points
 from bodycam_ros.results.solved_recording import SolvedRecording
 
@@ -36,12 +37,8 @@ Stance = tuple[int, int, int]
 """Point of the sole, heel 0 or ball 1, first frame, and the one after the last."""
 
 
-def sliding_figures(solved: SolvedRecording, comparison: Comparison | None) -> dict[str, dict[str, Any]]:
-    """Foot, and ``ALL`` -> figures of its sliding, the unit at the end of each name; empty without feet.
-
-    With a truth, ``true_mean_mm`` is the sliding of the true foot in its own stances, ``beyond_mean_mm`` that of the
-    error.
-    """
+def sliding_figures(solved: SolvedRecording, comparison: Comparison | None) -> dict[str, SlidingFigures]:
+    """Foot, and ``ALL`` -> figures of its sliding; empty without feet."""
     soles = {foot: sole_of(solved, foot, solved.world_T_link[foot]) for foot in feet_of(solved)}
     figures = _measure(soles, _stances(soles, solved.stamps_ns, solved.longest_step_ns), solved.stamps_ns)
     if comparison is None:
@@ -53,7 +50,7 @@ def sliding_figures(solved: SolvedRecording, comparison: Comparison | None) -> d
     errors = {foot: soles[foot][inside] - true[foot] for foot in true}
     for name, points in (("true_mean_mm", true), ("beyond_mean_mm", errors)):
         for foot, measured in _measure(points, stances, comparison.stamps_ns).items():
-            figures[foot][name] = measured["mean_mm"]
+            figures[foot] = msgspec.structs.replace(figures[foot], **{name: measured.mean_mm})
     return figures
 
 
@@ -104,18 +101,18 @@ def _rests(place: Array, stamps_ns: NDArray[np.int64], gap_ns: float) -> Iterato
 
 def _measure(
     soles: Mapping[str, Array], stances: Mapping[str, Sequence[Stance]], stamps_ns: NDArray[np.int64]
-) -> dict[str, dict[str, Any]]:
-    figures: dict[str, dict[str, Any]] = {}
+) -> dict[str, SlidingFigures]:
+    figures = {}
     for name, feet in {**{foot: [foot] for foot in soles}, **({ALL: [*soles]} if soles else {})}.items():
         spans = [(foot, *stance) for foot in feet for stance in stances[foot]]
         paths = [1e3 * soles[foot][first:last, point, :2] for foot, point, first, last in spans]
         distances = np.concatenate([np.zeros(0), *(np.linalg.norm(p - p.mean(axis=0), axis=1) for p in paths)])
         lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
-        figures[name] = {
-            "stances": len(spans),
-            "standing_s": 1e-9 * sum(int(stamps_ns[last - 1] - stamps_ns[first]) for *_, first, last in spans),
-            "mean_mm": float(distances.mean()) if spans else np.nan,
-            "max_mm": float(distances.max()) if spans else np.nan,
-            "path_mm": float(np.mean(lengths)) if spans else np.nan,
-        }
+        figures[name] = SlidingFigures(
+            stances=len(spans),
+            standing_s=1e-9 * sum(int(stamps_ns[last - 1] - stamps_ns[first]) for *_, first, last in spans),
+            mean_mm=float(distances.mean()) if spans else np.nan,
+            max_mm=float(distances.max()) if spans else np.nan,
+            path_mm=float(np.mean(lengths)) if spans else np.nan,
+        )
     return figures

@@ -1,6 +1,5 @@
 """One picture that shows at a glance whether a solved recording is any good."""
 
-from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +15,7 @@ from matplotlib.patches import Circle, Patch
 from bodycam_ros.body.stick_figure import HEAD, Bone, limb_bones
 from bodycam_ros.evaluate.equipment import draw_equipment
 from bodycam_ros.evaluate.evaluation import Evaluation
+from bodycam_ros.evaluate.figures import EvaluationFigures
 from bodycam_ros.evaluate.time_panels import ERROR_PANELS, draw_errors
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import CameraSight
@@ -104,34 +104,35 @@ def verdict_line(verdict: Verdict) -> str:
     return line if len(line) <= _MAX_LETTERS else f"{line[: _MAX_LETTERS - 3]}..."
 
 
-def key_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+def key_figures(figures: EvaluationFigures) -> list[tuple[str, str]]:
     """(value, caption) of the figures to judge by."""
-    shown = [(f"{figures['image_coverage']:.1%}", "body solved"), *_camera_figures(figures)]
-    if (truth := figures.get("truth")) is not None:
+    shown = [(f"{figures.image_coverage:.1%}", "body solved"), *_camera_figures(figures)]
+    if (truth := figures.truth) is not None:
         return [
             *shown[:2],
-            (f"{truth['position_cm']['mean']:.2f} cm", "position error, mean"),
-            (f"{truth['rotation_deg']['mean']:.2f}°", "rotation error, mean"),
-            (f"{100.0 * (truth['scale'] - 1.0):+.2f} %", "scale error"),
-            (f"{truth['tilt_deg']:.2f}°", "tilt"),
+            (f"{truth.position_cm.mean:.2f} cm", "position error, mean"),
+            (f"{truth.rotation_deg.mean:.2f}°", "rotation error, mean"),
+            (f"{100.0 * (truth.scale - 1.0):+.2f} %", "scale error"),
+            (f"{truth.tilt_deg:.2f}°", "tilt"),
         ]
-    if (agreement := figures.get("agreement")) is not None:
-        return [*shown, (f"{agreement['position_cm']['mean']:.2f} cm", "position difference, mean")]
-    sigma, jitter = (figures[name]["median"] for name in ("root_position_sigma_mm", "jitter_mm"))
-    known = ((sigma, "root sigma, median"), (jitter, "jitter, median"))
-    return [*shown, *((f"{value:.1f} mm" if value is not None else "unknown", caption) for value, caption in known)]
+    if (agreement := figures.agreement) is not None:
+        return [*shown, (f"{agreement.position_cm.mean:.2f} cm", "position difference, mean")]
+    medians = figures.root_position_sigma_mm.median, figures.jitter_mm.median
+    texts = ("unknown" if np.isnan(value) else f"{value:.1f} mm" for value in medians)
+    return [*shown, *zip(texts, ("root sigma, median", "jitter, median"), strict=True)]
 
 
-def _camera_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _camera_figures(figures: EvaluationFigures) -> list[tuple[str, str]]:
     """Shares of images: registered by body cameras; without any, observed by static ones."""
-    cameras = [*figures["cameras"].values(), *figures.get("stations", {}).values()]
-    images = [camera["images"] for camera in cameras]
-    if not figures["cameras"]:
-        observed, segments = (np.average([c[k] for c in cameras], weights=images) for k in ("seen", "segments"))
+    if not figures.cameras:
+        stations = [*(figures.stations or {}).values()]
+        images = [station.images for station in stations]
+        observed = np.average([station.seen for station in stations], weights=images)
+        segments = np.average([station.segments for station in stations], weights=images)
         return [(f"{observed:.1%}", "body observed"), (f"{segments:.1f}", "segments per image")]
-    worn = list(figures["cameras"].values())
-    registered = np.average([camera["registered"] for camera in worn], weights=images[: len(worn)])
-    counts = [camera["landmarks"] for camera in worn if camera["landmarks"] is not None]  # unknown in a slim bag
+    worn = [*figures.cameras.values()]
+    registered = np.average([camera.registered for camera in worn], weights=[camera.images for camera in worn])
+    counts = [camera.landmarks for camera in worn if not np.isnan(camera.landmarks)]  # unknown in a slim bag
     landmarks = [(f"{np.mean(counts):.0f}", "landmarks per image")] if counts else []
     return [(f"{registered:.1%}", "cameras registered"), *landmarks]
 

@@ -50,7 +50,7 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         style.light_grid(axes)
         for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
             axes.axvspan(second - half_s, second + half_s, color=style.WARNING, alpha=0.25, linewidth=0.0)
-        for start, end in evaluation.figures["gaps_s"]:
+        for start, end in evaluation.figures.gaps_s:
             axes.axvspan(start - half_s, end + half_s, color=style.WARNING, alpha=0.6, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
 

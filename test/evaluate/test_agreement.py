@@ -83,16 +83,16 @@ def test_a_bend_that_only_one_has_is_told_in_its_plane(walk: Walk, tmp_path: Pat
     bvh = write_bvh(tmp_path / "other.bvh", walk, FRAME_S)
     trc = write_trc(tmp_path / "other.trc", seconds(walk), origins(walk))
     for path in (bvh, trc):
-        figures = against(recording, path).figures()["joints"]["knee left"]
-        sagittal = figures["planes"]["sagittal"]
-        assert sagittal["error_deg"]["max"] > 2.5
+        figures = against(recording, path).figures().joints["knee left"]
+        sagittal = figures.planes["sagittal"]
+        assert sagittal.error_deg.max > 2.5
         if path is trc:
-            assert sagittal["bias"] == pytest.approx(3.0, abs=0.1)
-            assert sagittal["high"] == pytest.approx(3.0 + 1.96 * np.std(bend), abs=0.2)
-            assert figures["angle_deg"]["max"] == pytest.approx(6.0, abs=0.6)
-            assert set(figures["planes"]) == {"sagittal"}
+            assert sagittal.bias == pytest.approx(3.0, abs=0.1)
+            assert sagittal.high == pytest.approx(3.0 + 1.96 * np.std(bend), abs=0.2)
+            assert figures.angle_deg.max == pytest.approx(6.0, abs=0.6)
+            assert set(figures.planes) == {"sagittal"}
         else:
-            assert max(figures["planes"][plane]["error_deg"]["max"] for plane in ("frontal", "transverse")) < 0.4
+            assert max(figures.planes[plane].error_deg.max for plane in ("frontal", "transverse")) < 0.4
 
 
 def test_markers_are_placed_by_the_motion_and_constant_errors_do_not_show(
@@ -155,7 +155,7 @@ def test_a_match_with_another_walk_is_doubted(recording: SolvedRecording, walk: 
         path = write_trc(tmp_path / "other.trc", seconds(walk) / faster, origins(walk))
         found = against(recording, path)
         assert len(found.doubts) == doubts and all("other.trc" in doubt for doubt in found.doubts)
-        assert found.figures()["doubts"] == list(found.doubts)
+        assert found.figures().doubts == list(found.doubts)
 
 
 def test_what_motions_share_by_chance_has_no_lead_over_the_next_best() -> None:

@@ -43,8 +43,8 @@ def test_distances_are_from_where_the_pedal_is(both: WithAndWithout) -> None:
 
 def test_both_are_measured_and_drawn(both: WithAndWithout, tmp_path: Path) -> None:
     with_it, without = both.measures()["pedal left [mm]"]
-    assert with_it["max"] < 1e-3
-    assert without["max"] == pytest.approx(2e3 * PEDAL_M * np.sin(np.radians(5.0)), rel=0.01)
+    assert with_it.max < 1e-3
+    assert without.max == pytest.approx(2e3 * PEDAL_M * np.sin(np.radians(5.0)), rel=0.01)
     draw_constraints(both, tmp_path / "feet.png")
     assert (tmp_path / "feet.png").stat().st_size > 10_000
 

@@ -24,18 +24,18 @@ def test_strides_are_as_long_as_they_were_made(heading_rad: float) -> None:
     found = measured(known)
     assert found
     figures = gait_figures(found)
-    assert figures["stride_s"]["mean"] == pytest.approx(1.1, abs=0.01)
-    assert figures["cadence_per_min"]["mean"] == pytest.approx(120.0 / 1.1, abs=1.0)
-    assert figures["stride_m"]["mean"] == pytest.approx(1.3, abs=0.02)
-    assert figures["step_m"]["mean"] == pytest.approx(0.65, abs=0.03)
-    assert figures["step_width_cm"]["mean"] == pytest.approx(18.0, abs=0.5)
-    assert figures["speed_m_s"]["mean"] == pytest.approx(1.3 / 1.1, abs=0.01)
-    assert figures["stance_percent"]["mean"] == pytest.approx(100.0 * known.seen_stance(0), abs=0.5)
+    assert figures.stride_s.mean == pytest.approx(1.1, abs=0.01)
+    assert figures.cadence_per_min.mean == pytest.approx(120.0 / 1.1, abs=1.0)
+    assert figures.stride_m.mean == pytest.approx(1.3, abs=0.02)
+    assert figures.step_m.mean == pytest.approx(0.65, abs=0.03)
+    assert figures.step_width_cm.mean == pytest.approx(18.0, abs=0.5)
+    assert figures.speed_m_s.mean == pytest.approx(1.3 / 1.1, abs=0.01)
+    assert figures.stance_percent.mean == pytest.approx(100.0 * known.seen_stance(0), abs=0.5)
     both = 100.0 * (2.0 * known.seen_stance(0) - 1.0)
-    assert figures["double_support_percent"]["mean"] == pytest.approx(both, abs=1.0)
-    assert figures["clearance_cm"]["mean"] == pytest.approx(100.0 * known.clearance_m(0), abs=0.6)
-    assert all(abs(figures[key]["symmetry_percent"]) < 3.0 for key in ("stride_s", "stride_m", "knee_range_deg"))
-    assert 3 <= sum(figures["strides"].values()) <= 9
+    assert figures.double_support_percent.mean == pytest.approx(both, abs=1.0)
+    assert figures.clearance_cm.mean == pytest.approx(100.0 * known.clearance_m(0), abs=0.6)
+    assert all(abs(getattr(figures, key).symmetry_percent) < 3.0 for key in ("stride_s", "stride_m", "knee_range_deg"))
+    assert 3 <= sum(figures.strides.values()) <= 9
 
 
 def test_a_release_that_was_not_seen_makes_no_stride_of_two() -> None:
@@ -53,11 +53,11 @@ def test_a_limp_is_told_by_side() -> None:
     assert found
     figures = gait_figures(found)
     left, right = (100.0 * known.seen_stance(column) for column in (0, 1))
-    stance = figures["stance_percent"]
-    assert (stance["left"], stance["right"]) == pytest.approx((left, right), abs=0.7)
-    assert stance["symmetry_percent"] == pytest.approx(200.0 * (left - right) / (left + right), abs=1.5)
-    assert figures["clearance_cm"]["left"] < 0.6 * figures["clearance_cm"]["right"]
-    assert figures["knee_range_deg"]["left"] < figures["knee_range_deg"]["right"]
+    stance = figures.stance_percent
+    assert (stance.left, stance.right) == pytest.approx((left, right), abs=0.7)
+    assert stance.symmetry_percent == pytest.approx(200.0 * (left - right) / (left + right), abs=1.5)
+    assert figures.clearance_cm.left < 0.6 * figures.clearance_cm.right
+    assert figures.knee_range_deg.left < figures.knee_range_deg.right
 
 
 @pytest.mark.parametrize(
@@ -109,8 +109,8 @@ def test_the_true_walk_of_a_recording_is_one(shared: Path) -> None:
     assert [stride.side for stride in found] == ["left", "right", "left", "right", "left"]
     assert [stride.start_s for stride in found if stride.side == "right"] == pytest.approx([2.34, 3.36], abs=0.04)
     figures = gait_figures(found)
-    assert figures["cadence_per_min"]["mean"] == pytest.approx(114.0, abs=2.0)
-    assert figures["speed_m_s"]["mean"] == pytest.approx(1.32, abs=0.03)
+    assert figures.cadence_per_min.mean == pytest.approx(114.0, abs=2.0)
+    assert figures.speed_m_s.mean == pytest.approx(1.32, abs=0.03)
     range_of_motion = read_true_motion(shared / "dev_rom")
     standing = {
         side: transform_points(range_of_motion.world_T_segment[f"foot_{side}"], sole_points(0.43))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.known_walk import Walk, write_solved
+from msgspec.structs import asdict
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.evaluate.evaluation import evaluate, solved_verdict
@@ -19,7 +20,7 @@ from bodycam_ros.results.verdict import Finding, Level, Verdict, parse_verdict, 
 def test_a_good_walk_is_good(solved: Path) -> None:
     evaluation = evaluate(solved)
     assert (evaluation.verdict.level, evaluation.verdict.findings) == (Level.GOOD, ())
-    assert evaluation.figures["verdict"] == {
+    assert asdict(evaluation.figures.verdict) == {
         "level": "good",
         "text": "good: nothing contradicts the body",
         "findings": [],
@@ -38,7 +39,7 @@ def test_a_camera_far_from_where_the_body_has_it_makes_a_result_wrong(walk: Walk
     evaluation = evaluate(write_solved(walk, tmp_path / "out", published=body))
     assert evaluation.verdict.level == Level.WRONG
     write_report(evaluation, tmp_path / "report")
-    finding = evaluation.figures["verdict"]["findings"][0]
+    finding = evaluation.figures.verdict.findings[0]
     assert (finding["subject"], finding["level"]) == ("shin", "wrong")
 
 

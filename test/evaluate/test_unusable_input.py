@@ -58,7 +58,7 @@ def test_registrations_of_another_version_are_named(walk: Walk, tmp_path: Path) 
 
 def test_tracks_are_not_needed(walk: Walk, tmp_path: Path) -> None:
     out = write_solved(walk, tmp_path / "out", leave_out=("/waist/tracks",))
-    assert evaluate(out).figures["cameras"]["waist"]["landmarks"] > 0.0
+    assert evaluate(out).figures.cameras["waist"].landmarks > 0.0
 
 
 def test_a_topic_of_another_type_is_named(tmp_path: Path) -> None:
