@@ -38,7 +38,7 @@ def diagnostics_message(make: MessageFactory, stamp_ns: int, parts: Sequence[Sta
     statuses = [
         make(
             "diagnostic_msgs/msg/DiagnosticStatus",
-            level=make.byte(int(part.level)),
+            level=make.library.byte(int(part.level)),
             name=part.name,
             hardware_id=computer,
             message=part.text,

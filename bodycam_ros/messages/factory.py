@@ -3,7 +3,7 @@
 import array
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +12,39 @@ Message = Any
 """A message of rclpy or of rosbags. The two share attribute names and nothing else."""
 
 
+class Stamp(Protocol):
+    """A builtin_interfaces/Time of either library."""
+
+    sec: int
+    nanosec: int
+
+
+class MessageLibrary(Protocol):
+    """What rclpy and rosbags have each in their own way."""
+
+    def message_class(self, type_name: str) -> Callable[..., Message]:
+        """Constructor of messages of a type such as "sensor_msgs/msg/JointState" from fields by name.
+
+        Other fields have the defaults of the message.
+        """
+
+    def sequence(self, values: NDArray[Any]) -> Any:
+        """Value of a numeric field of dynamic length, of a flat array."""
+
+    def byte(self, value: int) -> Any:
+        """Value of a field of type byte."""
+
+
 @dataclass(frozen=True)
 class MessageFactory:
     """Makes messages of one library.
 
     Attributes:
-        message_class: "sensor_msgs/msg/JointState" -> constructor of such a message from fields by name; other fields
-            have the defaults of the message.
-        sequence: flat NumPy array -> value of a numeric field of dynamic length.
-        byte: number -> value of a field of type byte.
+        library: rclpy's or rosbags' messages.
         frame_prefix: prefix of every frame but the map's, as of robot_state_publisher: several people share one map.
     """
 
-    message_class: Callable[[str], Callable[..., Message]]
-    sequence: Callable[[NDArray[Any]], Any]
-    byte: Callable[[int], Any]
+    library: MessageLibrary
     frame_prefix: str = ""
 
     def frame(self, name: str) -> str:
@@ -35,16 +53,11 @@ class MessageFactory:
 
     def array(self, values: NDArray[Any] | None, dtype: type[np.generic]) -> Any:
         """Values of any shape, row by row, for a numeric field of dynamic length; None: an empty field."""
-        return self.sequence(flat(np.zeros(0) if values is None else values, dtype))
+        return self.library.sequence(flat(np.zeros(0) if values is None else values, dtype))
 
     def __call__(self, type_name: str, **fields: Any) -> Message:
         """Make a message; NumPy arrays among the fields must be of the field's dtype and flat."""
-        return self.message_class(type_name)(**fields)
-
-
-def live_messages(message_class: Callable[[str], Callable[..., Message]], frame_prefix: str = "") -> MessageFactory:
-    """Factory of rclpy's messages, given their classes by type name: only nodes/ imports those."""
-    return MessageFactory(message_class, array_sequence, lambda value: bytes([value]), frame_prefix)
+        return self.library.message_class(type_name)(**fields)
 
 
 def array_sequence(values: NDArray[Any]) -> "array.array[Any]":
@@ -81,7 +94,7 @@ MAP_FRAME = "map"
 _SECOND = 1_000_000_000
 
 
-def stamp_ns(stamp: Message) -> int:
+def stamp_ns(stamp: Stamp) -> int:
     """Nanoseconds of a builtin_interfaces/Time."""
     return int(stamp.sec) * _SECOND + int(stamp.nanosec)
 

@@ -149,7 +149,7 @@ def camera_info_message(make: MessageFactory, camera: CameraModel, stamp_ns: int
         width=camera.width,
         height=camera.height,
         distortion_model=camera.distortion_model,
-        d=make.sequence(np.array(camera.distortion)),
+        d=make.array(np.array(camera.distortion), np.float64),
         k=k,
         r=np.eye(3).reshape(-1),
         p=np.insert(k, (3, 6, 9), 0.0),

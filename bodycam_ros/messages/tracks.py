@@ -181,6 +181,6 @@ def map_points_message(
         is_bigendian=False,
         point_step=step,
         row_step=step * len(rows),
-        data=make.sequence(flat(rows, np.float32).view(np.uint8)),
+        data=make.library.sequence(flat(rows, np.float32).view(np.uint8)),
         is_dense=True,
     )

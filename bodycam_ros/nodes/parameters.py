@@ -4,13 +4,15 @@ A reader's depth bounds how far its node may fall behind before it loses message
 slowest reader may be.
 """
 
+import array
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
+from numpy.typing import NDArray
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -19,7 +21,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.graph.node_parameters import ALL, GROUPS
-from bodycam_ros.messages.factory import MessageFactory, live_messages
+from bodycam_ros.messages.factory import Message, MessageFactory, array_sequence
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.settings import SettingDescription, describe
 
@@ -192,6 +194,19 @@ def message_class(type_name: str) -> Any:
         raise SettingsError(f"{type_name} needs the ROS package {package}: sudo apt install {ubuntu}") from error
 
 
+class _RclpyMessages:
+    """Messages that rclpy publishes."""
+
+    def message_class(self, type_name: str) -> Callable[..., Message]:
+        return cast(Callable[..., Message], message_class(type_name))
+
+    def sequence(self, values: NDArray[Any]) -> "array.array[Any]":
+        return array_sequence(values)
+
+    def byte(self, value: int) -> bytes:
+        return bytes([value])
+
+
 def node_messages(frame_prefix: str = "") -> MessageFactory:
     """Makes messages that rclpy publishes.
 
@@ -203,4 +218,4 @@ def node_messages(frame_prefix: str = "") -> MessageFactory:
             "the parameter 'frame_prefix' must be letters, digits and slashes, none in front, such as anna/; not "
             f"{shown(frame_prefix)}"
         )
-    return live_messages(message_class, frame_prefix)
+    return MessageFactory(_RclpyMessages(), frame_prefix)

@@ -6,6 +6,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -43,7 +44,20 @@ def recording_typestore() -> Typestore:
 @cache
 def recorded_messages() -> MessageFactory:
     """Makes messages that a recording stores; fields left out are zero or empty, as in rclpy."""
-    return MessageFactory(_message_class, sequence=lambda values: values, byte=lambda value: value)
+    return MessageFactory(_RosbagsMessages())
+
+
+class _RosbagsMessages:
+    """Messages that rosbags writes."""
+
+    def message_class(self, type_name: str) -> Callable[..., Message]:
+        return _message_class(type_name)
+
+    def sequence(self, values: NDArray[Any]) -> NDArray[Any]:
+        return values
+
+    def byte(self, value: int) -> int:
+        return value
 
 
 @cache
