@@ -85,7 +85,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         cameras = {camera: recording.camera_model(camera) for camera in mounted}
         reference_map = metric_map()
         if reference_map is not None and not reference_map.gravity_aligned:
-            logger.warning("%s: %s", map_path, ASSUMED_VERTICAL)
+            logger.warning("%s: %s", request.map, ASSUMED_VERTICAL)
         static_cameras = None
         if outside is not None:
             static_cameras = image_measurement(

@@ -6,11 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
+from bodycam_ros.errors import MapError
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.evaluate.comparison import compare, read_true_motion
 from bodycam_ros.messages.factory import stamp_ns, time_message
@@ -173,3 +175,19 @@ def test_replay_starts_without_scipy() -> None:
     command = "import sys, bodycam_ros.replaying.replay; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy.linalg", "scipy.sparse", "scipy.spatial", "scipy.optimize", "scipy.interpolate"} & {*loaded}
+
+
+def test_a_map_that_was_extended_in_vain_is_named_as_it_was_given(sample: Path, tmp_path: Path) -> None:
+    grey = cv2.imencode(".jpg", np.full((480, 640), 90, np.uint8))[1].ravel()
+
+    def without_detail(topic: str, number: int, message: Any) -> Any:
+        if topic.endswith("compressed"):
+            message.data = grey
+        return message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", without_detail, ("waist_front",), frames=3)
+    request = ReplayRequest(bag, sample / "map", sample / "body.yaml", tmp_path / "out", jobs=1, passes=2)
+    with pytest.raises(MapError) as raised:
+        replay(request)
+    assert f"in {sample / 'map'}," in str(raised.value)
+    assert not (tmp_path / "out").exists()
