@@ -127,6 +127,6 @@ def test_the_pipeline_knows_nothing_of_verdicts_and_messages_nothing_of_the_esti
 
 
 def test_tests_are_in_the_folder_of_the_room_that_they_test() -> None:
-    rooms = {folder.name for folder in PACKAGE.iterdir() if folder.is_dir()} | {"docs", "faults"}
+    rooms = {folder.name for folder in PACKAGE.iterdir() if folder.is_dir()} | {"docs", "faults", "helpers"}
     folders = {folder.name for folder in Path(__file__).parent.iterdir() if folder.is_dir()} - {"__pycache__"}
     assert folders <= rooms, folders - rooms
