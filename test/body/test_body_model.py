@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from helpers.naming import naming
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.errors import BodyError
@@ -30,15 +31,15 @@ def stool(**changes: object) -> BodyModel:
 
 
 @pytest.mark.parametrize(
-    ("changes", "complaint"),
+    ("changes", "named"),
     [
-        ({"segments": ("foot", "seat", "seat")}, "seat"),
-        ({"joints": (Joint("post", "foot", "seat", "ball", np.eye(4)),) * 2}, "post"),
-        ({"segments": ("foot", "seat", "back")}, "back.*foot"),
-        ({"mounts": {"cam": CameraMount("head", np.eye(4))}}, "cam.*head"),
-        ({"mounts": {"cam": CameraMount("seat", np.full((4, 4), np.nan))}}, "cam"),
+        ({"segments": ("foot", "seat", "seat")}, ("seat",)),
+        ({"joints": (Joint("post", "foot", "seat", "ball", np.eye(4)),) * 2}, ("post",)),
+        ({"segments": ("foot", "seat", "back")}, ("back", "foot")),
+        ({"mounts": {"cam": CameraMount("head", np.eye(4))}}, ("cam", "head")),
+        ({"mounts": {"cam": CameraMount("seat", np.full((4, 4), np.nan))}}, ("cam",)),
     ],
 )
-def test_what_is_no_body_is_refused_by_name(changes: dict[str, object], complaint: str) -> None:
-    with pytest.raises(BodyError, match=complaint):
+def test_what_is_no_body_is_refused_by_name(changes: dict[str, object], named: tuple[str, ...]) -> None:
+    with naming(BodyError, *named):
         stool(**changes)
