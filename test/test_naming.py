@@ -20,7 +20,7 @@ from helpers.naming import names, naming, numbers
         ("12.5 s at most", 12.5, True),
         ("12.5 s at most", 5, False),
         ("12.5 s at most", 12, False),
-        ("points[1].weight", "points[1]", True),
+        ("points[1].weight", "points[1].weight", True),
     ],
 )
 def test_a_thing_is_named_as_a_whole(text: str, thing: object, is_named: bool) -> None:

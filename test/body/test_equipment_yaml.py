@@ -86,8 +86,8 @@ def test_a_turn_in_degrees_stands_for_a_quaternion(tmp_path: Path) -> None:
         ("  head:", "  grip:", ("grip",)),
         ("equipment: stem", "equipment: stm", ("attachment grip", "stm")),
         ("    weight: 4\n", "", ("attachment stand", "pair 1", "weight")),
-        ("weight: 9", "weight: .inf", ("attachment stand", "points[1]", "weight")),
-        ("[125, 0, -82]", "[125, 0, .nan]", ("attachment stand", "points[0]", "body")),
+        ("weight: 9", "weight: .inf", ("attachment stand", "points[1].weight")),
+        ("[125, 0, -82]", "[125, 0, .nan]", ("attachment stand", "points[0].body")),
         ("[125, 0, -82]", "[0.125, 0, -0.082]", ("attachment stand", "pair 1", "body")),
         ("[[0.5, 3.2], [5, .inf]]", "[[0, 2], [1, 3]]", ("attachment push", "holds")),
         ("segment: stem", "segment: foot_left", ("camera lamp", "segment foot_left")),
@@ -101,7 +101,7 @@ def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new:
 
 
 def test_equipment_that_nothing_holds_is_refused(tmp_path: Path) -> None:
-    with naming(BodyError, "scooter"):
+    with naming(BodyError, tmp_path / "scooter.yaml", "attachments"):
         read(tmp_path, "name: rock\nroot: rock_itself\nsegments: {rock_itself: {}}\nattachments: {}\n")
 
 

@@ -77,7 +77,7 @@ def test_a_mesh_in_the_frame_of_the_room_is_refused(tmp_path: Path, body: BodyMo
     mesh = thigh()
     mesh.apply_translation([0.0, 0.0, 1.2])
     mesh.export(tmp_path / "thigh.obj")
-    with naming(BodyError, "thigh"):
+    with naming(BodyError, tmp_path / "thigh.obj"):
         read_surfaces(tmp_path, body)
 
 
