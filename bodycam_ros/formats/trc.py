@@ -65,8 +65,8 @@ def read_trc(path: Path) -> CapturedMotion:
     columns = {name: 2 + column for column, name in enumerate(names) if name}
     if not columns:
         raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
-    if len(columns) != sum(map(bool, names)):
-        raise ValueError("line 4: two markers have the same name")
+    if twice := next((name for name in columns if names.count(name) > 1), ""):
+        raise ValueError(f"line 4: two markers have the same name, {shown(twice)}")
     listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
     width = max(columns.values()) + _AXES
     if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):

@@ -111,10 +111,10 @@ TRC = "PathFileType\t4\t(X/Y/Z)\ta\nUnits\n{units}\nFrame#\tTime\t{names}\n\tX1\
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "named"),
     [
-        ("a.trc", "hello", "PathFileType"),
-        ("a.trc", TRC.format(units="ells", names="A\t\t", rows="1\t0\t1\t2\t3"), "unknown unit 'ells'"),
+        ("a.trc", "hello", ("PathFileType",)),
+        ("a.trc", TRC.format(units="ells", names="A\t\t", rows="1\t0\t1\t2\t3"), ("line 3", "ells")),
         ("a.trc", TRC.format(units="mm", names="A\t\t\tA\t\t", rows="1\t0\t1\t2\t3"), ("A",)),
         ("a.trc", TRC.format(units="mm", names="A\t\t", rows="1\t0\t1\t2\t3"), ("two frames",)),
         (
@@ -139,7 +139,7 @@ TRC = "PathFileType\t4\t(X/Y/Z)\ta\nUnits\n{units}\nFrame#\tTime\t{names}\n\tX1\
             "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 3\nFrame Time: 0.1\n1\n2",
             ("2 frames", 3),
         ),
-        ("a.bvh", "HIERARCHY\nROOT a\n{\nCHANNELS 1e15 Xrotation\n}\nMOTION", ("6 channels", 1e15)),
+        ("a.bvh", "HIERARCHY\nROOT a\n{\nCHANNELS 1e15 Xrotation\n}\nMOTION", ("6 channels", "1e+15")),
         ("a.bvh", "HIERARCHY\nROOT a\n{\nCHANNELS -1\n}\nMOTION", ("6 channels", -1)),
         (
             "a.trc",
