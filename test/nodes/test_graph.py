@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from helpers.live_graph import live_graph
+from helpers.naming import naming
 from helpers.two_cameras import write_body
 from static_cameras.dressed_body import stations_around
 
@@ -80,7 +81,7 @@ def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
 )
 def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], named: str) -> None:
     whole = {"map": "map", "body": str(write_body(tmp_path / "body.yaml")), **given}
-    with pytest.raises(BodycamError, match=named):
+    with naming(BodycamError, named):
         graph(GraphArguments.from_texts(whole))
 
 
@@ -96,7 +97,7 @@ def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], name
 def test_a_file_that_is_no_table_of_static_cameras_is_refused(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
     given = {"body": str(write_body(tmp_path / "body.yaml")), "stations": str(tmp_path / name), "start": "start.yaml"}
-    with pytest.raises(StationError, match=f"{name}: is no table of static cameras; 'bodycam stations"):
+    with naming(StationError, tmp_path / name, "bodycam stations"):
         graph(GraphArguments.from_texts(given))
 
 
