@@ -35,6 +35,15 @@ def test_two_balls_are_a_capsule_with_its_inertia() -> None:
     np.testing.assert_allclose(mesh.bounds[:, 2], [-radius, length + radius], atol=1e-9)
 
 
+def test_a_limb_is_as_wide_as_its_circle_over_all_directions() -> None:
+    """The mean width of a convex outline is its perimeter over pi (Cauchy)."""
+    vertices, _ = limb_mesh(np.zeros(3), 0.4 * _Z, [Ball(0.0, 0.06), Ball(1.0, 0.06)], _Y)
+    middle = vertices[:, 2][np.abs(vertices[:, 2] - 0.2).argmin()]
+    ring = vertices[np.isclose(vertices[:, 2], middle), :2]
+    perimeter = np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).sum()
+    assert perimeter / np.pi == pytest.approx(2.0 * 0.06, rel=1e-3)
+
+
 def test_a_thinner_end_makes_a_cone_that_touches_both_balls() -> None:
     """Its volume is that of the hull of both, which trimesh has of points on them."""
     balls, length = [Ball(0.0, 0.08), Ball(1.0, 0.04)], 0.4
