@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.closed_joint import closed_pose, joint_information
 from helpers.known_motion import BODY, START_NS
-from helpers.registration_of_a_pose import told_pose
+from helpers.registered_pose import registered_pose
 from scipy.optimize import least_squares
 
 from bodycam_ros.body.coupled_body import coupled_body
@@ -78,7 +78,7 @@ def solved(equipment: Equipment, poses: Array, frames: int = 12) -> list[BodyOut
     outputs = []
     for frame, (camera, mount) in product(range(frames), BODY.mounts.items()):
         outputs += pipeline.add(
-            told_pose(
+            registered_pose(
                 camera,
                 START_NS + frame * FRAME_NS,
                 START_NS + (frame - 1) * FRAME_NS if frame else 0,

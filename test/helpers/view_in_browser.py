@@ -45,11 +45,11 @@ class Served:
 
     Attributes:
         address: to open.
-        said: what it wrote to its standard error, once it has ended.
+        errors: its standard error, once it has ended.
     """
 
     address: str
-    said: str = ""
+    errors: str = ""
 
 
 @contextmanager
@@ -66,9 +66,9 @@ def served(*arguments: str | Path) -> Iterator[Served]:
             yield running
         finally:
             os.killpg(process.pid, signal.SIGINT)
-            _, said = process.communicate(timeout=60)
-            assert process.returncode == 130, said
-        running.said = said
+            _, errors = process.communicate(timeout=60)
+            assert process.returncode == 130, errors
+        running.errors = errors
 
 
 class BrowserView:
@@ -124,7 +124,7 @@ class BrowserView:
         field.press("Enter")
 
     def value(self, label: str, component: int = 0) -> str:
-        """What a field of the panel says."""
+        """The value of a field of the panel."""
         return self._row(label).locator("input:visible:not([type=hidden])").nth(component).input_value()
 
     def choose(self, label: str, option: str) -> None:

@@ -227,5 +227,5 @@ def test_without_a_bag_the_body_stands_and_what_is_not_written_is_said(
         view.choose("move", "camera head")
         view.enter("place [m]", f"{place_of(body, Part('camera', 'head'))[1][2, 3] + 0.02:.4f}", component=2)
         view.page.get_by_text("camera head: 20.0 mm, 0.00 deg").wait_for()
-    assert running.said == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
+    assert running.errors == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
     assert body_file.read_bytes() == before

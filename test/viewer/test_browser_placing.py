@@ -62,7 +62,7 @@ def test_a_person_is_placed_fitted_and_written(
         view.page.get_by_text("is in the images").wait_for()
         view.press("Write start.yaml")
         view.page.get_by_text("Written", exact=True).wait_for()
-    assert running.said == "bodycam: interrupted\n"
+    assert running.errors == "bodycam: interrupted\n"
     written = read_start(output, painted / "cameras.yaml", dressed.stations, body)
     errors = [
         float(np.linalg.norm(written.world_T_segment[row, :3, 3] - true[segment][:3, 3]))
