@@ -28,7 +28,7 @@ def calibrated(body: BodyModel, matches, facing_rad: float | None = None) -> Cal
 
 
 def greatest_error(found: BodyModel, true: BodyModel) -> float:
-    """Of a joint in a camera's frame [m]."""
+    """The greatest error of a joint in a camera's frame [m]."""
     truth = joints_in_cameras(true)
     return max(float(np.linalg.norm(place - truth[key])) for key, place in joints_in_cameras(found).items())
 

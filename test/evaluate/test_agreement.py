@@ -151,7 +151,7 @@ def test_what_is_another_motion_is_refused(recording: SolvedRecording, walk: Wal
 
 
 def test_a_match_with_another_walk_is_doubted(recording: SolvedRecording, walk: Walk, tmp_path: Path) -> None:
-    """Of the same steps, 1.3 times as fast."""
+    """The same steps, 1.3 times as fast."""
     for faster, doubts in ((1.0, 0), (1.3, 2)):
         path = write_trc(tmp_path / "other.trc", seconds(walk) / faster, origins(walk))
         found = against(recording, path)

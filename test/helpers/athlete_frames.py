@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Stretches = tuple[tuple[float, float], ...]
 
 NOISE = np.repeat([np.radians(0.1), 0.002], 3)
-"""Of a registration: rotation [rad], place [m]."""
+"""Sigmas of a registration: rotation [rad], position [m]."""
 
 TURN_NOISE_RAD = np.radians(0.05)
 BLUR = 5.0

@@ -19,7 +19,7 @@ BODY = read_body(Path(__file__).parents[2] / "bags" / "body.yaml")
 RATE_HZ, DURATION_S = 30.0, 4.0
 START_NS = 1_700_000_000_000_000_000
 _NOISE_RAD, _NOISE_M = 0.002, 0.004
-"""Of a registration; on the sample cameras disagree by 4 to 15 mm about a joint."""
+"""Sigmas of a registration; on the sample cameras disagree by 4 to 15 mm about a joint."""
 
 _SWING_RAD, _SWING_HZ = 0.6, 0.8
 

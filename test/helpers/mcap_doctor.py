@@ -101,7 +101,7 @@ def _records_in(chunk: Chunk) -> Iterator[tuple[int, Any]]:
 
 
 def _checksums(content: bytes, top: list[tuple[int, int, Any]]) -> Iterator[str]:
-    """Of attachments, and of the summary; those of chunks are checked as they are unpacked."""
+    """Wrong checksums of attachments and of the summary; those of chunks are checked as they are unpacked."""
     for at, end, record in top:
         if isinstance(record, Attachment):
             stored = struct.unpack_from("<I", content, end - 4)[0]

@@ -54,7 +54,7 @@ class CameraRun:
         return times[on & ~((times >= self.off_s[0]) & (times < self.off_s[1]))]
 
     def offset_s(self, times_s: Array | float) -> Array:
-        """By how much the clock is ahead at some times [s]."""
+        """Lead of the clock at some times [s]."""
         times = np.asarray(times_s, np.float64)
         return np.asarray(
             self.ahead_s + self.drift * times + sum(by_s * (times >= when_s) for when_s, by_s in self.jumps)

@@ -16,7 +16,7 @@ from bodycam_ros.messages.images import compressed_image, raw_image
 
 HEIGHT, WIDTH = 48, 64
 _LUMA = np.array([0.114, 0.587, 0.299])
-"""Of blue, green and red (BT.601)."""
+"""Weights of blue, green and red (BT.601)."""
 
 _CHROMA = np.array([[0.5, -0.331264, -0.168736], [-0.081312, -0.418688, 0.5]])
 """What U and V are of blue, green and red."""

@@ -53,7 +53,7 @@ STICK_IN_TORSO = np.array([0.0, 0.2, 0.1])
 
 
 def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
-    """Of a body in the N-pose that moves steadily."""
+    """Registrations of a body in the N-pose that moves steadily."""
     for frame in frames:
         stamp = START_NS + frame * FRAME_NS
         world_T_root = rigid(np.eye(3), np.array([SPEED * 1e-9 * (stamp - START_NS), 0.0, 1.0]))

@@ -24,7 +24,7 @@ IMAGES = "/front/image_raw/compressed"
 
 @pytest.fixture
 def bag(tmp_path: Path) -> Path:
-    """Of 40 images of 100 KB, so in several chunks."""
+    """A bag of 40 images of 100 KB, so in several chunks."""
     make = recorded_messages()
     with write_recording(tmp_path / "walk", command="a recorder") as writer:
         for frame in range(FRAMES):
