@@ -45,11 +45,13 @@ demo: $(VENV)/runtime.stamp
 	@echo "look at $(DEMO)_report/summary.png first, then at $(dir $(DEMO))legs.html; '$(BIN)/bodycam' alone shows the way on"
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
+PYTEST = $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --max-worker-restart=0 --durations=10
+
 test: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest -m "not long" --numprocesses=auto --dist=loadfile --max-worker-restart=0
+	$(PYTEST) -m "not long"
 
 test-all: $(VENV)/ros.stamp
-	$(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --max-worker-restart=0
+	$(PYTEST)
 
 # Needs ROS 2 Jazzy, or ../shared/ros/real_ros2.sh, which makes .venv-ros.
 test-ros:

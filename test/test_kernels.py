@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 import bodycam_ros.kernels
 from bodycam_ros import geometry_kernels
@@ -159,7 +160,7 @@ def test_what_the_library_does_not_take_goes_to_numba() -> None:
         np.testing.assert_array_equal(geometry_kernels.exp_se3(other), expected)
     np.testing.assert_allclose(geometry_kernels.exp_se3(xi.astype(np.float32)), expected, atol=1e-6)
     for wrong in (None, 1.0, "x"):
-        with pytest.raises(Exception, match="."):
+        with pytest.raises((TypeError, TypingError)):
             geometry_kernels.exp_se3(wrong)
 
 

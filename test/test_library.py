@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
+from helpers.naming import naming
 from static_cameras.painted_bag import dressed_body, write_painted
 
 from bodycam_ros import Body, Map, StaticCameraFiles, replay
@@ -90,5 +90,5 @@ def test_live_states_come_while_images_are_given(sample: Path) -> None:
 
 def test_images_without_models_are_refused(sample: Path) -> None:
     body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
-    with pytest.raises(BodyError, match="models"):
+    with naming(BodyError, "models"):
         next(replay([], reference_map, body))

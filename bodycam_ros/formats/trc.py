@@ -4,6 +4,7 @@ A gap is interpolated, as in MOT: OpenSim's inverse kinematics fails at a frame 
 """
 
 import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -65,8 +66,8 @@ def read_trc(path: Path) -> CapturedMotion:
     columns = {name: 2 + column for column, name in enumerate(names) if name}
     if not columns:
         raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
-    if len(columns) != sum(map(bool, names)):
-        raise ValueError("line 4: two markers have the same name")
+    if twice := next((name for name, count in Counter(filter(None, names)).items() if count > 1), ""):
+        raise ValueError(f"line 4: two markers have the same name, {shown(twice)}")
     listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
     width = max(columns.values()) + _AXES
     if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):

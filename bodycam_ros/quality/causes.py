@@ -6,6 +6,7 @@ camera fits the mount of another. A clock that is some milliseconds off: the pos
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Literal
 
 import numpy as np
 
@@ -41,8 +42,16 @@ _STEADY, _FIRM = 0.4, 0.25  # spread of a constant offset, as a share of it; on 
 
 @dataclass(frozen=True)
 class Cause:
-    """Why a camera contradicts the body: the likely reason, and what to do."""
+    """Why a camera contradicts the body.
 
+    Attributes:
+        kind: for programs; ``place`` is a camera that records from another's mount, ``mount`` one that sits elsewhere
+            than the body has it, ``images`` a wrong lens or images of something else than the map.
+        why: the likely reason.
+        remedy: what to do.
+    """
+
+    kind: Literal["scale", "names", "place", "lens", "clock", "strap", "mount", "images"]
     why: str
     remedy: str
 
@@ -51,7 +60,9 @@ def find_causes(found: Contradiction) -> dict[str, Cause]:
     """The likely cause for each camera that contradicts."""
     if found.map_scale is not None:
         why = f"the map is {found.map_scale:.3g} times as large as the body"
-        return dict.fromkeys(found.gaps, Cause(why, "check the tag size of the board on the map's photographs"))
+        return dict.fromkeys(
+            found.gaps, Cause("scale", why, "check the tag size of the board on the map's photographs")
+        )
     places = _exchanged_places(found)
     return {camera: _find_cause(found.poses, camera, places) for camera in found.gaps}
 
@@ -59,26 +70,30 @@ def find_causes(found: Contradiction) -> dict[str, Cause]:
 def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Cause:
     place = places.get(camera)
     if place and places.get(place) == camera:
-        return Cause(f"its name is exchanged with {place}", "exchange the two names, in the topics or in the body file")
+        remedy = "exchange the two names, in the topics or in the body file"
+        return Cause("names", f"its name is exchanged with {place}", remedy)
     if (lens := lens_cause(poses.lens_errors.get(camera))) is not None:
         return lens
     if place:
-        return Cause(f"its pictures come from where {place} sits", "check which camera records under which name")
+        remedy = "check which camera records under which name"
+        return Cause("place", f"its pictures come from where {place} sits", remedy)
     if (clock := clock_cause(poses, camera)) is not None:
         return clock
     seconds, offsets, _ = _joint_offsets(poses, camera)
     if (slip := _slip(seconds, offsets)) is not None:
         why = f"its strap slipped at {slip.seconds:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
-        return Cause(why, "use the recording up to then, or record again")
+        return Cause("strap", why, "use the recording up to then, or record again")
     far = np.median(offsets, axis=0)
     far_m, spread_m = float(np.linalg.norm(far)), _median_size(offsets - far)
     if poses.counts[camera].share > WELL_REGISTERED and far_m < _MAX_STRAP_M and spread_m < _STEADY * far_m:
         return Cause(
+            "mount",
             f"it sits {1e3 * far_m:.0f} mm from where the body has it, all the time: strapped anew, or the body of "
             "another day or person",
             "record a range of motion with the cameras as they are now",
         )
     return Cause(
+        "images",
         "its lens is not what camera_info says, or its pictures show something else than the map",
         "check its camera_info, and what it saw with 'bodycam view'",
     )
@@ -88,7 +103,8 @@ def lens_cause(lens: LensDeviation | None) -> Cause | None:
     """A lens that deviates from its model; None where it does not, or is unknown."""
     if lens is None or (abs(lens.scale) <= _LENS_SCALE and lens.centre <= _LENS_CENTRE):
         return None
-    return Cause(f"its lens is not what camera_info says: {lens.text}", "check its camera_info, or calibrate it anew")
+    why = f"its lens is not what camera_info says: {lens.text}"
+    return Cause("lens", why, "check its camera_info, or calibrate it anew")
 
 
 def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
@@ -105,7 +121,7 @@ def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
     if explained < _CLOCK_EXPLAINS or abs(error_s) <= _CLOCK_ERROR_S or not is_better:
         return None
     side = "ahead" if error_s > 0.0 else "behind"
-    return Cause(f"its clock is {1e3 * abs(error_s):.0f} ms {side}", "check how its images are stamped")
+    return Cause("clock", f"its clock is {1e3 * abs(error_s):.0f} ms {side}", "check how its images are stamped")
 
 
 def _joint_offsets(poses: CameraPoses, camera: str) -> tuple[Array, Array, Array]:

@@ -63,7 +63,7 @@ def _unregistered_finding(poses: CameraPoses, camera: str, is_everybody: bool) -
     what = f"registered on {count.registered} of {count.images} images"
     if is_everybody:
         why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
-        return Finding(camera, Level.WRONG, what, why, remedy, check="registered")
+        return Finding(camera, Level.WRONG, what, why, remedy, check="registered", cause="map")
     why = "it was covered, dark or blurred, or its lens is not what camera_info says"
     remedy = "look at its pictures; its segment follows from the others"
     return Finding(camera, Level.DOUBTFUL, what, why, remedy, check="registered")
@@ -81,7 +81,7 @@ def _no_common_time_finding(poses: CameraPoses, camera: str, others: Sequence[st
     later_s = 1e-9 * (poses.counts[camera].first_ns - float(np.median(starts))) if starts else 0.0
     why = f"its clock is far off: it begins {abs(later_s):.1f} s {'after' if later_s > 0.0 else 'before'} them"
     what = "shares no time with the other cameras"
-    return Finding(camera, Level.WRONG, what, why, "set the cameras' clocks to one time", check="clock")
+    return Finding(camera, Level.WRONG, what, why, "set the cameras' clocks to one time", check="clock", cause="clock")
 
 
 def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str, cause: Cause) -> Finding:
@@ -94,7 +94,7 @@ def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str
         what += f" between {times[0]:.1f} and {times[-1]:.1f} s"
     is_wrong = gap_m > _WRONG_GAP_M and share > _WRONG_SHARE and not _is_outvoted(poses, found, camera)
     level = Level.WRONG if is_wrong else Level.DOUBTFUL
-    return Finding(camera, level, what, cause.why, cause.remedy, check="contradiction")
+    return Finding(camera, level, what, cause.why, cause.remedy, check="contradiction", cause=cause.kind)
 
 
 def _is_outvoted(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
@@ -119,9 +119,9 @@ def _other_findings(found: Contradiction, cameras: Sequence[str]) -> Iterator[Fi
         )
         doubt = partial(Finding, camera, Level.DOUBTFUL)
         if camera in core and (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
-            yield doubt("its landmarks do not fit its lens", cause.why, cause.remedy, check="lens")
+            yield doubt("its landmarks do not fit its lens", cause.why, cause.remedy, check="lens", cause=cause.kind)
         elif camera in core and (cause := clock_cause(poses, camera)) is not None:
-            yield doubt("its poses fit at other times", cause.why, cause.remedy, check="clock")
+            yield doubt("its poses fit at other times", cause.why, cause.remedy, check="clock", cause=cause.kind)
         if all_s - end_s > _EARLY_END_S:
             what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
             remedy = "its segment follows from the others after that"

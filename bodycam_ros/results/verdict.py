@@ -38,6 +38,7 @@ class Finding:
         remedy: what to do.
         part: kind of the subject.
         check: name of the check that found it, as "gaps" or "contradiction", for programs.
+        cause: kind of the likely cause, as "clock" or "strap", for programs; empty where it has no name.
     """
 
     subject: str
@@ -47,6 +48,7 @@ class Finding:
     remedy: str = ""
     part: Literal["camera", "equipment", "segment", "joint", "recording"] = "camera"
     check: str = ""
+    cause: str = ""
 
     @property
     def description(self) -> str:

@@ -46,7 +46,7 @@ def gradient(held: Attachment, equipment_T_body: Array, small: float = 1e-5) -> 
 
 @pytest.mark.parametrize("name", PLACES)
 def test_information_is_the_hessian_of_the_pairs(name: str) -> None:
-    """Of coinciding points the Hessian is that of Gauss and Newton; a free turn has an opinion of 10 rad."""
+    """The Hessian of coinciding points is that of Gauss and Newton; a free turn has a sigma of 10 rad."""
     held = coinciding(PLACES[name])
     joint = attachment_joint(held)
     small = 1e-4

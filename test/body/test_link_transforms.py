@@ -9,7 +9,7 @@ from bodycam_ros.kinematics.joint_angles import JointAngles
 
 
 class _Said:
-    """Of a sensor_msgs/JointState what the consumer reads."""
+    """The fields of a sensor_msgs/JointState that the consumer reads."""
 
     def __init__(self, name: tuple[str, ...], position: np.ndarray) -> None:
         self.name, self.position = name, position

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.closed_joint import closed_pose, joint_information
 from helpers.known_motion import BODY, START_NS
-from helpers.registration_of_a_pose import told_pose
+from helpers.registered_pose import registered_pose
 from scipy.optimize import least_squares
 
 from bodycam_ros.body.coupled_body import coupled_body
@@ -32,7 +32,7 @@ BENT_WRONG = 0.15
 """[rad] by how much they may do otherwise."""
 
 SITTING_LEAN_RAD = 0.35
-"""By how much a pelvis leans back on a seat, or forward on a saddle."""
+"""Lean of a pelvis back on a seat, or forward on a saddle."""
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -78,7 +78,7 @@ def solved(equipment: Equipment, poses: Array, frames: int = 12) -> list[BodyOut
     outputs = []
     for frame, (camera, mount) in product(range(frames), BODY.mounts.items()):
         outputs += pipeline.add(
-            told_pose(
+            registered_pose(
                 camera,
                 START_NS + frame * FRAME_NS,
                 START_NS + (frame - 1) * FRAME_NS if frame else 0,
@@ -89,7 +89,7 @@ def solved(equipment: Equipment, poses: Array, frames: int = 12) -> list[BodyOut
 
 
 def bent_m(world_T_segment: Array, poses: Array) -> float:
-    """By how much the segments of the person are off, the worst [m]."""
+    """The greatest error of the person's segments [m]."""
     of_person = slice(0, len(BODY.segments))
     return float(np.linalg.norm((world_T_segment - poses)[of_person, :3, 3], axis=1).max())
 

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import pytest
+from helpers.naming import naming
 
 from bodycam_ros.body.average_person import BONES
 from bodycam_ros.calibration.anthropometry import BoneLength, expected_stature, judge_bones, refuse_impossible
@@ -53,5 +54,5 @@ def test_one_odd_bone_is_named_and_moves_neither_the_stature_nor_the_others() ->
 @pytest.mark.parametrize("factor", [10.0, 0.1])
 @pytest.mark.parametrize("count", [1, 6])
 def test_bones_that_nobody_has_accuse_the_scale_of_the_map(factor: float, count: int) -> None:
-    with pytest.raises(MapError, match="board.yaml"):
+    with naming(MapError, "board.yaml"):
         refuse_impossible(limbs(1.75 * factor)[:count])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from helpers.naming import naming
 
 from bodycam_ros.camera import CameraModel, camera_from_info, camera_from_yaml
 from bodycam_ros.camera.camera_info import camera_info_yaml
@@ -21,26 +22,26 @@ def k_with(**entries: float) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "named"),
     [
-        ({"distortion_model": "thin_prism"}, "thin_prism"),
-        ({"d": [0.1] * 3}, "0 or 4 or 5.*3"),
-        ({"distortion_model": "fov", "d": [0.9, 0.0]}, "omega.*2"),
-        ({"distortion_model": "fov", "d": [-0.1]}, "omega"),
-        ({"distortion_model": "rational_polynomial", "d": [0.1] * 12}, r"d\[8:\]"),
-        ({"d": [np.nan, 0, 0, 0, 0]}, "d "),
-        ({"d": [0, -1e300, 0, 0, 0]}, r"d .*-1e\+300"),
-        ({"width": 10**6, "height": 10**6}, "1000000 x 1000000"),
-        ({"d": ["a", 0, 0, 0, 0]}, "d "),
-        ({"k": k_with(fx=np.nan)}, "k "),
-        ({"k": k_with(fx=-300.0)}, "fx = -300"),
-        ({"k": k_with(skew=0.5)}, "skew 0.5"),
-        ({"k": [0.0] * 9}, ""),
-        ({"width": 0}, "0 x 480"),
+        ({"distortion_model": "thin_prism"}, ("thin_prism",)),
+        ({"d": [0.1] * 3}, ("0 or 4 or 5", 3)),
+        ({"distortion_model": "fov", "d": [0.9, 0.0]}, ("omega", 2)),
+        ({"distortion_model": "fov", "d": [-0.1]}, ("omega",)),
+        ({"distortion_model": "rational_polynomial", "d": [0.1] * 12}, ("d[8:]",)),
+        ({"d": [np.nan, 0, 0, 0, 0]}, ("d",)),
+        ({"d": [0, -1e300, 0, 0, 0]}, ("d", -1e300)),
+        ({"width": 10**6, "height": 10**6}, ("1000000 x 1000000",)),
+        ({"d": ["a", 0, 0, 0, 0]}, ("d",)),
+        ({"k": k_with(fx=np.nan)}, ("k",)),
+        ({"k": k_with(fx=-300.0)}, ("fx", -300)),
+        ({"k": k_with(skew=0.5)}, ("skew", 0.5)),
+        ({"k": [0.0] * 9}, ()),
+        ({"width": 0}, ("0 x 480",)),
     ],
 )
-def test_what_is_wrong_is_said(change: dict[str, Any], words: str) -> None:
-    with pytest.raises(LensError, match=f"camera 'head': .*{words}"):
+def test_what_is_wrong_is_said(change: dict[str, Any], named: tuple[object, ...]) -> None:
+    with naming(LensError, "camera 'head'", *named):
         camera_from_info("head", **{**GOOD, **change})
 
 
@@ -68,17 +69,17 @@ def test_yaml_of_ros_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "named"),
     [
-        ({"image_width": "wide"}, "image_width.*wide"),
-        ({"camera_matrix": K}, "camera_matrix"),
-        ({"distortion_coefficients": {"data": None}}, "d "),
+        ({"image_width": "wide"}, ("image_width", "wide")),
+        ({"camera_matrix": K}, ("camera_matrix",)),
+        ({"distortion_coefficients": {"data": None}}, ("d",)),
     ],
 )
-def test_wrong_field_names_the_file(tmp_path: Path, change: dict[str, Any], words: str) -> None:
+def test_wrong_field_names_the_file(tmp_path: Path, change: dict[str, Any], named: tuple[object, ...]) -> None:
     path = tmp_path / "camera.yaml"
     path.write_text(yaml.safe_dump({**document(), **change}))
-    with pytest.raises(LensError, match=f"camera.yaml: .*{words}"):
+    with naming(LensError, path, *named):
         camera_from_yaml(path)
 
 

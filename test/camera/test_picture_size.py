@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from helpers.known_lenses import LENSES
+from helpers.naming import naming
 from helpers.tiny_bag import START_NS, write_jpeg, write_tiny_bag
 
 from bodycam_ros.camera.camera_image import decode_grey, read_image_file
@@ -63,13 +64,11 @@ def test_an_absurdly_large_image_of_a_bag_is_refused_and_the_others_are_read(tmp
     with open_recording(write_tiny_bag(tmp_path / "huge", alter=add_huge)) as recording:
         *_, before, huge, after = recording.images(["left"])
     assert decode_grey(before).shape == decode_grey(after).shape
-    with pytest.raises(
-        RecordingError, match="camera left: image of 14100x14100 pixels, but its camera_info says 64x48"
-    ):
+    with naming(RecordingError, "camera left", "14100x14100", "camera_info", "64x48"):
         decode_grey(huge)
 
 
 def test_an_absurdly_large_photograph_is_refused_by_its_lens(tmp_path: Path) -> None:
     (path := tmp_path / "huge.png").write_bytes(huge_png())
-    with pytest.raises(MapError, match=r"huge\.png: camera .*: image of 14100x14100 pixels"):
+    with naming(MapError, path, "14100x14100"):
         read_image_file(path, cv2.IMREAD_COLOR, MapError, next(iter(LENSES.values())))

@@ -16,7 +16,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.registration.reference_map import ReferenceMap
 
 THIGH_M, HIPS_M = 0.4257, 0.1906
-"""Of the subject of the sample, known from the program that moved it."""
+"""Joints of the sample's subject, known from the program that moved it."""
 
 
 def command(sample: Path, out: Path, *more: str | Path, bag: str = "rom") -> list[str]:

@@ -66,7 +66,7 @@ def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: P
 
 
 def test_the_map_is_the_same_whatever_the_number_of_processes(sample: Path, part: Path, tmp_path: Path) -> None:
-    """Of two processes the images of one instant come in another order than of one."""
+    """Images of one stamp come in another order from two processes than from one."""
     seen = ("torso_back", "thigh_right", "shin_right", "forearm_right")
     bag, made = write_altered_sample(sample, tmp_path / "bag", cameras=seen, frames=30), []
     for jobs in ("1", "2"):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.registration_of_a_pose import told_pose
+from helpers.registered_pose import registered_pose
 from helpers.two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
@@ -45,7 +45,7 @@ def test_a_sensor_that_is_late_stops_or_has_another_unit_is_named(
             if sample * SAMPLE_NS < 1e9 * stops_s:
                 sensors.add_sample("left", at_ns + round(1e9 * off_s), (0.0, 0.0, 0.0, 0.0, 0.0, up))
             sample += 1
-        matches = {camera: told_pose(camera, stamp_ns, stamp_ns - FRAME_NS, np.eye(4)) for camera in mounts}
+        matches = {camera: registered_pose(camera, stamp_ns, stamp_ns - FRAME_NS, np.eye(4)) for camera in mounts}
         sensors.observe(BodyFrame(stamp_ns, matches))
     assert "right" in sensors.in_use and "right" not in sensors.faults()
     assert fault in sensors.faults().get("left", "") and ("left" in sensors.faults()) == bool(fault)

@@ -18,7 +18,7 @@ SHIN_M = 0.4
 CREEP = 0.02  # [m/s]
 SPAN_M = CREEP * (STANDS - 1) * 1e-9 * FRAME_NS
 MEAN_M = 0.25 * SPAN_M * (1.0 + 1.0 / STANDS)
-"""Of the distances from the middle, at an odd number of even steps."""
+"""Mean of the distances from the middle, at an odd number of even steps."""
 
 
 def standing(speed: float, height: float = 0.0) -> Walk:

@@ -27,7 +27,7 @@ _PHOTOGRAPHS = ("ref_0099.jpg", "ref_0101.jpg", "ref_0103.jpg", "ref_0105.jpg", 
 _FRAMES = 4
 _POINTS = ("spine", "knee_left", "knee_right", "hip_left", "hip_right", "shoulder_left", "ankle_left", "ankle_right")
 WALK_CAMERAS, WALK_FRAMES = ("waist_front", "torso_front", "thigh_left", "shin_left"), 42
-"""Of the recording ``walk``, of which streams are broken."""
+"""Cameras of the recording ``walk``, of which streams are broken."""
 _QUICK_MAP = ("--features.max_features", "1200", "--jobs", "1")
 
 

@@ -33,3 +33,24 @@ def test_cameras_that_trigger_together_leave_out_the_same_images() -> None:
     of_one = _offer(one, 0, 90, 1.0)
     of_other = _offer(other, 41, 49, 1.0, shift_ns=200_000)
     np.testing.assert_array_equal(of_one[45:], of_other[4:])
+
+
+def test_all_images_come_back_once_none_has_waited_for_the_recovery_time() -> None:
+    thinning = EverySecondImage(_RECOVERY_S)
+    _offer(thinning, 0, 30, 1.0)
+    late_until = 29 / _HZ
+    for number in range(30, 150):
+        left_out = thinning.leaves_out(_START_NS + number * _FRAME_NS, False, number / _HZ)
+        assert thinning.active == (number / _HZ < late_until + _RECOVERY_S)
+        assert thinning.active or not left_out
+
+
+def test_a_recording_that_starts_again_is_thinned_as_before() -> None:
+    thinning = EverySecondImage(_RECOVERY_S)
+    first = _offer(thinning, 0, 40, 1.0)
+    again = _offer(thinning, 0, 40, 1.0)
+    assert again[5:] == first[5:] and sum(again) >= 15
+
+
+def test_nothing_is_left_out_without_load() -> None:
+    assert not any(_offer(EverySecondImage(_RECOVERY_S), 0, 200, _LONGEST_S))

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from helpers.known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from helpers.naming import names, naming
 
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_se3
@@ -79,9 +79,81 @@ def test_a_map_whose_last_writing_failed_is_written_again(tmp_path: Path) -> Non
         live.work()
     folder.mkdir()
     (folder / "thesis.txt").write_text("precious")
-    with pytest.raises(BodycamError, match="thesis"):
+    with naming(BodycamError, "thesis.txt"):
         live.growth.close()
     live.growth.poll(0.0)  # its timer goes on
     (folder / "thesis.txt").unlink()
     live.growth.close()
     assert ReferenceMap.load(folder).grown == live.growth.landmarks
+
+
+def test_a_map_that_may_not_grow_asks_for_nothing() -> None:
+    live = Live(enabled=False)
+    for number in range(5):
+        live.see(all_tracks(number))
+    assert not live.asked and not live.tasks and live.growth.landmarks == 0
+
+
+def grown(folder: Path, base: Path) -> LiveMapper:
+    """A map that has grown and was written."""
+    live = Live()
+    small_map().save(base)
+    live.growth.keep_in(folder, base)
+    for number in range(5):
+        live.see(all_tracks(number))
+        live.work()
+    live.growth.close()
+    return live.growth
+
+
+def test_after_a_restart_it_goes_on_with_what_had_grown(tmp_path: Path) -> None:
+    before = grown(tmp_path / "grown", tmp_path / "map")
+    again = Live()
+    again.growth.keep_in(tmp_path / "grown", tmp_path / "map")
+    assert again.growth.landmarks == before.landmarks > 90
+    again.begin()
+    matches = again.see(unknown_tracks(6, first=6))
+    assert matches.world_T_camera is not None
+    assert np.linalg.norm(log_se3(inverse(place(6)) @ matches.world_T_camera)[3:]) < 5e-3
+
+
+def test_landmarks_without_room_are_counted(tmp_path: Path) -> None:
+    before = grown(tmp_path / "grown", tmp_path / "map")
+    reasons: list[str] = []
+    small = LiveMapper(small_map(), GrowthSettings(capacity=50), print, print, reasons.append)
+    small.keep_in(tmp_path / "grown", tmp_path / "map")
+    assert small.landmarks == 50
+    (reason,) = reasons
+    assert names(reason, tmp_path / "grown") and names(reason, before.landmarks - 50)
+
+
+def test_what_has_grown_from_another_map_is_refused_and_kept(tmp_path: Path) -> None:
+    grown(tmp_path / "grown", tmp_path / "map")
+    content = {path.name: path.read_bytes() for path in (tmp_path / "grown").iterdir()}
+    other = LiveMapper(small_map(seed=2), GrowthSettings(), print, print)
+    with naming(BodycamError, tmp_path / "grown"):
+        other.keep_in(tmp_path / "grown", tmp_path / "map")
+    with naming(BodycamError, tmp_path / "map"):
+        Live().growth.keep_in(tmp_path / "map", tmp_path / "map")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "grown").iterdir()} == content
+
+
+def test_a_map_is_written_when_it_is_due_and_only_if_it_changed(tmp_path: Path) -> None:
+    live, folder = Live(), tmp_path / "grown"
+    small_map().save(tmp_path / "map")
+    live.growth.keep_in(folder, tmp_path / "map")
+    live.growth.poll(0.0)
+    assert live.growth._writing is None, "nothing has grown yet"
+    for number in range(5):
+        live.see(all_tracks(number))
+        live.work()
+    live.growth.poll(3600.0)
+    assert live.growth._writing is None, "it is not due"
+    live.growth.poll(0.0)
+    writing = live.growth._writing
+    assert writing is not None
+    writing.result(timeout=60.0)
+    assert ReferenceMap.load(folder).grown == live.growth.landmarks
+    assert live.growth.report().values["changes not saved"] == 0
+    live.growth.poll(0.0)
+    assert live.growth._writing is None, "it is as it was written"

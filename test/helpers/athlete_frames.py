@@ -1,4 +1,4 @@
-"""What the cameras on an athlete say, with noise and losses, and what the solver makes of it."""
+"""Registrations of the cameras on an athlete, with noise and losses, and the states that are solved from them."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,11 +25,11 @@ Array = NDArray[np.float64]
 Stretches = tuple[tuple[float, float], ...]
 
 NOISE = np.repeat([np.radians(0.1), 0.002], 3)
-"""Of a registration: rotation [rad], place [m]."""
+"""Sigmas of a registration: rotation [rad], position [m]."""
 
 TURN_NOISE_RAD = np.radians(0.05)
 BLUR = 5.0
-"""By so much a blurred image registers worse, and says so."""
+"""Factor of the noise of a blurred image, and of the sigmas that its registration has."""
 
 START_NS = 1_000_000_000
 LEGS = tuple(f"{segment}_{side}" for segment in ("thigh", "shin", "foot") for side in ("left", "right"))
@@ -43,7 +43,7 @@ class Sight:
     Attributes:
         blind: cameras without images.
         dark: camera -> from and until when it has none [s].
-        lost: camera -> from and until when it does not find itself, and knows only how it turns [s].
+        lost: camera -> from and until when it is not registered, and only its rotation is measured [s].
         blurred: the same, when its images are blurred.
     """
 
@@ -63,7 +63,7 @@ JUMPING = Sight(
 
 
 def frames(athlete: Athlete, sight: Sight, seed: int = 0) -> Iterator[BodyFrame]:
-    """What all cameras say, instant by instant."""
+    """Registrations of all cameras, frame by frame."""
     random = np.random.default_rng(seed)
     body, nothing = athlete.body, np.zeros(0, np.uint32)
     rows = {camera: body.segment_index[mount.segment] for camera, mount in body.mounts.items()}
@@ -95,7 +95,7 @@ def frames(athlete: Athlete, sight: Sight, seed: int = 0) -> Iterator[BodyFrame]
 
 
 def stamp_ns(instant: int) -> int:
-    """Of an instant, counted from 0."""
+    """Stamp of a frame, counted from 0 [ns]."""
     return START_NS + round(1e9 * instant / RATE_HZ)
 
 
@@ -105,7 +105,7 @@ def _within(stretches: Stretches, seconds: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """What came out, instant by instant as it went in.
+    """Solved states, one a frame.
 
     Attributes:
         athlete: the truth.
@@ -128,11 +128,11 @@ class Solved:
         return errors
 
     def engaged(self, name: str) -> NDArray[np.bool_]:
-        """(T) whether an attachment held."""
+        """(T) whether an attachment was engaged."""
         return np.array([report.engaged[report.attachments.index(name)] for report in self.reports], bool)
 
     def deviations(self, name: str) -> Array:
-        """(T) how far its points are said to be from each other [m]."""
+        """(T) published distance between its points on body and equipment [m]."""
         return np.array([report.deviations[report.attachments.index(name)] for report in self.reports])
 
     def attachment_gaps(self, name: str, true_equipment: bool = False) -> Array:
@@ -158,7 +158,7 @@ def solved(
     settings: SmootherSettings | None = None,
     live: bool = False,
 ) -> Solved:
-    """Solve what the cameras say, with equipment as it is described, or without."""
+    """Solve the frames, with equipment as it is described, or without."""
     body = coupled_body(athlete.body, equipment)
     coupling = Coupling(body, equipment, CouplingSettings(), MotionSettings()) if equipment else None
     smoother = BodyEstimator(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
@@ -171,8 +171,8 @@ def solved(
     if coupling:
         last = states[-1].equipment
         assert last is not None
-        said = (last.lengths, last.values, last.sigmas)
-        lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*said, strict=True)}
+        lengths_now = (last.lengths, last.values, last.sigmas)
+        lengths = {name: (float(value), float(sigma)) for name, value, sigma in zip(*lengths_now, strict=True)}
     reports = [state.equipment for state in states if state.equipment]
     return Solved(athlete, poses[:, :count], poses[:, count:], lengths, reports)
 

@@ -194,25 +194,25 @@ def person(pelvis: Array, torso: Array, feet: dict[str, Array], hands: dict[str,
     offsets = {joint.child: joint.parent_T_joint[:3, 3] for joint in BODY.tree_joints}
     at = {"pelvis": pelvis}
 
-    def hung(child: str, parent: str, R: Array) -> None:
+    def place(child: str, parent: str, R: Array) -> None:
         at[child] = rigid(R, (at[parent] @ np.append(offsets[child], 1.0))[:, :3])
 
     def end(child: str, parent: str) -> Array:
         place: Array = (at[parent] @ np.append(offsets[child], 1.0))[:, :3]
         return place
 
-    hung("torso", "pelvis", torso)
-    hung("head", "torso", torso @ about("y", -0.3))
+    place("torso", "pelvis", torso)
+    place("head", "torso", torso @ about("y", -0.3))
     forward, backward = at["pelvis"][:, :3, 0], -at["torso"][:, :3, 0] - 0.7 * np.array([0.0, 0.0, 1.0])
     for side in ("left", "right"):
         thigh, shin, foot, upper, lower = (
             f"{name}_{side}" for name in ("thigh", "shin", "foot", "upper_arm", "forearm")
         )
         knees = two_links(end(thigh, "pelvis"), feet[side][:, :3, 3], offsets[shin], offsets[foot], forward)
-        hung(thigh, "pelvis", knees[0])
-        hung(shin, thigh, knees[1])
+        place(thigh, "pelvis", knees[0])
+        place(shin, thigh, knees[1])
         at[foot] = feet[side]
         arms = two_links(end(upper, "torso"), hands[side], offsets[lower], GRIP, backward, left=-1.0)
-        hung(upper, "torso", arms[0])
-        hung(lower, upper, arms[1])
+        place(upper, "torso", arms[0])
+        place(lower, upper, arms[1])
     return np.stack([at[segment] for segment in BODY.segments], axis=1)

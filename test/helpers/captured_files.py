@@ -81,7 +81,7 @@ def write_bvh(
     lines = ["HIERARCHY"]
     columns: list[Points] = []
 
-    def hang(segment: str, depth: int) -> None:
+    def write_joint(segment: str, depth: int) -> None:
         indent = "\t" * depth
         parent = PARENTS.get(segment)
         world_R = poses[:, row_of[segment], :3, :3]
@@ -101,12 +101,12 @@ def write_bvh(
         lines.append(f"{indent}\tCHANNELS {3 if parent else 6} {places}{turns}")
         children = [child for child, of in PARENTS.items() if of == segment]
         for child in children:
-            hang(child, depth + 1)
+            write_joint(child, depth + 1)
         if not children:
             lines.extend([f"{indent}\tEnd Site", f"{indent}\t{{", f"{indent}\t\tOFFSET 0 10 0", f"{indent}\t}}"])
         lines.append(f"{indent}}}")
 
-    hang("pelvis", 0)
+    write_joint("pelvis", 0)
     table = np.concatenate(columns, axis=1)
     lines += ["MOTION", f"Frames: {len(table)}", f"Frame Time: {frame_time:.8f}"]
     lines += [" ".join(f"{v:.8f}" for v in row) for row in table]

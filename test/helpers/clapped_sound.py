@@ -1,4 +1,4 @@
-"""Sound of cameras that heard the same claps, made so that every start and drift is known."""
+"""Sound of cameras that recorded the same claps, made so that every start and drift is known."""
 
 import io
 from collections.abc import Iterator, Mapping, Sequence

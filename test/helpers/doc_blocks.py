@@ -1,4 +1,4 @@
-"""Fenced blocks of the pages of docs/, and the mark in a comment above each that says what tests do with it.
+"""Fenced blocks of the pages of docs/, and the mark in a comment above each that sets what tests do with it.
 
 ``<!-- run -->``: it is run on the sample. Without a mark its commands must be understood.
 """

@@ -1,4 +1,4 @@
-"""A camera driver that a test drives: raw images that show much to be tracked, and camera_info when it is told."""
+"""A camera driver that a test drives: raw images that show much to be tracked, and camera_info on request."""
 
 import time
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ PERIOD_S = 0.05
 
 
 def stamps(first: int, count: int) -> list[int]:
-    """Of so many images in a row [ns]."""
+    """Stamps of a number of images in a row [ns]."""
     return [START_NS + (first + k) * FRAME_NS for k in range(count)]
 
 

@@ -1,4 +1,4 @@
-"""Frames as tf2 keeps them, of what was said on /tf and /tf_static."""
+"""Frames as tf2 keeps them, from messages on /tf and /tf_static."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -11,7 +11,7 @@ from bodycam_ros.messages.poses import rotation_from_message
 
 
 class FrameTree:
-    """All frames at every instant that was told of.
+    """All frames at every stamp that was published.
 
     Args:
         moving: messages of /tf.
@@ -19,14 +19,14 @@ class FrameTree:
 
     Attributes:
         parents: frame -> the one that it hangs on.
-        stamps: instants of which something was said, by what hangs on the map.
-        told: how often a frame's place was said for one instant: frame and instant -> count.
+        stamps: of the transforms whose parent is the map.
+        counts: frame and stamp -> how often its transform was published.
     """
 
     def __init__(self, moving: Iterable[Any], static: Iterable[Any]) -> None:
         self.parents: dict[str, str] = {}
         self.stamps: dict[str, list[int]] = {}
-        self.told: dict[tuple[str, int], int] = {}
+        self.counts: dict[tuple[str, int], int] = {}
         self._static: dict[str, Array] = {}
         self._moving: dict[tuple[str, int], Array] = {}
         for message in static:
@@ -36,12 +36,12 @@ class FrameTree:
             for transform in message.transforms:
                 at = (self._hang(transform), stamp_ns(transform.header.stamp))
                 self._moving[at] = _pose(transform)
-                self.told[at] = self.told.get(at, 0) + 1
+                self.counts[at] = self.counts.get(at, 0) + 1
                 if transform.header.frame_id == "map":
                     self.stamps.setdefault(transform.child_frame_id, []).append(at[1])
 
     def pose(self, frame: str, stamp: int) -> Array:
-        """map_T_frame (4, 4) at an instant; a KeyError if the frame is not to be reached from the map."""
+        """map_T_frame (4, 4) at a stamp; a KeyError if no chain of transforms leads from the map to the frame."""
         if frame == "map":
             return np.eye(4)
         static = self._static.get(frame)
@@ -55,5 +55,5 @@ class FrameTree:
 
 
 def _pose(transform: Any) -> Array:
-    said = transform.transform.translation
-    return rigid(rotation_from_message(transform.transform.rotation), np.array([said.x, said.y, said.z]))
+    place = transform.transform.translation
+    return rigid(rotation_from_message(transform.transform.rotation), np.array([place.x, place.y, place.z]))

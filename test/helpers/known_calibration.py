@@ -28,7 +28,7 @@ def calibrated_body() -> BodyModel:
 
 
 def good_diagnosis(body: BodyModel) -> CalibrationDiagnosis:
-    """Of a recording in which everything went well."""
+    """The diagnosis of a recording without faults."""
     random = np.random.default_rng(11)
     lengths = _bone_lengths(body)
     return CalibrationDiagnosis(
@@ -130,5 +130,5 @@ def _bone_lengths(body: BodyModel) -> list[BoneLength]:
 
 
 def words(name: str) -> str:
-    """As a person says it."""
+    """The name in words."""
     return SegmentName(name).words

@@ -111,7 +111,7 @@ def tracks(
 def keyframes(
     camera: CameraModel, points: NDArray[np.float64], count: int = 4, start: int = 0, seed: int = 7
 ) -> list[BodyKeyframe]:
-    """Of that camera, which names nothing that it sees."""
+    """Keyframes of that camera, whose features carry no landmark."""
     made = []
     for number in range(start, start + count):
         world_T_camera = place(number)

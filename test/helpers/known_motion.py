@@ -13,13 +13,13 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.verdict import Verdict
-from helpers.registration_of_a_pose import told_pose
+from helpers.registered_pose import registered_pose
 
 BODY = read_body(Path(__file__).parents[2] / "bags" / "body.yaml")
 RATE_HZ, DURATION_S = 30.0, 4.0
 START_NS = 1_700_000_000_000_000_000
 _NOISE_RAD, _NOISE_M = 0.002, 0.004
-"""Of a registration; on the sample cameras disagree by 4 to 15 mm about a joint."""
+"""Sigmas of a registration; on the sample cameras disagree by 4 to 15 mm about a joint."""
 
 _SWING_RAD, _SWING_HZ = 0.6, 0.8
 
@@ -57,18 +57,18 @@ class KnownMotion:
     starts_s: float = 0.0
 
     def registrations(self) -> Iterator[LandmarkMatches]:
-        """What each image said, in the order of the stamps."""
+        """Registrations of all images, in the order of their stamps."""
         random = np.random.default_rng(3)
         times = np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
-        heard = [(time + self.clocks_s.get(camera, 0.0), time, camera) for time in times for camera in self.cameras]
+        images = [(time + self.clocks_s.get(camera, 0.0), time, camera) for time in times for camera in self.cameras]
         previous_ns: dict[str, int] = {}
-        for stamp_s, time, camera in sorted(heard):
+        for stamp_s, time, camera in sorted(images):
             name, stamp_ns = self.names.get(camera, camera), self._stamp_ns(stamp_s)
-            yield told_pose(name, stamp_ns, previous_ns.get(name, 0), self._registered(camera, time, random))
+            yield registered_pose(name, stamp_ns, previous_ns.get(name, 0), self._registered(camera, time, random))
             previous_ns[name] = stamp_ns
 
     def log(self) -> CameraPoseLog:
-        """All of it, heard in the order in which a replay hears it: bodies some frames behind."""
+        """The log of all registrations and states, added in the order of a replay: states some frames behind."""
         log = CameraPoseLog(BODY, {}, inlier_px=2.5)
         states = [(self._stamp_ns(time), time) for time in np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ]
         for matches in self.registrations():

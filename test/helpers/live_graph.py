@@ -83,7 +83,7 @@ class Started:
 
     @property
     def printed(self) -> str:
-        """What it printed, without what Fast DDS says of ports that two processes try to open in the same instant."""
+        """Its output, without the warnings of Fast DDS on ports that two processes open at the same time."""
         return "".join(line for line in self.log.splitlines(keepends=True) if "RTPS_TRANSPORT_SHM" not in line)
 
     def interrupt(self) -> None:
@@ -192,21 +192,21 @@ class Graph:
         return new
 
     def listen(self, topics: dict[str, str]) -> None:
-        """Keep what is said on topics, given with their types."""
+        """Keep the messages of topics, given with their types."""
         for topic, type_name in topics.items():
             self._types[topic] = type_name
-            # Several may say something once: of depth 1 the latest of all of them would be left.
+            # Several may publish once: of depth 1 the latest of all of them would be left.
             quality = latched(_DEPTH) if is_latched(topic) else reliable(_DEPTH)
             self._node.create_subscription(message_class(type_name), topic, self.heard[topic].append, quality, raw=True)
 
     def until_known(self, timeout_s: float) -> None:
-        """Wait until all that were started know what the listener reads, diagnostics last: they said so by speaking."""
+        """Wait until all nodes that were started have matched the listener's subscriptions, diagnostics last."""
         names = {full_name(each.node) for each in (*self.started, *self.running)}
-        said: set[str] = set()
+        reported: set[str] = set()
 
         def all_speak() -> bool:
-            said.update(s.name.split(":")[0] for m in self.messages("/diagnostics", -1) for s in m.status)
-            return names <= said
+            reported.update(s.name.split(":")[0] for m in self.messages("/diagnostics", -1) for s in m.status)
+            return names <= reported
 
         self.until(all_speak, timeout_s, f"diagnostics of {', '.join(sorted(names))}")
 
@@ -250,7 +250,7 @@ class Graph:
             self._executor.spin_once(0.05)
 
     def messages(self, topic: str, start: int = 0) -> list[Any]:
-        """What was said on a topic, from a message of a number on; of a negative number, the latest."""
+        """Messages of a topic, from a message of a number on; of a negative number, the latest."""
         return [deserialize_message(cdr, message_class(self._types[topic])) for cdr in self.heard[topic][start:]]
 
     def all_diagnostics(self, part: str) -> list[dict[str, Any]]:
@@ -268,7 +268,7 @@ class Graph:
         return reports[-1] if reports else {}
 
     def write(self, path: Path) -> Path:
-        """What was heard as a bag."""
+        """The messages as a bag."""
         with write_recording(path) as writer:
             for topic, heard in self.heard.items():
                 for cdr, message in zip(heard, self.messages(topic), strict=True):
@@ -277,7 +277,7 @@ class Graph:
         return path
 
     def report(self) -> str:
-        """What was heard and what the processes printed, for a failure's message."""
+        """Counts of messages and output of the processes, for a failure's message."""
         counts = (f"{topic}: {len(heard)} messages heard" for topic, heard in sorted(self.heard.items()))
         texts = (f"--- {full_name(each.node)} ({each.process.poll()})\n{each.log}" for each in self.started)
         errors = (f"--- {full_name(each.node)}: {each.error!r}" for each in self.running)

@@ -1,4 +1,4 @@
-"""Small videos as cameras make them, whose pictures tell which frame they are."""
+"""Small videos as cameras make them, whose pictures carry the number of their frame."""
 
 import struct
 from collections.abc import Callable, Sequence
@@ -79,26 +79,26 @@ def make_video(
         else:
             context.max_b_frames = b_frames
             context.options = {"crf": "12", "b_strategy": "0", "preset": preset}
-        heard = container.add_stream("aac", rate=SOUND_HZ, layout="mono") if sound else None
+        track = container.add_stream("aac", rate=SOUND_HZ, layout="mono") if sound else None
         for number, media_s in enumerate(times_s):
             frame = av.VideoFrame.from_ndarray(picture(first + number, *size), format="gray")
             frame = frame.reformat(format=pixels, dst_color_range=2 if full_range else 1)
             frame.pts, frame.time_base = round(media_s * _TICKS_HZ), Fraction(1, _TICKS_HZ)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
-        if heard is not None and sound is not None:
+        if track is not None and sound is not None:
             length = round((times_s[-1] + 1.0 / rate_hz) * SOUND_HZ)
             samples = sound(np.arange(length) / SOUND_HZ).astype(np.float32)
             for start in range(0, length, 1024):
                 block = av.AudioFrame.from_ndarray(samples[None, start : start + 1024], format="fltp", layout="mono")
                 block.sample_rate, block.pts, block.time_base = SOUND_HZ, start, Fraction(1, SOUND_HZ)
-                container.mux(heard.encode(block))
-            container.mux(heard.encode(None))
+                container.mux(track.encode(block))
+            container.mux(track.encode(None))
     return path
 
 
 def turn(path: Path, degrees: int) -> Path:
-    """Say in the video's track header that its frames are to be turned clockwise, as a camera held askew does."""
+    """Write into the video's track header that its frames are to be turned clockwise, as a camera held askew does."""
     cosine, sine = {0: (1, 0), 90: (0, 1), 180: (-1, 0), 270: (0, -1)}[degrees]
     content = bytearray(path.read_bytes())
     at = content.index(b"tkhd") + 4  # the first track is the video

@@ -101,7 +101,7 @@ def _records_in(chunk: Chunk) -> Iterator[tuple[int, Any]]:
 
 
 def _checksums(content: bytes, top: list[tuple[int, int, Any]]) -> Iterator[str]:
-    """Of attachments, and of the summary; those of chunks are checked as they are unpacked."""
+    """Wrong checksums of attachments and of the summary; those of chunks are checked as they are unpacked."""
     for at, end, record in top:
         if isinstance(record, Attachment):
             stored = struct.unpack_from("<I", content, end - 4)[0]
@@ -113,7 +113,7 @@ def _checksums(content: bytes, top: list[tuple[int, int, Any]]) -> Iterator[str]
 
 
 def _index_faults(top: list[tuple[int, int, Any]], summary: list[Any], chunks: dict[int, Any]) -> Iterator[str]:
-    """What the index says of chunks, attachments and metadata records, against what is there."""
+    """Entries of the index on chunks, attachments and metadata records that differ from the file."""
     index = {each.chunk_start_offset: each for each in summary if isinstance(each, ChunkIndex)}
     if index.keys() != chunks.keys():
         yield f"chunks are at {sorted(chunks)}, indexed {sorted(index)}"
@@ -124,12 +124,12 @@ def _index_faults(top: list[tuple[int, int, Any]], summary: list[Any], chunks: d
             chunk.uncompressed_size, places.keys(),
         )  # fmt: skip
         each = index[at]
-        told = (
+        indexed = (
             each.chunk_length, each.message_start_time, each.message_end_time, each.compression, each.compressed_size,
             each.uncompressed_size, each.message_index_offsets.keys(),
         )  # fmt: skip
-        if told != expected:
-            yield f"chunk at {at} is indexed as {told}, and is {expected}"
+        if indexed != expected:
+            yield f"chunk at {at} is indexed as {indexed}, and is {expected}"
     for kind, index_kind in ((Attachment, AttachmentIndex), (Metadata, MetadataIndex)):
         there = [(at, end - at, record.name) for at, end, record in top if isinstance(record, kind)]
         listed = [(each.offset, each.length, each.name) for each in summary if isinstance(each, index_kind)]
@@ -163,9 +163,9 @@ def _summary_faults(
         metadata_count=counts[Metadata],
         schema_count=len(schemas),
     )
-    told = [each for each in summary if isinstance(each, Statistics)]
-    if told != [expected]:
-        yield f"statistics are {told}, counted was {expected}"
+    stated = [each for each in summary if isinstance(each, Statistics)]
+    if stated != [expected]:
+        yield f"statistics are {stated}, counted was {expected}"
 
 
 def read_beside_messages(path: Path) -> tuple[dict[str, dict[str, str]], dict[str, bytes]]:

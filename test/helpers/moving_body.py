@@ -1,4 +1,4 @@
-"""A small body with cameras that moves as is known, and what its cameras say of it."""
+"""A small body with cameras whose motion is known, and registrations of its cameras."""
 
 import dataclasses
 
@@ -47,7 +47,7 @@ def true_poses(body: BodyModel, frame: int) -> np.ndarray:
 def seen_by(
     body: BodyModel, camera: str, frame: int, rng: np.random.Generator, lost: bool = False, wrong: bool = False
 ) -> LandmarkMatches:
-    """A camera's registration with noise as its covariance says; lost cameras still tell their rotation."""
+    """A camera's registration with noise of its covariance; a lost camera still measures its rotation."""
     mount = body.mounts[camera]
     row = body.segment_index[mount.segment]
     pose = true_poses(body, frame)[row] @ mount.segment_T_camera

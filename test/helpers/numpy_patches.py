@@ -193,8 +193,8 @@ def align_one_in_numpy(image: NDArray[np.uint8], at: Array, ring: Array) -> tupl
     patch = ring[1:-1, 1:-1].ravel()
     slopes = [0.5 * (ring[1:-1, 2:] - ring[1:-1, :-2]).ravel(), 0.5 * (ring[2:, 1:-1] - ring[:-2, 1:-1]).ravel()]
     # By what the patch and a constant do not explain of its slopes it is held.
-    told = np.column_stack([patch, np.ones_like(patch)])
-    rest = np.column_stack(slopes) - told @ np.linalg.lstsq(told, np.column_stack(slopes), rcond=None)[0]
+    explained = np.column_stack([patch, np.ones_like(patch)])
+    rest = np.column_stack(slopes) - explained @ np.linalg.lstsq(explained, np.column_stack(slopes), rcond=None)[0]
     if np.var(patch) * patch.size < 1.0 or np.linalg.eigvalsh(rest.T @ rest)[0] < LEAST_SLOPE:
         return at, np.nan
     steps = np.arange(PATCH) - 0.5 * (PATCH - 1)

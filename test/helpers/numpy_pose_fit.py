@@ -83,7 +83,7 @@ class Point:
 
     Attributes:
         world_T_camera: (4, 4) at the exposure of the middle row.
-        bend: (6,) by how much the twist differs from what the images before tell [rad/s, m/s].
+        bend: (6,) by how much the twist differs from the images before give [rad/s, m/s].
         readout_time: [s].
     """
 
@@ -196,7 +196,7 @@ class Problem:
         return np.nan_to_num(self._camera.project(moved)[0] - self._camera.project(points)[0])
 
     def readout(self, equations: Equations) -> tuple[float, float]:
-        """What the image says of the read-out time [s], and its information [px^2/s^2], when all else is free."""
+        """The read-out time by the image [s], and its information [px^2/s^2], when all else is free."""
         motion = self._motion
         if motion is None or motion.readout_sigma == 0.0 or not len(equations.residuals):
             return 0.0, 0.0

@@ -1,4 +1,4 @@
-"""The solver's part in tests of nodes that listen to it: what it says of the sample's person."""
+"""The solver's topics in tests of nodes that read them: the sample's person."""
 
 from typing import Any
 
@@ -7,8 +7,8 @@ import numpy as np
 from bodycam_ros.results.solved_body import SolvedBody
 
 
-class SaidBySolver:
-    """Says what the solver would, of the sample's person."""
+class SolverPublisher:
+    """Publishes the topics of the solver for the sample's person."""
 
     def __init__(self, graph: Any, solved: SolvedBody) -> None:
         from bodycam_ros.nodes.parameters import latched, node_messages
@@ -18,7 +18,7 @@ class SaidBySolver:
         self._angles = graph.publisher("/joint_states", "sensor_msgs/msg/JointState")
         self._root = graph.publisher("/odometry", "nav_msgs/msg/Odometry")
 
-    def is_heard(self) -> bool:
+    def has_readers(self) -> bool:
         return all(each.get_subscription_count() for each in (self._described, self._angles, self._root))
 
     def describe(self, text: str) -> None:
@@ -26,8 +26,8 @@ class SaidBySolver:
 
         self._described.publish(text_message(self._make, text))
 
-    def tell(self, row: int, **angles: float) -> None:
-        """An instant; angles are given to joints by name instead of what was solved."""
+    def publish(self, row: int, **angles: float) -> None:
+        """Publish one state; ``angles`` of joints by name replace those that were solved."""
         from bodycam_ros.messages.body import joint_state_message
         from bodycam_ros.messages.factory import MAP_FRAME, header_message
         from bodycam_ros.messages.poses import pose_with_covariance_message

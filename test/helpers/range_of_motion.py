@@ -61,7 +61,7 @@ def known_body() -> BodyModel:
 
 
 def known_rig(body: BodyModel) -> Rig:
-    """What a user would say of the body."""
+    """The rig file of the body, as a user writes it."""
     parents: dict[str, str | None] = {body.root: None}
     parents |= {joint.child: joint.parent for joint in body.tree_joints}
     return Rig({camera: mount.segment for camera, mount in body.mounts.items()}, parents)
@@ -145,7 +145,7 @@ def registrations(
     seed: int = 1,
     only: Collection[str] | None = None,
 ) -> Iterator[LandmarkMatches]:
-    """What the registrar would say of every image, in order of time.
+    """Registrations of every image, in order of time.
 
     Args:
         motion: of the body.

@@ -1,4 +1,4 @@
-"""Progress that nobody sees, and what it was told."""
+"""Progress that is not shown, with the units of each step."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""What a solver would say of a ride: a foot that leaves its pedal for a while, and a bar that is somewhere else."""
+"""Reports on the equipment of a ride: a foot leaves its pedal for a while, and a bar is somewhere else."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ OFF = range(20, 26)
 """Frames at which the foot is off its pedal."""
 
 APART_M = 3.0
-"""Of the bar from the hand that should hold it."""
+"""Distance of the bar from the hand [m]."""
 
 UNPLACED = range(3)
 
@@ -44,10 +44,10 @@ def record(stamps_ns: list[int]) -> EquipmentRecord:
 
 
 def write_held(ride: Walk, path: Path) -> Path:
-    """The bag of the ride, with what was said of its equipment."""
+    """The bag of the ride, with the reports on its equipment."""
     make = recorded_messages()
-    said = [
+    reports = [
         (EQUIPMENT, stamp_ns, equipment_message(make, stamp_ns, report(frame)))
         for frame, stamp_ns in enumerate(ride.stamps_ns[:FRAMES].tolist())
     ]
-    return write_solved(ride, path, more=said)
+    return write_solved(ride, path, more=reports)

@@ -89,7 +89,7 @@ def track_frames(
     rate_hz: float = 30.0,
     pixel_noise: float = 0.3,
 ) -> Iterator[TrackFrame]:
-    """What a tracker would say of ``count`` images of the ``swinging`` camera; a track per landmark in sight."""
+    """Track frames of ``count`` images of the ``swinging`` camera; a track per landmark in sight."""
     names = np.zeros(len(reference_map.points_world), np.int64)
     following = np.zeros(0, np.int64)
     previous_ns = 0

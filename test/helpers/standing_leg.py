@@ -1,4 +1,4 @@
-"""A shin and a foot that stands, rolls over its ball, swings on and stands again; and what their cameras say of it."""
+"""A shin and a foot that stands, rolls over its ball, swings on and stands again; registrations of their cameras."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ NOISE = np.diag(np.repeat([0.0005, 0.001], 3) ** 2)
 
 
 def leg() -> BodyModel:
-    """A camera on each."""
+    """A body of shin and foot, with a camera on each."""
     ankle = Joint("ankle_left", "shin_left", "foot_left", "ball", rigid(np.eye(3), np.array([0.0, 0.0, -SHIN_M])))
     mounts = {
         "shin": CameraMount("shin_left", exp_se3(np.array([0.3, 1.0, -0.5, 0.05, 0.1, -0.1]))),
@@ -48,18 +48,18 @@ def true_poses(frame: int) -> Array:
 
 def frame_of(body: BodyModel, frame: int, rng: np.random.Generator) -> BodyFrame:
     """Registrations of its cameras, with noise as their covariance has it."""
-    said = {}
+    matches = {}
     for camera, mount in body.mounts.items():
         row = body.segment_index[mount.segment]
         pose, before = (true_poses(f)[row] @ mount.segment_T_camera for f in (frame, frame - 1))
         noisy = pose @ exp_se3(np.sqrt(np.diag(NOISE)) * rng.standard_normal(6))
-        said[camera] = LandmarkMatches(
+        matches[camera] = LandmarkMatches(
             camera=camera, stamp_ns=(frame + 1) * STEP_NS, previous_stamp_ns=frame * STEP_NS,
             track_ids=np.zeros(0, np.uint32), landmark_ids=np.zeros(0, np.uint32),
             pixels=np.zeros((0, 2), np.float32), points_world=np.zeros((0, 3), np.float32), world_T_camera=noisy,
             pose_covariance=NOISE, current_R_previous=pose[:3, :3].T @ before[:3, :3], rotation_inliers=50,
         )  # fmt: skip
-    return BodyFrame((frame + 1) * STEP_NS, said)
+    return BodyFrame((frame + 1) * STEP_NS, matches)
 
 
 def ball_of(world_T_segment: Array) -> Array:

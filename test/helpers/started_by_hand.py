@@ -13,7 +13,7 @@ from bodycam_ros.timing.arrivals import Arrivals
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.clock_state import ClockSettings
 from helpers.range_of_motion import START_NS, known_body, range_of_motion
-from helpers.registration_of_a_pose import told_pose
+from helpers.registered_pose import registered_pose
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ class CameraRun:
         return times[on & ~((times >= self.off_s[0]) & (times < self.off_s[1]))]
 
     def offset_s(self, times_s: Array | float) -> Array:
-        """By how much the clock is ahead at some times [s]."""
+        """Lead of the clock at some times [s]."""
         times = np.asarray(times_s, np.float64)
         return np.asarray(
             self.ahead_s + self.drift * times + sum(by_s * (times >= when_s) for when_s, by_s in self.jumps)
@@ -63,7 +63,7 @@ class CameraRun:
 
 @dataclass(frozen=True)
 class Recording:
-    """What the cameras of the known body said.
+    """Registrations of the cameras of the known body.
 
     Attributes:
         duration_s: of the range of motion [s].
@@ -104,7 +104,7 @@ class Recording:
             previous_ns = -(10**18)
             for time_s, stamp_ns, pose in zip(times_s.tolist(), stamps_ns.tolist(), poses, strict=True):
                 if stamp_ns > previous_ns:  # Trackers leave out images whose stamps do not increase.
-                    yield time_s, camera, told_pose(camera, stamp_ns, previous_ns, pose, np.diag(sigmas**2))
+                    yield time_s, camera, registered_pose(camera, stamp_ns, previous_ns, pose, np.diag(sigmas**2))
                     previous_ns = stamp_ns
 
 
@@ -124,7 +124,7 @@ def watched(
     live: bool = False,
     cameras: Iterable[str] = CAMERAS,
 ) -> tuple[ClockEstimator, list[LandmarkMatches]]:
-    """A watch that has heard all images, and what it let pass."""
+    """A clock estimator that has processed all images, and the images that it passed on."""
     watch, passed = ClockEstimator(BODY, cameras, settings or ClockSettings(), FLOOR, live), list[LandmarkMatches]()
     arrivals = Arrivals(cameras, None, live, watch, passed.append)
     for image in images:

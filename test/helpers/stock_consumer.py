@@ -1,4 +1,4 @@
-"""Where the links of a published robot are, by somebody else's reader of URDF and forward kinematics: Pinocchio."""
+"""Where the links of a published robot are, by an independent reader of URDF and forward kinematics: Pinocchio."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from bodycam_ros.geometry import Array
 
 
 class StockConsumer:
-    """What reads /robot_description and /joint_states, and knows nothing of us.
+    """A consumer of /robot_description and /joint_states that has nothing of this package.
 
     Args:
         urdf: text of the description.

@@ -2,7 +2,6 @@
 
 import io
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -11,16 +10,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Locator, Page, sync_playwright
 
 from helpers.owned_processes import ended_with_us
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Locator, Page
+
 REPOSITORY = Path(__file__).parents[2]
-CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 WINDOW = (1330, 700)
 
 _FLAGS = (
@@ -38,22 +39,17 @@ _PATIENCE_S = 180.0  # a software renderer on a busy machine
 _LOOK_AGAIN_S = 0.3
 
 
-def find_chromium() -> str | None:
-    """Path of a Chromium on this machine."""
-    return next((path for name in CHROMIUM_NAMES if (path := shutil.which(name))), None)
-
-
 @dataclass
 class Served:
     """A running ``bodycam view``.
 
     Attributes:
         address: to open.
-        said: what it wrote to its standard error, once it has ended.
+        errors: its standard error, once it has ended.
     """
 
     address: str
-    said: str = ""
+    errors: str = ""
 
 
 @contextmanager
@@ -70,15 +66,15 @@ def served(*arguments: str | Path) -> Iterator[Served]:
             yield running
         finally:
             os.killpg(process.pid, signal.SIGINT)
-            _, said = process.communicate(timeout=60)
-            assert process.returncode == 130, said
-        running.said = said
+            _, errors = process.communicate(timeout=60)
+            assert process.returncode == 130, errors
+        running.errors = errors
 
 
 class BrowserView:
     """The page, used as a person uses it."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: "Page") -> None:
         self.page = page
 
     @classmethod
@@ -90,6 +86,8 @@ class BrowserView:
 
         It is ready when it shows a text.
         """
+        from playwright.sync_api import sync_playwright  # absent on machines without a browser: fixture ``chromium``
+
         foreign: list[str] = []
         errors: list[str] = []
         with sync_playwright() as playwright:
@@ -126,7 +124,7 @@ class BrowserView:
         field.press("Enter")
 
     def value(self, label: str, component: int = 0) -> str:
-        """What a field of the panel says."""
+        """The value of a field of the panel."""
         return self._row(label).locator("input:visible:not([type=hidden])").nth(component).input_value()
 
     def choose(self, label: str, option: str) -> None:
@@ -163,7 +161,7 @@ class BrowserView:
             assert time.monotonic() < deadline, f"not within {_PATIENCE_S:g} s: {what}"
             time.sleep(_LOOK_AGAIN_S)
 
-    def _row(self, label: str) -> Locator:
+    def _row(self, label: str) -> "Locator":
         """The smallest part of the page that holds a label of the panel and an input."""
         text = self.page.get_by_text(label, exact=True).locator("visible=true")
         return text.locator("xpath=ancestor::*[.//input][1]")

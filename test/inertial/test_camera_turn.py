@@ -36,7 +36,7 @@ def orientations() -> Array:
 
 
 def readings(turn_on: Array | float = 0.0) -> ImuSamples:
-    """Of the sensor, by its own clock and along its own axes."""
+    """Samples of the sensor, by its own clock and along its own axes."""
     t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     w = rates(t) @ CALIBRATION.camera_R_imu * CALIBRATION.gyro_scale + CALIBRATION.gyro_bias + turn_on
     stamps_ns = START_NS + np.rint(1e9 * (t + CALIBRATION.time_offset)).astype(np.int64)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.naming import naming
 
 from bodycam_ros.body.body_yaml import imu_entry, imu_of
 from bodycam_ros.errors import BodyError, RangeOfMotionError
@@ -77,7 +78,7 @@ def test_the_sensor_is_found_as_it_is(recorded: tuple[np.ndarray, Array, ImuSamp
 def test_a_sensor_whose_clock_is_an_hour_off_is_named(recorded: tuple[np.ndarray, Array, ImuSamples]) -> None:
     stamps_ns, poses, samples = recorded
     late = ImuSamples(samples.stamps_ns + 3600 * 10**9, samples.angular_velocity, samples.acceleration)
-    with pytest.raises(RangeOfMotionError, match="camera cam.*at 0 of 360 registered images.*clocks"):
+    with naming(RangeOfMotionError, "camera cam", "0 of 360", "clocks"):
         calibrate_imu("cam", stamps_ns, poses, late)
 
 
@@ -133,5 +134,5 @@ def test_a_body_file_keeps_the_calibration() -> None:
     for name in vars(TRUE):
         if "noise" not in name:
             np.testing.assert_allclose(getattr(again, name), getattr(TRUE, name), atol=1e-8)
-    with pytest.raises(BodyError, match="camera cam: imu: sigmas and scales must be positive"):
+    with naming(BodyError, "camera cam: imu", "scales"):
         imu_of(imu_entry(TRUE) | {"gyro_scale": [1.0, 0.0, 1.0]}, "camera cam: imu")

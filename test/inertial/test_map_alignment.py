@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.naming import naming
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import MapError
@@ -59,7 +60,7 @@ def test_scale_and_vertical_are_found() -> None:
 
 def test_cameras_that_only_turn_do_not_give_a_scale() -> None:
     random = np.random.default_rng(2)
-    with pytest.raises(MapError, match="scale"):
+    with naming(MapError, "scale"):
         align_to_gravity({"left": registered(0.3, 1e-4, random)}, {"left": sensor(0.3, 1e-4, random)})
 
 
@@ -67,5 +68,5 @@ def test_a_sensor_in_wrong_units_is_left_out() -> None:
     random = np.random.default_rng(3)
     samples = sensor(0.3, 0.25, random)
     degrees = ImuSamples(samples.stamps_ns, np.degrees(samples.angular_velocity), samples.acceleration)
-    with pytest.raises(MapError, match="no inertial sensor"):
+    with naming(MapError, "inertial sensor"):
         align_to_gravity({"left": registered(0.3, 0.25, random)}, {"left": degrees})

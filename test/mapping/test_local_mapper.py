@@ -37,7 +37,7 @@ def room(seed: int = 0, count: int = POINTS) -> tuple[NDArray[np.float64], NDArr
 
 
 def distances(growth: LocalMapper, truth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of every landmark to the true point that is nearest [m]."""
+    """Distance of every landmark to the true point that is nearest [m]."""
     found = np.array([point.position for point in growth.added_points()])
     return np.linalg.norm(found[:, None] - truth[None], axis=2).min(axis=1)
 

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from helpers.naming import naming
 from numpy.typing import NDArray
 
 from bodycam_ros.camera.camera_image import ENCODINGS, decode_colour, decode_grey
@@ -15,7 +16,7 @@ from bodycam_ros.messages.images import compressed_image, raw_image
 
 HEIGHT, WIDTH = 48, 64
 _LUMA = np.array([0.114, 0.587, 0.299])
-"""Of blue, green and red (BT.601)."""
+"""Weights of blue, green and red (BT.601)."""
 
 _CHROMA = np.array([[0.5, -0.331264, -0.168736], [-0.081312, -0.418688, 0.5]])
 """What U and V are of blue, green and red."""
@@ -130,18 +131,18 @@ def test_each_encoding_shows_the_scene(encoding: str, padding: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("change", "named"),
     [
         ({"encoding": "32FC1"}, "32FC1"),
-        ({"encoding": "\x1b[31mred"}, r"\\x1b\[31mred"),
+        ({"encoding": "\x1b[31mred"}, "\\x1b[31mred"),
         ({"encoding": "nv12"}, "nv12"),
         ({"encoding": "mono16"}, "mono16"),
     ],
 )
-def test_what_cannot_be_is_named(change: dict[str, Any], complaint: str) -> None:
+def test_what_cannot_be_is_named(change: dict[str, Any], named: str) -> None:
     wrong = message("mono8", laid_out("mono8"))
     vars(wrong).update(change)
-    with pytest.raises(RecordingError, match=f"camera head: .*{complaint}"):
+    with naming(RecordingError, "camera head", named):
         raw_image(wrong, "head")
 
 
@@ -154,9 +155,7 @@ def _compressed(format_text: str, file: bytes) -> Any:
 
 
 @pytest.mark.parametrize("decode", [decode_grey, decode_colour])
-@pytest.mark.parametrize(
-    ("file", "complaint"), [(b"no picture", "1000000005 ns"), (_file(".png", scene()), "bayer_rggb8")]
-)
-def test_a_file_that_is_not_what_is_said(file: bytes, complaint: str, decode: Callable[[Any], Any]) -> None:
-    with pytest.raises(RecordingError, match=f"camera head: .*{complaint}"):
+@pytest.mark.parametrize(("file", "named"), [(b"no picture", "1000000005 ns"), (_file(".png", scene()), "bayer_rggb8")])
+def test_a_file_that_is_not_what_is_said(file: bytes, named: str, decode: Callable[[Any], Any]) -> None:
+    with naming(RecordingError, "camera head", named):
         decode(_compressed("bayer_rggb8; png compressed ", file))

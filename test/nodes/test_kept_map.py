@@ -38,7 +38,7 @@ class Tracker:
         self._number = 0
 
     def readers(self) -> int:
-        """Of what it says; who was killed counts for some seconds more."""
+        """Least number of readers of its topics; one that was killed counts for some seconds more."""
         return min(each.get_subscription_count() for each in self._said)
 
     def inform(self, readers_before: int = 0) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from helpers.made_video import make_video, write_lens
+from helpers.naming import naming
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import SettingsError
@@ -46,5 +47,5 @@ def test_the_tracker_reads_a_video_that_is_played(graph: Any, bag: Path) -> None
 def test_a_package_of_messages_that_is_missing_is_named() -> None:
     from bodycam_ros.nodes.parameters import message_class
 
-    with pytest.raises(SettingsError, match="sudo apt install ros-jazzy-absent-msgs"):
+    with naming(SettingsError, "ros-jazzy-absent-msgs"):
         message_class("absent_msgs/msg/Video")

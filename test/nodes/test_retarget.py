@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.published_by_solver import SaidBySolver
+from helpers.published_by_solver import SolverPublisher
 from helpers.recorded_progress import Unshown
 from helpers.talos import MAPPING, talos_urdf
 
@@ -53,23 +53,23 @@ def test_a_robot_follows_live_as_offline(
     graph: Any, robot: Robot, solved: SolvedBody, states: list[RobotState]
 ) -> None:
     graph.listen(_HEARD)
-    solver = SaidBySolver(graph, solved)
+    solver = SolverPublisher(graph, solved)
     (started,) = graph.run(GraphNode("retarget", "retarget", {"urdf": str(talos_urdf()), "mapping": str(MAPPING)}))
     graph.until_known(_START_S)
-    graph.until(solver.is_heard, _START_S, "the robot hears the solver")
+    graph.until(solver.has_readers, _START_S, "the robot hears the solver")
 
     legless = urdf_text(solved.body).replace("shin_left", "stump")
     solver.describe(legless)
-    solver.tell(0)
+    solver.publish(0)
     graph.until(lambda: "has no shin_left" in graph.diagnostics("retarget: robot").get("text", ""), _SOON_S, "a no")
     assert not started.is_over and not graph.heard["/robot/joint_states"]
 
     solver.describe(urdf_text(solved.body))
     rows = range(len(solved.stamps_ns))[INSTANTS]
     for row in rows:
-        solver.tell(row)
-    solver.tell(rows[-1])  # once more
-    solver.tell(rows[-1] + 1, knee_left_y=math.nan)
+        solver.publish(row)
+    solver.publish(rows[-1])  # once more
+    solver.publish(rows[-1] + 1, knee_left_y=math.nan)
     graph.until(lambda: len(graph.heard["/robot/joint_states"]) >= len(rows), _SOON_S, "an answer to every instant")
     graph.until(
         lambda: graph.diagnostics("retarget: robot").get("frames dropped") == "2", _SOON_S, "what is no instant"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from helpers.frame_tree import FrameTree
-from helpers.registration_of_a_pose import told_pose
+from helpers.registered_pose import registered_pose
 from helpers.two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
@@ -53,7 +53,7 @@ STICK_IN_TORSO = np.array([0.0, 0.2, 0.1])
 
 
 def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
-    """Of a body in the N-pose that moves steadily."""
+    """Registrations of a body in the N-pose that moves steadily."""
     for frame in frames:
         stamp = START_NS + frame * FRAME_NS
         world_T_root = rigid(np.eye(3), np.array([SPEED * 1e-9 * (stamp - START_NS), 0.0, 1.0]))
@@ -63,7 +63,7 @@ def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
                 joint_poses[row, :3, 3] = STICK_IN_TORSO
         world_T_segment = body.forward_kinematics(world_T_root, joint_poses)
         for camera, mount in body.mounts.items():
-            yield told_pose(
+            yield registered_pose(
                 camera,
                 stamp,
                 stamp - FRAME_NS if frame else 0,

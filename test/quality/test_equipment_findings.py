@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from helpers.known_ride import bicycle
+from helpers.naming import names, numbers
 from helpers.ride_with_open_joints import record
 
 from bodycam_ros.body.equipment_report import EquipmentRecord
@@ -19,16 +20,14 @@ BICYCLE = replace(bicycle(), unknown={"crank": np.array([0.02, 0.0, 0.0])})
 
 def test_what_is_far_from_where_the_file_has_it_is_named() -> None:
     (finding,) = equipment_findings(RIDE)
-    assert finding.level is Level.DOUBTFUL
-    assert finding.text == (
-        "equipment bicycle: attachment bar is 3 m from the body where the file has it; "
-        "it was not used; check its points, and when it holds"
-    )
-    assert Verdict.from_findings([finding]).text == "doubtful: look twice at what depends on bicycle"
+    assert (finding.part, finding.subject, finding.level) == ("equipment", "bicycle", Level.DOUBTFUL)
+    assert names(finding.what, "attachment bar") and numbers(finding.what) == [3.0]
+    verdict = Verdict.from_findings([finding]).text
+    assert verdict.startswith("doubtful") and names(verdict, "bicycle")
 
 
 def test_a_foot_that_leaves_its_pedal_for_a_while_is_no_fault() -> None:
-    assert not [finding for finding in equipment_findings(RIDE) if "pedal_left" in finding.what]
+    assert not [finding for finding in equipment_findings(RIDE) if names(finding.what, "pedal_left")]
 
 
 def test_what_never_holds_but_is_near_is_no_fault() -> None:
@@ -38,19 +37,21 @@ def test_what_never_holds_but_is_near_is_no_fault() -> None:
 
 def test_equipment_that_was_never_placed_is_named_once() -> None:
     (finding,) = equipment_findings(replace(RIDE, placed=np.zeros(60, bool)))
-    assert finding.text.startswith("equipment bicycle: where it is was never known, so nothing was coupled to it; ")
+    assert (finding.part, finding.subject) == ("equipment", "bicycle")
 
 
 def test_equipment_that_is_let_go_most_of_the_time_is_named() -> None:
     left = replace(RIDE, engaged=RIDE.engaged & (np.arange(60) < 20)[:, None])
     (finding,) = equipment_findings(left)
-    assert finding.text.startswith("equipment bicycle: nothing held it for 70% of the time; is it the equipment")
+    assert (finding.part, finding.subject) == ("equipment", "bicycle") and names(finding.what, "70%")
 
 
 def test_what_pulls_from_afar_because_it_is_said_to_hold_is_named() -> None:
     pulled = replace(RIDE, engaged=np.ones_like(RIDE.engaged))
     (finding,) = equipment_findings(pulled)
-    assert finding.description.endswith("it pulled at the body all the same; check its points, and when it holds")
+    (unused,) = equipment_findings(RIDE)
+    assert finding.subject == "bicycle" and names(finding.what, "attachment bar")
+    assert finding.description != unused.description, "one pulled at the body, the other did not"
 
 
 def test_without_equipment_there_is_nothing_to_find() -> None:
@@ -68,10 +69,7 @@ def test_a_length_far_from_what_the_file_says_is_named() -> None:
     assert equipment_findings(near(-0.059), BICYCLE) == ()
     (finding,) = equipment_findings(near(-0.068), BICYCLE)
     assert finding.level is Level.DOUBTFUL
-    assert (
-        finding.what
-        == "length crank_x came out as -68 mm, 3.4 times as far from the file's 0 mm as that says it may be"
-    )
+    assert names(finding.what, "crank_x") and numbers(finding.what) == [-68.0, 3.4, 0.0]
 
 
 def test_an_attachment_that_is_let_go_for_long_is_named_unless_the_file_says_when_it_holds() -> None:
@@ -79,9 +77,7 @@ def test_an_attachment_that_is_let_go_for_long_is_named_unless_the_file_says_whe
     (finding,) = equipment_findings(left, BICYCLE)
     share = 1.0 - left.held[left.placed, 0].mean()
     assert 0.3 < share < 0.45
-    assert finding.description.startswith(
-        f"attachment pedal_left was let go for {share:.0%} of the time; if the body held it"
-    )
+    assert names(finding.what, "attachment pedal_left") and names(finding.what, f"{share:.0%}")
     said = replace(BICYCLE, attachments=(replace(PEDAL, intervals=((0.0, 3.0),)),))
     assert equipment_findings(left, said) == ()
 
@@ -90,6 +86,6 @@ def test_what_is_said_to_be_within_millimetres_may_not_be_centimetres_off() -> N
     loose = near(0.0)
     loose.deviations[:, 0] = 0.015
     (finding,) = equipment_findings(loose, BICYCLE)
-    assert finding.what == "attachment pedal_left is 0.015 m from the body where the file has it"
+    assert names(finding.what, "attachment pedal_left") and numbers(finding.what) == [0.015]
     wide = replace(BICYCLE, attachments=(replace(PEDAL, sigmas=np.full(2, 0.03)),))
     assert equipment_findings(loose, wide) == ()

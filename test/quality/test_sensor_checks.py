@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.naming import names, numbers
 from numpy.typing import NDArray
 
 from bodycam_ros.inertial.imu_samples import GRAVITY, ImuSamples
@@ -46,12 +47,14 @@ def test_slow_motion_is_no_noise() -> None:
 def test_a_good_sensor_has_no_fault() -> None:
     assert not faults(sensor())
     (finding,) = check_sensors({"shin": sensor()})
-    assert "200 to 200 samples a second" in finding.what and "bias up to 0.4" in finding.what
+    sensors, slowest_hz, fastest_hz, *_, bias_deg = numbers(finding.what)
+    assert (sensors, slowest_hz, fastest_hz) == (1, RATE_HZ, RATE_HZ)
+    assert bias_deg == pytest.approx(np.degrees(np.linalg.norm(BIAS)), abs=0.02)
 
 
 def test_a_sensor_that_never_rests_shows_no_noise() -> None:
     (finding,) = check_sensors({"shin": sensor(rest_s=0.0)})
-    assert "never at rest" in finding.what
+    assert names(finding.what, "never at rest")
 
 
 @pytest.mark.parametrize(

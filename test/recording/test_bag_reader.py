@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from helpers.naming import naming
 from helpers.tiny_bag import (
     FRAME_NS,
     HEIGHT,
@@ -53,7 +54,7 @@ def test_images_come_in_order_of_time_and_decode(tiny_bag: Path) -> None:
 def test_one_camera_alone(tiny_bag: Path) -> None:
     with open_recording(tiny_bag) as recording:
         assert [i.stamp_ns for i in recording.images(["right"])] == [START_NS + k * FRAME_NS for k in range(4)]
-        with pytest.raises(RecordingError, match="no camera 'knee'; there are left, right"):
+        with naming(RecordingError, "camera 'knee'", "left, right"):
             list(recording.images(["knee"]))
 
 
@@ -80,7 +81,7 @@ def test_a_readout_time_that_cannot_be_is_named(tmp_path: Path) -> None:
     bag = write_tiny_bag(tmp_path / "timed", alter=write_timing(Readout(12.0, 0.0)))
     with (
         open_recording(bag) as recording,
-        pytest.raises(RecordingError, match=r"camera left: /left/timing .* read-out time of 12 s"),
+        naming(RecordingError, "camera left", "/left/timing", "12 s"),
     ):
         recording.readout("left")
 
@@ -95,7 +96,7 @@ def test_intrinsics_come_from_the_first_camera_info(tiny_bag: Path) -> None:
 def test_camera_without_info_is_named(tmp_path: Path) -> None:
     with (
         open_recording(write_tiny_bag(tmp_path / "bag", infos=("left",))) as recording,
-        pytest.raises(LensError, match="camera right: .* no message on /right/camera_info"),
+        naming(LensError, "camera right", "/right/camera_info"),
     ):
         recording.camera_model("right")
 
@@ -115,7 +116,7 @@ def test_malformed_intrinsics_name_the_camera(tmp_path: Path, change: dict[str, 
         write_camera_info(writer, "right", START_NS, **change)
 
     bag = write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)
-    with open_recording(bag) as recording, pytest.raises(LensError, match="right"):
+    with open_recording(bag) as recording, naming(LensError, "camera 'right'"):
         recording.camera_model("right")
 
 
@@ -135,7 +136,7 @@ def test_a_camera_info_that_cannot_be_decoded_is_there_and_damaged(tmp_path: Pat
 
     with (
         open_recording(write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)) as recording,
-        pytest.raises(LensError, match="camera right: none of 3 messages on /right/camera_info .* can be read"),
+        naming(LensError, "camera right", "3 messages", "/right/camera_info"),
     ):
         recording.camera_model("right")
 
@@ -158,16 +159,16 @@ def test_the_camera_of_a_binned_part_of_the_image(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("region", "binning", "words"),
+    ("region", "binning", "named"),
     [
-        ((0, 0, 65, 48), 1, "65x48 pixels at 0, 0, which is not in an image of 64x48"),
-        ((40, 0, 30, 48), 1, "30x48 pixels at 40, 0"),
-        ((4, 4, 0, 0), 1, "0x0 pixels at 4, 4"),
-        ((0, 0, 0, 0), 100, "no pixel is left"),
+        ((0, 0, 65, 48), 1, ("65x48", "0, 0", "64x48")),
+        ((40, 0, 30, 48), 1, ("30x48", "40, 0")),
+        ((4, 4, 0, 0), 1, ("0x0", "4, 4")),
+        ((0, 0, 0, 0), 100, ("camera 'right'", "100x100")),
     ],
 )
 def test_a_region_of_interest_that_cannot_be_is_named(
-    tmp_path: Path, region: tuple[int, int, int, int], binning: int, words: str
+    tmp_path: Path, region: tuple[int, int, int, int], binning: int, named: tuple[str, ...]
 ) -> None:
     make = recorded_messages()
 
@@ -179,7 +180,7 @@ def test_a_region_of_interest_that_cannot_be_is_named(
 
     with (
         open_recording(write_tiny_bag(tmp_path / "bag", infos=(), alter=alter)) as recording,
-        pytest.raises(LensError, match=words),
+        naming(LensError, *named),
     ):
         recording.camera_model("right")
 
@@ -221,15 +222,15 @@ def test_raw_images_with_padded_rows(tmp_path: Path, encoding: str, channels: in
 
 
 @pytest.mark.parametrize(
-    ("encoding", "rows", "complaint"),
-    [("32FC1", HEIGHT, "encoding '32FC1'"), ("bgr8", HEIGHT, "cannot have"), ("mono8", 3, "cannot have")],
+    ("encoding", "rows", "named"),
+    [("32FC1", HEIGHT, ("encoding '32FC1'",)), ("bgr8", HEIGHT, ("bgr8",)), ("mono8", 3, ("mono8", "192 bytes"))],
 )
-def test_raw_images_that_we_cannot_read(tmp_path: Path, encoding: str, rows: int, complaint: str) -> None:
+def test_raw_images_that_we_cannot_read(tmp_path: Path, encoding: str, rows: int, named: tuple[object, ...]) -> None:
     with write_recording(tmp_path / "bag") as writer:
         write_raw(writer, encoding, np.zeros((rows, WIDTH), np.uint8))
     with (
         open_recording(tmp_path / "bag") as recording,
-        pytest.raises(RecordingError, match=f"camera cam: .*{complaint}"),
+        naming(RecordingError, "camera cam", *named),
     ):
         [decode_grey(image) for image in recording.images()]
 
@@ -252,7 +253,7 @@ def test_bag_without_cameras_lists_what_is_there(tmp_path: Path) -> None:
     with write_recording(tmp_path / "bag") as writer:
         writer.write("/chatter", START_NS, text_message(recorded_messages(), "hello"))
     with (
-        pytest.raises(RecordingError, match=r"no camera; .*/chatter \(std_msgs/msg/String\)"),
+        naming(RecordingError, tmp_path / "bag", "/chatter", "std_msgs/msg/String"),
         open_recording(tmp_path / "bag"),
     ):
         pass

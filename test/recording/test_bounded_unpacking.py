@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from helpers.limited_memory import limited_memory
+from helpers.naming import naming
 from helpers.tiny_bag import write_tiny_bag
 from lz4.frame import compress as lz4_compress
 from mcap.writer import CompressionType
@@ -40,7 +41,7 @@ def test_what_a_recorder_packs_is_unpacked() -> None:
 
 @pytest.mark.parametrize("stated", [None, 1000, 2 * GIGABYTE])
 def test_a_part_that_unpacks_to_too_much_takes_no_memory(bomb: bytes, stated: int | None) -> None:
-    with limited_memory(), pytest.raises(UnpackingError, match=f"a part of {len(bomb)} bytes unpacks to"):
+    with limited_memory(), naming(UnpackingError, f"{len(bomb)} bytes"):
         unpack(bomb, stated)
 
 
@@ -76,7 +77,7 @@ def test_chunks_that_overlap_and_are_huge_together_are_refused(tmp_path: Path) -
         at += 1
     assert changed > 2
     path.write_bytes(bytes(content))
-    with pytest.raises(RecordingError, match=r"words\.mcap: its parts at one time unpack to more than"), BagFile(path):
+    with naming(RecordingError, path), BagFile(path):
         pass
 
 
@@ -96,7 +97,7 @@ def test_a_file_that_unpacks_to_too_much_is_not_unpacked_to_the_disk(tmp_path: P
     (bag / "metadata.yaml").write_text(yaml.safe_dump(document))
     with (
         limited_memory(),
-        pytest.raises(RecordingError, match=r"tiny\.mcap\.zstd: .* as no recorder packs them"),
+        naming(RecordingError, bag / "tiny.mcap.zstd"),
         open_recording(bag),
     ):
         pass

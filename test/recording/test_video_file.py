@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from av import VideoFrame
 from helpers.made_video import HEIGHT, RATE_HZ, WIDTH, make_video, number_in, picture, turn
+from helpers.naming import naming
 
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
@@ -87,7 +88,7 @@ def test_what_is_no_video_is_named(tmp_path: Path, content: bytes | None) -> Non
     path = tmp_path / "head.mp4"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(RecordingError, match=r"head\.mp4"):
+    with naming(RecordingError, tmp_path / "head.mp4"):
         read_facts(path)
 
 
@@ -121,7 +122,7 @@ def test_chapters_are_one_recording(tmp_path: Path) -> None:
     assert pictures == list(range(60))
     np.testing.assert_allclose([media_s for media_s, _ in video.packets()], np.arange(60) / RATE_HZ, atol=1e-3)
     other = make_video(tmp_path / "GH030001.MP4", frames=3, size=(64, 64))
-    with pytest.raises(RecordingError, match=r"GH030001\.MP4"):
+    with naming(RecordingError, other):
         CameraVideo.of_files("GH010001", [one, other])
 
 
@@ -139,7 +140,7 @@ def test_a_list_of_other_files_or_addresses_is_no_video(content: str, tmp_path: 
         server.settimeout(0.0)
         address = f"http://127.0.0.1:{server.getsockname()[1]}/a.ts"
         (tmp_path / "head.mp4").write_text(content.format(address=address))
-        with pytest.raises(RecordingError, match=r"head\.mp4"):
+        with naming(RecordingError, tmp_path / "head.mp4"):
             read_facts(tmp_path / "head.mp4")
         with pytest.raises(BlockingIOError):  # nobody has come
             server.accept()

@@ -25,7 +25,7 @@ def camera(request: pytest.FixtureRequest) -> CameraModel:
 
 
 def motion(readout_time: float, readout_sigma: float) -> ImageMotion:
-    """Of a camera that moves a little differently than it did before."""
+    """The motion of a camera that moves a little differently than it did before."""
     sigmas = np.repeat([0.5, 0.2], 3)
     previous = WORLD_T_CAMERA @ exp_se3(-0.03 * TWIST)
     return ImageMotion(

@@ -34,7 +34,7 @@ def registered(
 
 
 def error_m(matches: list[LandmarkMatches]) -> float:
-    """Of the position, rms over the second half."""
+    """Error of the position, rms over the second half."""
     errors = []
     for one in matches[len(matches) // 2 :]:
         assert one.world_T_camera is not None

@@ -68,7 +68,7 @@ def test_a_known_twist_gives_the_readout_time(true_s: float) -> None:
 
 
 def test_jacobian_is_the_numeric_one() -> None:
-    """Of the rows' own poses the fit leaves out what the read-out turns them by: some per cent of a derivative."""
+    """The fit leaves out of the rows' own poses what the read-out turns them by: some per cent of a derivative."""
     points, pixels = scene(60)
     moving = replace(motion(0.01, 0.015), world_T_previous=POSE @ exp_se3(-0.03 * TWIST), gain=45.0, twist=-0.5 * TWIST)
     problem = Problem(CAMERA, points, pixels, PoseFitSettings(), moving)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.mcap_doctor import doctor, read_beside_messages
+from helpers.naming import naming
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
@@ -85,7 +86,7 @@ def test_static_cameras_in_another_map_are_warned_of(
     solved = read_solved(sample_out)
     for given, warned in ((sample / "map", []), (tmp_path / "cellar", ["cellar is another map"])):
         caplog.clear()
-        with pytest.raises(StationError, match="has no images of the static cameras"):
+        with naming(StationError, sample / "sample" / "bag"):
             static_camera_views(solved, sample / "sample" / "bag", files, given)
         told = [record.getMessage() for record in caplog.records]
         assert len(told) == len(warned) and all(text in each for text, each in zip(warned, told, strict=True))

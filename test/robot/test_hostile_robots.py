@@ -1,11 +1,11 @@
 """A robot's URDF names files and may come from anybody: no address is opened, no device read, no size believed."""
 
 import os
-import re
 from pathlib import Path
 
 import pytest
 from helpers.limited_memory import limited_memory
+from helpers.naming import naming
 from helpers.talos import talos_urdf
 
 from bodycam_ros.errors import BodyError
@@ -23,10 +23,10 @@ def readers() -> None:
     Robot(talos_urdf(), RobotMapping("base_link", {}, path="m.yaml"))
 
 
-def refused(folder: Path, document: str, told: str) -> None:
+def refused(folder: Path, document: str, named: str) -> None:
     urdf = folder / "robot.urdf"
     urdf.write_text(document)
-    with limited_memory(), pytest.raises(BodyError, match=rf"robot\.urdf: cannot be read as a robot: (?s:.*){told}"):
+    with limited_memory(), naming(BodyError, urdf, named):
         Robot(urdf, RobotMapping("base", {}, path="m.yaml"))
 
 
@@ -46,7 +46,7 @@ def test_a_mesh_that_never_ends(place: str, tmp_path: Path) -> None:
 
 
 def test_elements_without_end(tmp_path: Path) -> None:
-    refused(tmp_path, f"<robot name='r'>{'<a>' * 100_000}{'</a>' * 100_000}</robot>", re.escape("valid URDF"))
+    refused(tmp_path, f"<robot name='r'>{'<a>' * 100_000}{'</a>' * 100_000}</robot>", "valid URDF")
 
 
 def test_entities_stand_for_nothing(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_entities_stand_for_nothing(tmp_path: Path) -> None:
     file = '<!ENTITY file SYSTEM "file:///etc/hostname">'
     document = f'<!DOCTYPE robot [<!ENTITY b0 "lol">{bomb}{file}]><robot name="r"><link name="&b9;&file;"/></robot>'
     (tmp_path / "robot.urdf").write_text(document)
-    with limited_memory(), pytest.raises(BodyError, match=r"m\.yaml: robot\.urdf has no link base"):
+    with limited_memory(), naming(BodyError, "m.yaml", "robot.urdf", "link base"):
         Robot(
             tmp_path / "robot.urdf",
             RobotMapping("base", {}, path="m.yaml"),

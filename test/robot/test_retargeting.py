@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yourdfpy
+from helpers.naming import naming
 from helpers.recorded_progress import Unshown
 from helpers.talos import MAPPING, talos_urdf
 from msgspec.structs import replace
@@ -116,23 +117,23 @@ def test_who_stands_in_the_n_pose_lets_the_robot_stand_so(robot: Robot, solved: 
 
 
 def test_what_a_robot_lacks_is_named(robot: Robot, tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match=r"talos.yaml: talos_reduced.urdf has no link tail"):
+    with naming(BodyError, "talos.yaml", "talos_reduced.urdf", "link tail"):
         Robot(talos_urdf(), replace(robot.mapping, head="tail"))
-    with pytest.raises(BodyError, match=r"n_pose: talos_reduced.urdf has no joint wing"):
+    with naming(BodyError, "n_pose", "talos_reduced.urdf", "joint wing"):
         Robot(talos_urdf(), replace(robot.mapping, n_pose={"wing": 0.1}))
-    with pytest.raises(BodyError, match=r"n_pose: talos_reduced.urdf has no joint root_joint"):
+    with naming(BodyError, "n_pose", "talos_reduced.urdf", "joint root_joint"):
         Robot(talos_urdf(), replace(robot.mapping, n_pose={"root_joint": 0.1}))
-    with pytest.raises(BodyError, match=r"n_pose: leg_left_4_joint turns from 0 to 2.618, so not to -0.5"):
+    with naming(BodyError, "n_pose", "leg_left_4_joint", "0 to 2.618", -0.5):
         Robot(talos_urdf(), replace(robot.mapping, n_pose={"leg_left_4_joint": -0.5}))
     (tmp_path / "robot.urdf").write_text("<robot name='r'><link name='a'/>")
-    with pytest.raises(BodyError, match=r"robot.urdf: cannot be read as a robot"):
+    with naming(BodyError, tmp_path / "robot.urdf"):
         Robot(tmp_path / "robot.urdf", robot.mapping)
     meshless = tmp_path / "meshless.urdf"
     meshless.write_text(
         "<robot name='r'><link name='a'><collision><geometry><mesh filename='package://nowhere/a.stl'/></geometry>"
         "</collision></link></robot>"
     )
-    with pytest.raises(BodyError, match=r"meshless.urdf: cannot be read as a robot: .*nowhere"):
+    with naming(BodyError, meshless, "nowhere"):
         Robot(meshless, robot.mapping)
 
 
@@ -143,7 +144,7 @@ def test_a_flat_mesh_is_refused(robot: Robot, tmp_path: Path) -> None:
     text, link = talos_urdf().read_text(), '<link name="base_link">'
     assert link in text
     (tmp_path / "flat.urdf").write_text(text.replace(link, link + mesh).replace("package://", f"{_share()}/"))
-    with pytest.raises(BodyError, match=r"flat.urdf: the collision mesh of base_link_0 is flat"):
+    with naming(BodyError, "flat.urdf", "base_link_0"):
         Robot(tmp_path / "flat.urdf", robot.mapping)
 
 
@@ -154,7 +155,7 @@ def _share() -> Path:
 
 def test_a_robot_that_stands_on_its_head_is_refused(robot: Robot, solved: SolvedBody) -> None:
     upside_down = {side: Leg(leg.sole, leg.ankle, leg.knee, leg.hip) for side, leg in robot.mapping.legs.items()}
-    with pytest.raises(BodyError, match=r"talos.yaml: in the N-pose the ankles of the robot are not below its hips"):
+    with naming(BodyError, "talos.yaml", "ankles", "hips"):
         Retargeting(solved.body, Robot(talos_urdf(), replace(robot.mapping, legs=upside_down)))
 
 
@@ -180,5 +181,5 @@ def test_a_person_without_an_arm_is_refused(robot: Robot, solved: SolvedBody) ->
     joints = tuple(joint for joint in solved.body.joints if joint.child != "forearm_left")
     mounts = {camera: mount for camera, mount in solved.body.mounts.items() if mount.segment != "forearm_left"}
     body = BodyModel("r", solved.body.root, kept, joints, mounts)
-    with pytest.raises(BodyError, match="has no forearm_left"):
+    with naming(BodyError, "forearm_left"):
         Retargeting(body, robot)

@@ -22,7 +22,7 @@ def reference_map(sample: Path) -> ReferenceMap:
 
 @pytest.fixture(scope="session")
 def camera(sample: Path) -> CameraModel:
-    """That of the photographs, with a quarter of their pixels."""
+    """The camera of the photographs, with a quarter of their pixels."""
     large = camera_from_yaml(sample / "reference" / "camera.yaml")
     k = [large.fx / 2, 0, (large.cx + 0.5) / 2 - 0.5, 0, large.fy / 2, (large.cy + 0.5) / 2 - 0.5, 0, 0, 1]
     return camera_from_info("door", large.width // 2, large.height // 2, "plumb_bob", large.distortion, k)

@@ -32,7 +32,7 @@ def ball(radius: float) -> Surface:
 
 
 def surface_of(**surfaces: Surface) -> BodySurface:
-    """Of a body whose segments all hang on the first."""
+    """A surface of a body whose segments all hang on the first."""
     names = tuple(surfaces)
     joints = tuple(Joint(name, names[0], name, "ball", np.eye(4)) for name in names[1:])
     return BodySurface.of(BodyModel("things", names[0], names, joints, {}), surfaces)
@@ -81,7 +81,7 @@ def beside(line: Array, pixels: Array) -> tuple[Array, Array]:
 
 
 def largest_gap(line: Array, pixels: Array) -> float:
-    """Of a dense closed line (M, 2), how far its point that is farthest from all pixels is from them."""
+    """Greatest distance of a point of a dense closed line (M, 2) from all pixels."""
     return float(np.linalg.norm(pixels[:, None] - line[None], axis=2).min(axis=0).max())
 
 

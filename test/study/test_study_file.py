@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from helpers.naming import naming
 
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study.step_runner import LOCK
@@ -81,39 +82,38 @@ def test_everything_that_can_be_said_is_read(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "by", "said"),
+    ("change", "by", "named"),
     [
-        ("{path: takes/*}", "{path: takes/*, subject: ann}", r"recordings\[0\]\.subject: 'ann' is no subject of this"),
-        ("{path: takes/*}", "{path: nowhere/*}", r"recordings\[0\]\.path: no recording fits .*nowhere"),
-        ("{path: takes/*}", "{path: takes/ran}", r"recordings\[0\]\.path: .*takes/ran does not exist"),
-        ("{path: takes/*}", "{path: takes/notes.txt}", r"recordings\[0\]\.path: .* neither a ros2 bag nor a folder"),
-        ("{path: takes/*}", "{path: takes/*, name: run}", r"recordings\[0\]\.path: name belongs to one recording"),
-        ("[{path: takes/*}]", "[{path: takes/*}, {path: takes/run}]", r"recordings\[1\]: .* both have the name run"),
+        ("{path: takes/*}", "{path: takes/*, subject: ann}", ("recordings[0].subject", "ann")),
+        ("{path: takes/*}", "{path: nowhere/*}", ("recordings[0].path", "nowhere/*")),
+        ("{path: takes/*}", "{path: takes/ran}", ("recordings[0].path", "takes/ran")),
+        ("{path: takes/*}", "{path: takes/notes.txt}", ("recordings[0].path", "takes/notes.txt")),
+        ("{path: takes/*}", "{path: takes/*, name: run}", ("recordings[0].path", "name")),
+        ("[{path: takes/*}]", "[{path: takes/*}, {path: takes/run}]", ("recordings[1]", "run")),
         (
             "{path: takes/*}",
             "{path: takes/*, truth: 'true/{name}'}",
-            r"recordings\[0\]\.truth: .*true/run does not exist",
+            ("recordings[0].truth", "true/run"),
         ),
-        ("{path: takes/*}", "{path: takes/*, paht: 1}", r"unknown field paht - at \$\.recordings\[0\]"),
-        ("[{path: takes/*}]", "[]", r"array of length >= 1 - at \$\.recordings"),
-        ("{body: anna.yaml}", "{}", r"subjects\.anna: needs either body"),
-        ("{body: anna.yaml}", "{range_of_motion: rom}", r"subjects\.anna: lacks rig"),
-        ("{map: hall}", "{map: hall, reference: photos}", r"places\.hall: needs either map"),
-        ("{map: hall}", "{map: [hall]}", r"Expected str.*, got array - at \$\.places\[\.\.\.\]\.map"),
-        ("hall:", "../hall:", r"places"),
-        ("places: {hall: {map: hall}}", "places: {}", r"object of length >= 1 - at \$\.places"),
-        ("places: {hall: {map: hall}}", "", r"knees.yaml: Object missing required field places"),
-        ("recordings", "exports: [bvh, bvx]\nrecordings", r"exports\[1\]: 'bvx' is no format"),
-        ("recordings", "settings: nowhere.yaml\nrecordings", r"settings: .*nowhere\.yaml does not exist"),
-        ("recordings", "equipment: tricycle\nrecordings", r"equipment: .*none of that name is supplied"),
-        (STUDY, "- 1", r"knees.yaml: Expected object, got array"),
+        ("{path: takes/*}", "{path: takes/*, paht: 1}", ("paht", "recordings[0]")),
+        ("[{path: takes/*}]", "[]", ("$.recordings",)),
+        ("{body: anna.yaml}", "{}", ("subjects.anna", "body")),
+        ("{body: anna.yaml}", "{range_of_motion: rom}", ("subjects.anna", "rig")),
+        ("{map: hall}", "{map: hall, reference: photos}", ("places.hall", "map")),
+        ("{map: hall}", "{map: [hall]}", ("$.places[...].map",)),
+        ("hall:", "../hall:", ("places",)),
+        ("places: {hall: {map: hall}}", "places: {}", ("$.places",)),
+        ("places: {hall: {map: hall}}", "", ("places",)),
+        ("recordings", "exports: [bvh, bvx]\nrecordings", ("exports[1]", "bvx")),
+        ("recordings", "settings: nowhere.yaml\nrecordings", ("settings", "nowhere.yaml")),
+        ("recordings", "equipment: tricycle\nrecordings", ("equipment", "tricycle")),
+        (STUDY, "- 1", ()),
     ],
 )
-def test_a_mistake_is_said_with_file_and_key(folder: Path, change: str, by: str, said: str) -> None:
+def test_a_mistake_is_said_with_file_and_key(folder: Path, change: str, by: str, named: tuple[str, ...]) -> None:
     assert change in STUDY
-    with pytest.raises(StudyError, match=said) as refused:
+    with naming(StudyError, "knees.yaml", *named):
         read(folder, STUDY.replace(change, by))
-    assert "knees.yaml" in str(refused.value)
 
 
 def test_the_example_in_the_docs_is_one(folder: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 import pytest
+from helpers.naming import naming
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
@@ -57,7 +58,7 @@ def test_dark_images_are_unknown_and_what_follows_is_known_again(camera: CameraM
 
 
 def test_an_image_of_another_size_is_refused(camera: CameraModel) -> None:
-    with pytest.raises(RecordingError, match="camera head: image of 320x240 pixels, but its lens is for 640x480"):
+    with naming(RecordingError, "camera head", "320x240", "640x480"):
         angular_speed(camera, [(0.0, np.zeros((240, 320), np.uint8))])
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.view_in_browser import BrowserView, served
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
@@ -18,22 +19,11 @@ from bodycam_ros.viewer.motion import Motion, read_motion
 from bodycam_ros.viewer.scene import REGISTERED, SELECTED
 from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, points_to_see
 
-pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
-from helpers.view_in_browser import BrowserView, find_chromium, served  # noqa: E402
-
 pytestmark = pytest.mark.long
 
 KNEE = Part("joint", "knee_left")
 _HUE, _GREY = 0.05, 0.35  # a lit surface keeps the hue of its colour; what is less saturated is grey
 _SEEN = 0.7  # share of a limb that nothing else hides
-
-
-@pytest.fixture(scope="module")
-def chromium() -> str:
-    found = find_chromium()
-    if found is None:
-        pytest.skip("there is no Chromium on this machine: apt-get install chromium")
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -237,5 +227,5 @@ def test_without_a_bag_the_body_stands_and_what_is_not_written_is_said(
         view.choose("move", "camera head")
         view.enter("place [m]", f"{place_of(body, Part('camera', 'head'))[1][2, 3] + 0.02:.4f}", component=2)
         view.page.get_by_text("camera head: 20.0 mm, 0.00 deg").wait_for()
-    assert running.said == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
+    assert running.errors == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
     assert body_file.read_bytes() == before

@@ -5,26 +5,16 @@ from pathlib import Path
 
 import pytest
 import yaml
+from helpers.view_in_browser import BrowserView, served
 
 from bodycam_ros.viewer.live_session import LiveSession
 from bodycam_ros.viewer.placing import support_table
 from bodycam_ros.viewer.server import LocalServer
 
-pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
-from helpers.view_in_browser import BrowserView, find_chromium, served  # noqa: E402
-
 pytestmark = pytest.mark.long
 
 HOSTILE = "<img src=x onerror=window.ran=1>"
 SCRIPT = "**x** | <script>window.ran=1</script> [y](javascript:window.ran=1) `"
-
-
-@pytest.fixture(scope="module")
-def chromium() -> str:
-    found = find_chromium()
-    if found is None:
-        pytest.skip("there is no Chromium on this machine: apt-get install chromium")
-    return found
 
 
 def test_names_of_a_body_run_nothing(sample: Path, body_file: Path, chromium: str) -> None:

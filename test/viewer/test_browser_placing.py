@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.shared_by_workers import made_once
+from helpers.view_in_browser import BrowserView, served
 from static_cameras.dressed_body import DressedBody, small_motion
 from static_cameras.painted_bag import FRAMES, dressed_body, write_painted
 
 from bodycam_ros.formats.read_captured import read_start
-
-pytest.importorskip("playwright", reason="playwright is not installed: make test installs it")
-from helpers.view_in_browser import BrowserView, find_chromium, served  # noqa: E402
 
 pytestmark = pytest.mark.long
 
@@ -29,11 +27,8 @@ def painted(dressed: DressedBody, tmp_path_factory: pytest.TempPathFactory) -> P
 
 
 def test_a_person_is_placed_fitted_and_written(
-    painted: Path, dressed: DressedBody, body_file: Path, tmp_path: Path
+    painted: Path, dressed: DressedBody, body_file: Path, tmp_path: Path, chromium: str
 ) -> None:
-    chromium = find_chromium()
-    if chromium is None:
-        pytest.skip("there is no Chromium on this machine: apt-get install chromium")
     body, output = dressed.body, tmp_path / "start.yaml"
     true = dict(zip(body.segments, small_motion(body, FRAMES)[0], strict=True))
     given = ["--place", painted / "bag", "--stations", painted / "cameras.yaml", "--body", body_file]
@@ -67,7 +62,7 @@ def test_a_person_is_placed_fitted_and_written(
         view.page.get_by_text("is in the images").wait_for()
         view.press("Write start.yaml")
         view.page.get_by_text("Written", exact=True).wait_for()
-    assert running.said == "bodycam: interrupted\n"
+    assert running.errors == "bodycam: interrupted\n"
     written = read_start(output, painted / "cameras.yaml", dressed.stations, body)
     errors = [
         float(np.linalg.norm(written.world_T_segment[row, :3, 3] - true[segment][:3, 3]))

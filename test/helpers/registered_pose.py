@@ -1,4 +1,4 @@
-"""What a registration says of an image of which it tells the camera's pose and nothing else."""
+"""A registration of an image with the camera's pose and nothing else."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
-def told_pose(
+def registered_pose(
     camera: str, stamp_ns: int, previous_ns: int, world_T_camera: Array | None, covariance: Array | None = None
 ) -> LandmarkMatches:
     """The pose, or None where it is lost; to a millimetre and a milliradian unless ``covariance`` (6, 6) is given."""

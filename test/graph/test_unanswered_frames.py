@@ -1,8 +1,7 @@
-"""Unanswered frames, lost and dropped messages. Without ROS."""
+"""Flow control between tracker and registration, on a clock that the test advances."""
 
 import pytest
 
-from bodycam_ros.diagnostics.dropped_messages import DroppedMessages, LostMessages
 from bodycam_ros.graph import unanswered_frames
 from bodycam_ros.graph.unanswered_frames import UnansweredFrames
 
@@ -71,23 +70,23 @@ def test_a_slow_registration_is_waited_for_as_long_as_it_answers(clock: Clock) -
         frames.answer(number)
 
 
-def test_the_chain_of_stamps_shows_what_is_missing() -> None:
-    lost = LostMessages()
-    assert not lost.add("head", 20, 10), "whatever came before the first message is not missed"
-    assert not lost.add("head", 30, 20)
-    assert not lost.add("foot", 30, 20), "each camera has a chain of its own"
-    assert lost.add("head", 50, 40)
-    assert not lost.add("head", 60, 50)
-    assert not lost.add("head", 70, 0), "a tracker that started again has no predecessor"
+def test_after_time_went_back_nothing_is_unanswered(clock: Clock) -> None:
+    frames = UnansweredFrames()
+    for stamp_ns in (10, 20):
+        frames.add(stamp_ns)
+    assert frames.must_wait(2) and frames.answered_since_s is None
+    frames.answer(10)
+    assert frames.answered_since_s == clock.now_s
+    frames.clear()
+    assert not frames.must_wait(1) and frames.answered_since_s is None
+    assert not frames.answer(20), "an answer from before counts for nothing"
 
 
-def test_the_first_of_a_kind_is_told_and_all_are_counted() -> None:
-    told: list[str] = []
-    dropped = DroppedMessages(told.append)
-    for reason in ("a grey one", "a green one"):
-        dropped.add("images", reason)
-    dropped.add("messages", "a short one")
-    assert dropped.counts == {"images": 2, "messages": 1}
-    assert [line.split(" (")[0] for line in told] == ["a grey one", "a short one"]
-    assert (dropped.count_new(), dropped.count_new()) == (3, 0)
-    assert dropped.latest == "a short one"
+def test_an_answer_to_a_later_frame_answers_those_before_it(clock: Clock) -> None:
+    frames = UnansweredFrames()
+    for stamp_ns in (10, 20, 30):
+        frames.add(stamp_ns)
+    assert not frames.answer(25), "there is no such frame"
+    assert frames.must_wait(3)
+    assert frames.answer(20)
+    assert frames.must_wait(1) and not frames.must_wait(2)

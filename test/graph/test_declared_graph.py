@@ -8,14 +8,15 @@ from pathlib import Path
 import pytest
 import yaml
 from helpers.live_graph import live_graph
+from helpers.naming import names, naming
 from helpers.two_cameras import write_body
 from static_cameras.dressed_body import stations_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file
-from bodycam_ros.errors import BodycamError, StationError
+from bodycam_ros.errors import BodycamError, BodyError, StationError
 from bodycam_ros.formats.stations_file import write_stations
-from bodycam_ros.graph.declared_graph import GraphArguments, GraphNode, graph
+from bodycam_ros.graph.declared_graph import USER_ERROR, GraphArguments, GraphNode, from_command_line, graph
 
 
 def test_a_tracker_for_each_camera_and_one_of_the_rest(tmp_path: Path) -> None:
@@ -80,7 +81,7 @@ def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
 )
 def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], named: str) -> None:
     whole = {"map": "map", "body": str(write_body(tmp_path / "body.yaml")), **given}
-    with pytest.raises(BodycamError, match=named):
+    with naming(BodycamError, named):
         graph(GraphArguments.from_texts(whole))
 
 
@@ -96,7 +97,7 @@ def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], name
 def test_a_file_that_is_no_table_of_static_cameras_is_refused(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
     given = {"body": str(write_body(tmp_path / "body.yaml")), "stations": str(tmp_path / name), "start": "start.yaml"}
-    with pytest.raises(StationError, match=f"{name}: is no table of static cameras; 'bodycam stations"):
+    with naming(StationError, tmp_path / name, "bodycam stations"):
         graph(GraphArguments.from_texts(given))
 
 
@@ -121,3 +122,68 @@ def test_a_node_loads_no_library_that_it_does_not_need(node: str) -> None:
     command = f"import sys, bodycam_ros.nodes.{node}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=True).stdout.split()
     assert not {"scipy", "matplotlib", "pycolmap", "numba", "jinja2", "trimesh", "av", "gtsam"} & {*loaded}
+
+
+def given(tmp_path: Path, **texts: str) -> dict[str, str]:
+    return {"map": "map", "body": str(write_body(tmp_path / "body.yaml")), **texts}
+
+
+def test_a_played_bag_waits_for_every_reader_of_its_cameras(tmp_path: Path) -> None:
+    *others, player = graph(GraphArguments.from_texts(given(tmp_path, bagfile="walk", rate="0.5", use_sim_time="true")))
+    assert player.executable == "player"
+    assert player.parameters["cameras"] == ["left", "right"] and player.parameters["rate"] == 0.5
+    readers = sum("left" in (node.parameters.get("camera"), *node.parameters.get("cameras", ())) for node in others)
+    assert player.parameters["readers"] == readers + 1, "its tracker, its registration, and the solver, which has all"
+    # The player makes the clock that the others follow.
+    assert player.parameters["clock"] > 0.0 and "use_sim_time" not in player.parameters
+    assert all(node.parameters["use_sim_time"] for node in others)
+
+
+def test_a_computer_runs_the_nodes_that_are_named_by_kind_or_by_name(tmp_path: Path) -> None:
+    chosen = graph(GraphArguments.from_texts(given(tmp_path, nodes="tracker_right, registration")))
+    assert [node.name for node in chosen] == ["tracker_right", "registration_1", "registration_2"]
+    with_names = graph(GraphArguments.from_texts(given(tmp_path, nodes="tracker")))
+    assert [node.name for node in with_names] == ["tracker_left", "tracker_right"]
+
+
+def test_an_argument_goes_to_the_nodes_that_have_it_as_a_parameter(tmp_path: Path) -> None:
+    nodes = graph(GraphArguments.from_texts(given(tmp_path, transport="raw", autostart="false", grown_map="grown")))
+    for node in nodes:
+        assert node.parameters["autostart"] is False
+        assert node.parameters.get("transport") == ("raw" if "registration" not in node.name else None)
+        assert node.parameters.get("grown_map") == ("grown" if "registration" in node.name else None)
+
+
+def test_cameras_of_a_urdf_are_its_optical_frames(tmp_path: Path) -> None:
+    urdf = tmp_path / "body.URDF"
+    urdf.write_text('<robot name="r"><link name="a"/><link name="cam_optical_frame"/><link name="b_optical"/></robot>')
+    nodes = graph(GraphArguments.from_texts({"map": "map", "body": str(urdf)}))
+    assert [node.parameters["camera"] for node in nodes if node.executable == "tracker"] == ["cam"]
+    urdf.write_text("<robot")
+    with naming(BodyError, urdf, "URDF"):
+        graph(GraphArguments.from_texts({"map": "map", "body": str(urdf)}))
+
+
+def test_a_calibration_takes_all_cameras_of_its_rig(tmp_path: Path) -> None:
+    rig = tmp_path / "rig.yaml"
+    rig.write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
+    with naming(BodyError, rig, "cameras"):
+        graph(GraphArguments.from_texts(given(tmp_path, rig=str(rig), cameras="left")))
+    rig.write_text("cameras: [left, right]\n")
+    with naming(BodyError, rig, "cameras"):
+        graph(GraphArguments.from_texts(given(tmp_path, rig=str(rig))))
+
+
+def test_a_wrong_word_on_the_command_line_ends_with_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        from_command_line(["--map", "map", "--ros-args", "--params-file", "x.yaml"])
+    assert ended.value.code == USER_ERROR
+    (line,) = capsys.readouterr().err.splitlines()
+    assert names(line, "body") and line.startswith("graph: error: ")
+
+
+def test_the_command_line_has_the_arguments_of_the_launch_file(tmp_path: Path) -> None:
+    body = str(write_body(tmp_path / "body.yaml"))
+    words = ["--map", "map", "--body", body, "--registrations", "1", "--use-sim-time", "--ros-args", "-r", "__ns:=/a"]
+    texts = {"map": "map", "body": body, "registrations": "1", "use_sim_time": "true"}
+    assert from_command_line(words) == graph(GraphArguments.from_texts(texts))
