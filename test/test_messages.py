@@ -85,6 +85,7 @@ def random_tracks(rng: np.random.Generator, count: int, described: int) -> Track
         keyframe=described > 0,
         current_R_previous=random_pose(rng)[:3, :3],
         rotation_inliers=count // 2,
+        map_identity="9f86d081884c7d65",
     )
 
 
@@ -104,6 +105,8 @@ def random_matches(rng: np.random.Generator, count: int, registered: bool) -> La
         shifts=rng.normal(size=(count, 2)).astype(np.float32) if registered else None,
         readout=Readout(0.0123, 0.0004),
         grown=1,
+        map_identity="9f86d081884c7d65+60303ae22b998861",
+        tracks_map_identity="9f86d081884c7d65",
     )
 
 

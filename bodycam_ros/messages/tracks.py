@@ -51,6 +51,7 @@ def tracks_message(make: MessageFactory, frame: TrackFrame) -> Message:
         pose=pose_message(make, np.eye(4) if frame.world_T_camera is None else frame.world_T_camera),
         pose_information=flat(information, np.float64),
         shifts=make.array(frame.shifts, np.float64),
+        map_identity=frame.map_identity,
     )
 
 
@@ -77,6 +78,7 @@ def track_frame(message: Message, camera: str) -> TrackFrame:
         world_T_camera=transform_from_pose(message.pose) if message.located else None,
         pose_information=numbers(message.pose_information, np.float64, 6, 6) if message.located else None,
         shifts=numbers(message.shifts, np.float64, track_count, 2) if message.located else None,
+        map_identity=message.map_identity,
     )
 
 
@@ -99,6 +101,8 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
         readout_time=math.nan if matches.readout is None else matches.readout.seconds,
         readout_sigma=math.nan if matches.readout is None else matches.readout.sigma,
         grown=int(matches.grown),
+        map_identity=matches.map_identity,
+        tracks_map_identity=matches.tracks_map_identity,
     )
 
 
@@ -129,6 +133,8 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
         shifts=numbers(message.shifts, np.float32, count, 2) if len(message.shifts) else None,
         readout=readout_of(message.readout_time, message.readout_sigma),
         grown=int(message.grown),
+        map_identity=message.map_identity,
+        tracks_map_identity=message.tracks_map_identity,
     )
 
 

@@ -1,6 +1,7 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.map_identity import MapIdentity, map_identity
 from bodycam_ros.registration.reference_map import load_map
 
 
@@ -38,6 +40,8 @@ class TrackerStage(Stage[TrackerParameters]):
         super().__init__(node)
         self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
+        self._identity = MapIdentity("") if self._map is None else map_identity(self._map)
+        self._map_error = ""
         self._front: CameraFront | None = None
         self._readers = self._track_count = self._keyframes = 0
         self.unanswered = UnansweredFrames()
@@ -92,7 +96,7 @@ class TrackerStage(Stage[TrackerParameters]):
         except RecordingError as error:
             self.dropped.add("images unusable", str(error))
             return False
-        self._tracks.publish(tracks_message(self.make, frame))
+        self._tracks.publish(tracks_message(self.make, replace(frame, map_identity=str(self._identity))))
         self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self.unanswered.add(frame.stamp_ns)
         self._track_count += len(frame.track_ids)
@@ -121,9 +125,21 @@ class TrackerStage(Stage[TrackerParameters]):
         if self._front is None:
             return
         # Answers to frames before a restart do not concern the current tracks.
-        if self.unanswered.answer(matches.stamp_ns):
+        if self.unanswered.answer(matches.stamp_ns) and self._is_in_map(MapIdentity.parse(matches.map_identity)):
             self._front.accept(matches)
         self.call_later(self._images.process_next)
+
+    def _is_in_map(self, other: MapIdentity) -> bool:
+        """Whether the registration uses the tracker's map, or nothing says otherwise."""
+        before, self._map_error = self._map_error, ""
+        if self._identity.contradicts(other):
+            self._map_error = (
+                f"this tracker uses map {self.parameters.map} ({self._identity}), the registration map {other}: its "
+                "landmarks are refused; start both with the same map:=MAP"
+            )
+            if not before:
+                self.log.error(f"camera {self.camera}: {self._map_error}")
+        return not self._map_error
 
     def _read_sensor(self) -> ImuCalibration | None:
         """Calibration of the camera's inertial sensor; None if the body has none."""
@@ -154,9 +170,11 @@ class TrackerStage(Stage[TrackerParameters]):
             "keyframes": self._keyframes,
             "camera_info changed": self._models.changes,
             "inertial sensor": self._sensor_state,
+            "map": f"{self.parameters.map} ({self._identity})" if self._map is not None else "none",
         }
         error = "" if self._track_count else "the images show nothing that can be tracked; is the lens covered?"
         self._track_count = self._keyframes = 0
+        error = self._map_error or error
         return [self._images.status(values, error)]
 
 
