@@ -9,7 +9,7 @@ from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
-from bodycam_ros.errors import RecordingError, SettingsError
+from bodycam_ros.errors import BodycamError, RecordingError, SettingsError
 from bodycam_ros.graph.every_second_image import EverySecondImage
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
@@ -138,9 +138,12 @@ class CameraImages:
             self.restart()
         if self._waiting_reason():
             return
-        if self._take(self._ready_since_s()) and self._process(following.image):
-            self.tally.images += 1
-            self.tally.latency_s += time.monotonic() - following.arrival_s
+        try:
+            if self._take(self._ready_since_s()) and self._process(following.image):
+                self.tally.images += 1
+                self.tally.latency_s += time.monotonic() - following.arrival_s
+        except BodycamError as error:
+            self._count_drop("images unusable", str(error))
         # One image at a time, so that other messages are handled in between.
         self._stage.call_later(self.process_next)
 

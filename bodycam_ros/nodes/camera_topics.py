@@ -135,12 +135,13 @@ class CameraModels:
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is rejected.
         on_info: called with the stamp of each camera_info [ns].
-        fatal: whether an unusable camera_info ends the node; otherwise the camera is not used. One that comes after a
-            usable one changes nothing: anybody may have published it.
+
+    A camera whose camera_info is unusable is left out until it sends one that is not. An unusable one that comes after
+    a usable one changes nothing: anybody may have published it.
 
     Attributes:
         models: camera -> its model.
-        rejected: cameras whose camera_info is unusable.
+        rejected: camera -> why its camera_info is unusable.
         changes: how often a model became another.
     """
 
@@ -150,12 +151,11 @@ class CameraModels:
         cameras: Iterable[str],
         on_change: Callable[[str], None],
         on_info: Callable[[int], None] = lambda stamp_ns: None,
-        fatal: bool = False,
     ) -> None:
-        self._log, self._on_change, self._on_info, self._fatal = stage.log, on_change, on_info, fatal
+        self._log, self._on_change, self._on_info = stage.log, on_change, on_info
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
-        self.rejected: set[str] = set()
+        self.rejected: dict[str, str] = {}
         self._warned: set[str] = set()
         self.changes = 0
         self._cameras = tuple(cameras)
@@ -186,13 +186,13 @@ class CameraModels:
                     self._warned.add(camera)
                     self._log.warning(f"{printable(str(error))}; the camera_info before it is used (reported once)")
                 return
-            if self._fatal:
-                raise
             self._contents[camera] = content
-            self.rejected.add(camera)
-            self._log.error(f"{error}; this camera_info is ignored")
+            reason = printable(str(error))
+            if reason != self.rejected.get(camera):
+                self._log.error(f"{reason}; the camera is left out until its driver sends a usable camera_info")
+            self.rejected[camera] = reason
         else:
-            self.rejected.discard(camera)
+            self.rejected.pop(camera, None)
             if before is not None:
                 self.changes += 1
                 self._log.warning(f"camera {camera}: its camera_info has changed; restart")

@@ -270,7 +270,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         elif unknown := [camera for camera in missing if camera in self._waiting]:
             level, text = StatusLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
         elif cameras.rejected:
-            level, text = StatusLevel.ERROR, f"no usable camera_info of {few(sorted(cameras.rejected))}"
+            level, text = StatusLevel.ERROR, f"unusable camera_info: {few(sorted(cameras.rejected.values()))}"
         elif self._waiting:
             level, text = StatusLevel.WARN, f"waiting for more readers of the landmarks of {few(sorted(self._waiting))}"
         elif lost:

@@ -61,7 +61,8 @@ class Stage(Generic[P]):
     """Work of a node while it is configured.
 
     Its topics, timers and services are made by the methods below, work while the node is active, and are destroyed with
-    it. A BodycamError in one of them ends the node's work.
+    it. A BodycamError of a message drops that message, for nothing that is received may end a node; one of a timer ends
+    the node's work.
 
     Args:
         node: runs the stage.
@@ -149,8 +150,11 @@ class Stage(Generic[P]):
                 given = message if convert is None else convert(message)
             except ValueError as error:
                 self.dropped.add(count, f"{topic}: malformed message ({error})")
-            else:
+                return
+            try:
                 callback(given)
+            except BodycamError as error:
+                self.dropped.add(count or "messages dropped", f"{topic}: {error}")
 
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
@@ -205,8 +209,8 @@ class Stage(Generic[P]):
 class StageNode(LifecycleNode, Generic[P]):
     """A managed node that runs a stage.
 
-    A BodycamError ends the process of a node with ``autostart``. A node that is managed becomes unconfigured: after the
-    file or topic is repaired it can be configured again.
+    A BodycamError ends the process of a node with ``autostart``. A node that is managed becomes unconfigured, and so
+    does any node whose configuration by hand fails: after the file is repaired it can be configured again.
 
     Args:
         stage_type: its stage.
@@ -233,7 +237,7 @@ class StageNode(LifecycleNode, Generic[P]):
         self.stage: Any = None
         self.is_active = False
         self.failure: BodycamError | None = None
-        self._error_text = ""
+        self._error_text, self._is_starting = "", False
         self.made = ExitStack()
 
     def bring_up(self) -> None:
@@ -252,9 +256,11 @@ class StageNode(LifecycleNode, Generic[P]):
         self.create_timer(_REPORT_S, self._report, clock=_STEADY)
         if not own.autostart:
             return
+        self._is_starting = True
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() != TransitionCallbackReturn.SUCCESS:
                 raise self.failure or BodycamError(self._error_text)
+        self._is_starting = False
 
     def work(self, stopped: Callable[[], bool]) -> None:
         """Serve the stage until it fails, or is stopped; raises the BodycamError that ends a node by itself."""
@@ -332,7 +338,7 @@ class StageNode(LifecycleNode, Generic[P]):
         try:
             step()
         except BodycamError as error:
-            if self.parameters.own.autostart:
+            if self._is_starting:
                 self.failure = error
             else:
                 self.get_logger().error(str(error))

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import CameraImage, check_image_size, decode_grey
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.graph.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.graph.unanswered_frames import UnansweredFrames
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
-from bodycam_ros.messages.diagnostics import Status
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, TRACKS_TYPE, landmark_matches, tracks_message
 from bodycam_ros.nodes.camera_images import CameraImages
@@ -57,7 +56,7 @@ class TrackerStage(Stage[TrackerParameters]):
             self, self.camera, self.dropped, self._track, self._waiting_reason, self._forget, self._ready_since_s
         )
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
-        self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
+        self._models = CameraModels(self, [self.camera], self._set_model)
         self.trigger("~/reset", self._reset)
 
     def pause(self) -> None:
@@ -76,6 +75,8 @@ class TrackerStage(Stage[TrackerParameters]):
 
     def _waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
+        if reason := self._models.rejected.get(self.camera):
+            return f"its camera_info is unusable: {reason}"
         if self._front is None:
             return f"there is no {self.camera}/camera_info"
         if not self._has_reader():
@@ -87,15 +88,11 @@ class TrackerStage(Stage[TrackerParameters]):
         return self.unanswered.answered_since_s or time.monotonic()
 
     def _track(self, image: CameraImage) -> bool:
-        """Track an image; whether it could be used."""
+        """Track an image; raises RecordingError if it cannot be used."""
         assert self._front is not None
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
-        try:
-            check_image_size(image, self._models.models[self.camera])
-            frame = self._front.track(decode_grey(image), image.stamp_ns)
-        except RecordingError as error:
-            self.dropped.add("images unusable", str(error))
-            return False
+        check_image_size(image, self._models.models[self.camera])
+        frame = self._front.track(decode_grey(image), image.stamp_ns)
         self._tracks.publish(tracks_message(self.make, replace(frame, map_identity=str(self._identity))))
         self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self.unanswered.add(frame.stamp_ns)
@@ -174,8 +171,10 @@ class TrackerStage(Stage[TrackerParameters]):
         }
         error = "" if self._track_count else "the images show nothing that can be tracked; is the lens covered?"
         self._track_count = self._keyframes = 0
-        error = self._map_error or error
-        return [self._images.status(values, error)]
+        status = self._images.status(values, self._map_error or error)
+        if reason := self._models.rejected.get(self.camera):
+            status = replace(status, level=StatusLevel.ERROR, text=f"its camera_info is unusable: {reason}")
+        return [status]
 
 
 make = partial(StageNode, TrackerStage)
