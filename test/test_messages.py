@@ -196,7 +196,8 @@ def body(rng: np.random.Generator) -> BodyState:
     poses = np.stack([random_pose(rng) for _ in range(3)])
     segments = np.stack([random_covariance(rng) for _ in range(3)])
     known = BodyUncertainty(segments[0], random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2), segments)
-    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, known, np.array([True, True, False]), 5)
+    observed, twists = np.array([True, True, False]), rng.normal(size=(3, 6))
+    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, twists, known, observed, 5)
 
 
 def test_map_points_are_packed_as_rviz_reads_them(library: tuple[MessageFactory, Send]) -> None:

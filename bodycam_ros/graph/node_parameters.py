@@ -156,6 +156,11 @@ class SolverParameters(ImageParameters):
         reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
         "robot_state_publisher publishes them: then /tf has the root alone",
     )
+    unobserved_joints: str = setting(
+        "predict",
+        reason="of a joint that no camera sees /joint_states has: 'predict' what is estimated, 'hold' the angle that "
+        "was observed last, with a velocity of NaN, 'omit' nothing",
+    )
     mass: float = setting(
         0.0,
         unit="kg",

@@ -46,7 +46,8 @@ def joint_state_message(
 
 def _odometry(make: MessageFactory, output: BodyOutput, root: str) -> Message:
     """nav_msgs/Odometry of the root segment in the map; its twist is in the root's axes."""
-    state, velocity = output.state, output.root_velocity
+    state = output.state
+    velocity = state.twists[state.segments.index(root)]
     twist = make(
         "geometry_msgs/msg/Twist", angular=vector_message(make, velocity[:3]), linear=vector_message(make, velocity[3:])
     )

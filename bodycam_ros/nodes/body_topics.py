@@ -12,7 +12,14 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.urdf import LinkTransforms, urdf_text
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.graph.node_parameters import SolverParameters
-from bodycam_ros.messages.body import EQUIPMENT, EQUIPMENT_TYPE, output_messages, transforms_message
+from bodycam_ros.graph.unobserved_joints import UnobservedJoints
+from bodycam_ros.messages.body import (
+    EQUIPMENT,
+    EQUIPMENT_TYPE,
+    joint_state_message,
+    output_messages,
+    transforms_message,
+)
 from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, reliable
@@ -68,6 +75,7 @@ class BodyTopics:
             )
             for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
         }
+        self._unobserved = UnobservedJoints(stage.parameters.unobserved_joints)
         self._links: LinkTransforms | None = None
         has_links = stage.parameters.publish_links
         self._fixed_links = stage.publisher(_TRANSFORMS, "/tf_static", latched()) if has_links else None
@@ -126,7 +134,10 @@ class BodyTopics:
         self._published_ns, self._due_s = stamp_ns, time.monotonic() + _LEAST_SHARE * passed_s
         self._update_description(output, body)
         links = self._links.moving(output.joint_names, output.positions) if self._links is not None else ()
-        for topic, message in output_messages(self._make, output, body, links).items():
+        messages = output_messages(self._make, output, body, links)
+        joints = self._unobserved.joint_states(output, body)
+        messages["/joint_states"] = joint_state_message(self._make, stamp_ns, *joints)
+        for topic, message in messages.items():
             if topic in self._outputs:
                 self._outputs[topic].publish(message)
         self._stage.moments.note(Moment.SOLVED, "", stamp_ns)
