@@ -145,7 +145,7 @@ class SolverSession:
         if self._lost.add(camera, stamp_ns, matches.previous_stamp_ns):
             reason = f"camera {camera}: the registration before {stamp_ns} ns is lost"
             self._dropped.add("registrations lost", reason)
-        self._diagnostics.add_registration(stamp_ns)
+        self._diagnostics.add_registration(camera, stamp_ns, matches.world_T_camera is not None)
         if not self._maps.add(matches, time.monotonic()):
             reason = (
                 f"camera {camera}: registered in map {matches.map_identity}, the body in map {before}; it is left out"
@@ -165,7 +165,7 @@ class SolverSession:
 
     def add_static(self, image: CameraImage) -> bool:
         """Add an image of a static camera, which is always used."""
-        self._diagnostics.add_registration(image.stamp_ns)
+        self._diagnostics.add_registration(image.camera, image.stamp_ns, is_registered=False)
         self._add(image)
         return True
 
@@ -174,8 +174,9 @@ class SolverSession:
         if self._pipeline is not None:
             self._publish(self._pipeline.add_sample(camera, stamp_ns, reading))
 
-    def add_image(self, stamp_ns: int) -> None:
+    def add_image(self, camera: str, stamp_ns: int) -> None:
         """Note that an image was taken, whose registration is still to come."""
+        self._diagnostics.add_image(camera, stamp_ns)
         if self._pipeline is not None:
             self._pipeline.add_image(stamp_ns)
 

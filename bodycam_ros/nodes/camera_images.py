@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.diagnostics.camera_diagnostics import FEW_IMAGES
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
 from bodycam_ros.errors import BodycamError, RecordingError, SettingsError
 from bodycam_ros.graph.every_second_image import EverySecondImage
@@ -29,6 +30,9 @@ _RECOVERY_S = 5.0
 
 _LONGEST_GAP_S = 2.0
 """Beyond five times this a stamp does not follow the one before; a stray stamp may, and the next tells."""
+
+_RATES = 60
+"""Reports, of a second each, whose highest rate of images is a camera's usual one."""
 
 _BUSY = "images arrive faster than they are processed"
 _THINNED = "every second image left out, the machine does not keep up"
@@ -107,6 +111,7 @@ class CameraImages:
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
         self._thinning = EverySecondImage(_RECOVERY_S)
         self.tally, self.restarts = ImageTally(), 0
+        self._rates: list[int] = []  # images in the latest reports
         self.drop()
         forms = {
             name: TopicForm(of.kind, f"{camera}{of.ending}", partial(self._add, of)) for name, of in TRANSPORTS.items()
@@ -203,6 +208,7 @@ class CameraImages:
             error: what is wrong with the results of the images that were processed; empty if nothing is.
         """
         tally, self.tally = self.tally, ImageTally()
+        before, self._rates = max(self._rates, default=0), self._rates[-_RATES:] + [tally.arrived]
         lost = self._dropped.count_new()
         level, text = StatusLevel.OK, "tracking"
         if not tally.images:
@@ -211,6 +217,8 @@ class CameraImages:
             level, text = StatusLevel.ERROR, error
         elif self._thinning.active:
             level, text = StatusLevel.WARN, _THINNED
+        elif max(self._rates[-2:]) < FEW_IMAGES * before:
+            level, text = StatusLevel.WARN, f"tracking, but {tally.arrived} images a second arrive, {before} did before"
         elif lost:
             level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
         figures = {

@@ -134,7 +134,7 @@ class CameraModels:
         stage: uses the models.
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is rejected.
-        on_info: called with the stamp of each camera_info [ns].
+        on_info: called with the camera and the stamp [ns] of each camera_info.
 
     A camera whose camera_info is unusable is left out until it sends one that is not. An unusable one that comes after
     a usable one changes nothing: anybody may have published it.
@@ -150,7 +150,7 @@ class CameraModels:
         stage: Stage[Any],
         cameras: Iterable[str],
         on_change: Callable[[str], None],
-        on_info: Callable[[int], None] = lambda stamp_ns: None,
+        on_info: Callable[[str, int], None] = lambda camera, stamp_ns: None,
     ) -> None:
         self._log, self._on_change, self._on_info = stage.log, on_change, on_info
         self._contents: dict[str, tuple[Any, ...]] = {}
@@ -170,7 +170,7 @@ class CameraModels:
         return [camera for camera in self._cameras if camera not in self._contents]
 
     def _update(self, camera: str, message: Message) -> None:
-        self._on_info(stamp_ns(message.header.stamp))
+        self._on_info(camera, stamp_ns(message.header.stamp))
         roi = message.roi
         part = (roi.x_offset, roi.y_offset, roi.width, roi.height, message.binning_x, message.binning_y)
         content = (message.width, message.height, message.distortion_model, *part, tuple(message.d), tuple(message.k))

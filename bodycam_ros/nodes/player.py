@@ -37,6 +37,11 @@ from bodycam_ros.recording.typestore import recording_typestore
 _IMAGES = tuple(transport.ending for transport in TRANSPORTS.values())
 _CLOCK = "rosgraph_msgs/msg/Clock"
 
+_LOOPS = (
+    "the bag starts again, and its stamps jump back: tf2 of other nodes ignores transforms older than those it has; to "
+    "have it reset, start graph and readers with use_sim_time:=true, or this node with -p clock:=40 and readers with it"
+)
+
 _SLICE_S = 0.1
 """Longest delay before the player stops on request."""
 
@@ -96,6 +101,8 @@ class Player(Node):
                 self._play(stopped)
                 if not self._given.loop or not self._count:
                     break
+                if not self._given.clock:
+                    self.get_logger().warning(_LOOPS, once=True)
             self._wait_until_received(stopped)
 
     def finish(self) -> None:

@@ -278,7 +278,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         elif frames:
             level, text = StatusLevel.OK, "registering"
         else:
-            level, text = StatusLevel.STALE, "no tracks arrive"
+            level, text = StatusLevel.ERROR, "no tracks arrive"
         return [Status("all cameras", level, text, values), self._growth.report(), *self._diagnostics.report()]
 
 

@@ -2,6 +2,7 @@
 
 import gc
 import socket
+import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -86,6 +87,11 @@ class Stage(Generic[P]):
         self.node, self.make, self.moments = node, node.make, node.moments
         self.log, self.required = node.get_logger(), node.parameters.required
         self.dropped = DroppedMessages(self.log.warning)
+
+    @classmethod
+    def node_name(cls, words: Sequence[str]) -> str:
+        """Name of the node, unless it is remapped, by the words of its command line."""
+        return cls.name
 
     def activate(self) -> None:
         """The node becomes active."""
@@ -228,7 +234,7 @@ class StageNode(LifecycleNode, Generic[P]):
 
     def __init__(self, stage_type: type[Stage[P]], arguments: Sequence[str] = ()) -> None:
         super().__init__(
-            stage_type.name,
+            stage_type.node_name([*arguments] or sys.argv),
             cli_args=[*arguments],
             automatically_declare_parameters_from_overrides=True,
             enable_logger_service=True,

@@ -1,6 +1,8 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
+import re
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,6 +25,9 @@ from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.map_identity import MapIdentity, map_identity
 from bodycam_ros.registration.reference_map import load_map
+
+_NO_NAME = re.compile(r"\W", re.ASCII)
+"""What a camera's name, a part of topics, may have and a node's may not."""
 
 
 class TrackerStage(Stage[TrackerParameters]):
@@ -58,6 +63,12 @@ class TrackerStage(Stage[TrackerParameters]):
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._models = CameraModels(self, [self.camera], self._set_model)
         self.trigger("~/reset", self._reset)
+
+    @classmethod
+    def node_name(cls, words: Sequence[str]) -> str:
+        """``tracker_<camera>``: trackers that are started by hand have different names, too."""
+        named = [word.partition(":=")[2].strip("'\"") for word in words if word.startswith("camera:=")]
+        return "_".join([cls.name, *(_NO_NAME.sub("_", camera) for camera in named[-1:])])
 
     def pause(self) -> None:
         """Drop the images; the first one afterwards has no predecessor."""

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from helpers.two_cameras import write_body
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyOutput
+from bodycam_ros.diagnostics import solver_diagnostics
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
 from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.geometry import exp_se3
 from bodycam_ros.graph.node_parameters import SolverParameters
 from bodycam_ros.graph.solver_session import SolverOutputs, SolverSession
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -83,6 +86,38 @@ def test_the_body_restarts_in_the_map_of_most_cameras(tmp_path: Path) -> None:
     assert len(solved.restarts) == 2 and any("most cameras" in warning for warning in solved.warnings)
     solved.session.flush()
     assert solved.states[-1].state.cameras_used == 2
+
+
+@pytest.mark.parametrize("takes_images", [True, False])
+def test_a_backlog_is_not_called_a_clock(tmp_path: Path, takes_images: bool) -> None:
+    """Registrations of the past, of a camera whose images are of now or of then."""
+    solved = Solved(write_body(tmp_path / "body.yaml", "odd"))
+    solved.add(range(40))
+    body = solved.session.body
+    assert body is not None
+    for matches in registrations(body, range(40, 70)):
+        late_ns = 9_700_000_000 if matches.camera == "odd" else 0
+        if takes_images:
+            solved.session.add_image(matches.camera, matches.stamp_ns)
+        solved.session.add_registration(replace(matches, stamp_ns=matches.stamp_ns - late_ns))
+    status = next(each for each in solved.session.report() if each.name == "camera odd")
+    assert ("does not keep up" if takes_images else "its stamps are 9.7 s behind") in status.text, status.text
+
+
+def test_cameras_that_are_registered_are_not_said_to_be_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three cameras contradict each other from the start, so that no state is solved."""
+    solved = Solved(write_body(tmp_path / "body.yaml", "odd"))
+    body, now_s = solved.session.body, [0.0]
+    assert body is not None
+    monkeypatch.setattr(solver_diagnostics, "time", SimpleNamespace(monotonic=lambda: 1000.0 + now_s[0]))
+    for matches in registrations(body, range(120)):
+        now_s[0] = 1e-9 * (matches.stamp_ns - START_NS)
+        away = np.array([0.0, 0.0, 0.0, 4.0 * list(body.mounts).index(matches.camera), 0.0, 0.0])
+        assert matches.world_T_camera is not None
+        solved.session.add_registration(replace(matches, world_T_camera=matches.world_T_camera @ exp_se3(away)))
+    assert not solved.states
+    status = solved.session.report()[0]
+    assert status.level == 2 and "left, odd, right can be used, but they contradict each other" in status.text
 
 
 def test_wrong_parameters_are_refused(tmp_path: Path) -> None:
