@@ -66,7 +66,8 @@ class BodyTopics:
         # Frames are solved in bursts, as images arrive; consumers of joint states want them evenly spaced.
         self._waiting: deque[tuple[BodyOutput, BodyModel]] = deque()
         self._published_ns, self._due_s = 0, 0.0
-        stage.every(_POLL_S, self._poll, even_inactive=True)
+        self._timer = stage.every(_POLL_S, self._poll, even_inactive=True)
+        self._timer.cancel()  # until a state waits
         self._description = stage.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # /tf is global; the other topics are in the node's namespace.
@@ -94,6 +95,8 @@ class BodyTopics:
         """Publish a state of the body, with a delay if the one before has just been published."""
         self._waiting.append((output, body))
         self._poll()
+        if self._waiting and self._timer.is_canceled():
+            self._timer.reset()
 
     def finish(self) -> None:
         """Publish the states that wait, and give the readers half a second to receive them."""
@@ -126,6 +129,8 @@ class BodyTopics:
         """Publish the states that are due."""
         while self._waiting and (len(self._waiting) > _MOST_WAITING or time.monotonic() >= self._due_s):
             self._publish_next()
+        if not self._waiting:
+            self._timer.cancel()
 
     def _publish_next(self) -> None:
         output, body = self._waiting.popleft()

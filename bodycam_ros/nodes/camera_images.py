@@ -3,8 +3,10 @@
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
+from statistics import median
 from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
@@ -31,8 +33,8 @@ _RECOVERY_S = 5.0
 _LONGEST_GAP_S = 2.0
 """Beyond five times this a stamp does not follow the one before; a stray stamp may, and the next tells."""
 
-_RATES = 60
-"""Reports, of a second each, whose highest rate of images is a camera's usual one."""
+_PERIODS = 60
+"""Reports, of a second each, whose shortest period of images is a camera's usual one."""
 
 _BUSY = "images arrive faster than they are processed"
 _THINNED = "every second image left out, the machine does not keep up"
@@ -60,11 +62,13 @@ class ImageTally:
     Attributes:
         arrived, images: images that arrived, and that were processed.
         latency_s: from arrival to result, summed [s].
+        stamps_ns: of those that arrived [ns].
     """
 
     arrived: int = 0
     images: int = 0
     latency_s: float = 0.0
+    stamps_ns: list[int] = field(default_factory=list)
 
     def mean(self, total: float) -> float:
         """Mean of a total over the images."""
@@ -111,7 +115,7 @@ class CameraImages:
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
         self._thinning = EverySecondImage(_RECOVERY_S)
         self.tally, self.restarts = ImageTally(), 0
-        self._rates: list[int] = []  # images in the latest reports
+        self._periods_ns: deque[float] = deque(maxlen=_PERIODS)
         self.drop()
         forms = {
             name: TopicForm(of.kind, f"{camera}{of.ending}", partial(self._add, of)) for name, of in TRANSPORTS.items()
@@ -172,6 +176,7 @@ class CameraImages:
         if stamp <= 0:
             self._count_drop("images without a stamp", f"an image has the stamp {stamp} ns")
             return
+        self.tally.stamps_ns.append(stamp)
         try:
             encoded = transport.convert(message, self._camera)
         except RecordingError as error:
@@ -208,7 +213,7 @@ class CameraImages:
             error: what is wrong with the results of the images that were processed; empty if nothing is.
         """
         tally, self.tally = self.tally, ImageTally()
-        before, self._rates = max(self._rates, default=0), self._rates[-_RATES:] + [tally.arrived]
+        period_ns, usual_ns = self._period_ns(tally)
         lost = self._dropped.count_new()
         level, text = StatusLevel.OK, "tracking"
         if not tally.images:
@@ -217,8 +222,9 @@ class CameraImages:
             level, text = StatusLevel.ERROR, error
         elif self._thinning.active:
             level, text = StatusLevel.WARN, _THINNED
-        elif max(self._rates[-2:]) < FEW_IMAGES * before:
-            level, text = StatusLevel.WARN, f"tracking, but {tally.arrived} images a second arrive, {before} did before"
+        elif period_ns * FEW_IMAGES > usual_ns:
+            rates = f"{1e9 / period_ns:.0f} images a second, and had {1e9 / usual_ns:.0f} before"
+            level, text = StatusLevel.WARN, f"tracking, but the camera has {rates}"
         elif lost:
             level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
         figures = {
@@ -231,6 +237,15 @@ class CameraImages:
             **self._dropped.values,
         }
         return Status(f"camera {self._camera}", level, text, figures)
+
+    def _period_ns(self, tally: ImageTally) -> tuple[float, float]:
+        """Median period of the images of a report by their stamps, and the usual one [ns]; of none both are 0."""
+        steps = [after - before for before, after in pairwise(tally.stamps_ns) if after > before]
+        if not steps:
+            return 0.0, 0.0
+        period_ns = float(median(steps))
+        self._periods_ns.append(period_ns)
+        return period_ns, min(self._periods_ns)
 
     def _judge_idle(self, arrived: int, lost: int) -> tuple[StatusLevel, str]:
         """Why no image was processed."""

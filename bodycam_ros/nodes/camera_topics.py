@@ -23,7 +23,6 @@ from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 _INFO_DEPTH = 10
 _SENSOR_DEPTH = 1000  # 1 s of a fast one
-_POLL_S = 0.5
 _QUIET_S = 1.5
 _PATIENCE_S = 2.0
 """The publisher of the preferred form may take a while to be discovered."""
@@ -67,7 +66,7 @@ class DriverTopic:
         self._started_s = time.monotonic()
         self._latest_s = self._started_s - _QUIET_S
         self._subscribe(forms[0], reliable, overridable)
-        stage.every(_POLL_S, self._poll, even_inactive)
+        stage.watch(self._poll)
 
     @property
     def quiet_s(self) -> float:
