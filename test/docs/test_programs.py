@@ -41,7 +41,7 @@ def documented() -> list[Program]:
     for pattern in _SOURCES:
         for path in sorted(REPOSITORY.glob(pattern)):
             for module, rest in _PROGRAM.findall(path.read_text()):
-                text = re.sub(r"\$\([^)]*\)|\$\(.*|[\[\]]|\s+prints .*|\s+-->.*", "", rest).strip().rstrip(".:,;)")
+                text = re.sub(r"\$\(if .*|\$\([^)]*\)|[\[\]]|\s+prints .*|\s+-->.*", "", rest).strip().rstrip(".:,;)")
                 words = tuple(shlex.split(text.split("  ")[0]))
                 found[module, words] = Program(path.name, module, words)
     return list(found.values())
@@ -80,10 +80,9 @@ def test_documented_arguments_are_understood(program: Program, monkeypatch: pyte
         parse(self, *given, **named)
         raise _UnderstoodError
 
-    flags = ("", *program.words)
-    words = [
-        _NUMBERS[flag] if word.isupper() and flag in _NUMBERS else word for flag, word in zip(flags, program.words)
-    ]
+    words = list(program.words)
+    for number, word in enumerate(words[1:], start=1):
+        words[number] = _NUMBERS.get(words[number - 1], word) if word.isupper() else word
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
     monkeypatch.setattr(sys, "argv", [program.module, *words])
     with pytest.raises(_UnderstoodError):
@@ -93,7 +92,7 @@ def test_documented_arguments_are_understood(program: Program, monkeypatch: pyte
 @pytest.mark.long
 @pytest.mark.parametrize("module", _TINY)
 def test_programs_of_the_makefile_run(module: str) -> None:
-    (program,) = [each for each in PROGRAMS if each.module == module and each.words[0] == "bags/sample/bag"][:1]
+    program = next(each for each in PROGRAMS if each.module == module and each.words[0] == "bags/sample/bag")
     command = [sys.executable, "-m", module, *program.words, *_TINY[module]]
     run = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, timeout=600)
     assert run.returncode == 0 and run.stdout.strip(), f"{' '.join(command)}\n{run.stdout}{run.stderr}"
