@@ -201,6 +201,16 @@ class PlayerParameters(CommonParameters):
         "", reason="ros2 bag with the cameras' inertial sensors, played beside 'bagfile' where that has none"
     )
     cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
+    prefix: str = setting(
+        "",
+        reason="namespace of the cameras in the bag, such as /anna of /anna/head/image_raw, which are played in the "
+        "node's namespace; if empty the latter, where the bag has cameras in it",
+    )
+    topics: tuple[str, ...] = setting(
+        (),
+        reason="topics of the bag with other names: of a camera's images, whose camera_info is beside them, such as "
+        "waist_front=/cam0/color/image_raw; of a sensor, waist_front/imu=/cam0/imu",
+    )
     rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded")
     loop: bool = setting(False, reason="start again at the end, with the stamps as recorded: time jumps back")
     clock: float = setting(

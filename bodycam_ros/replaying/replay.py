@@ -27,6 +27,7 @@ from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
 from bodycam_ros.replaying.extend import ExtensionRound, extend_map
@@ -66,6 +67,7 @@ def replay(
     slim: bool = False,
     passes: int = 1,
     imu_paths: Sequence[Path] = (),
+    names: TopicNames = AS_RECORDED,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -83,6 +85,7 @@ def replay(
         slim: write no tracks, and of landmarks the poses by them alone.
         passes: over the recording: all but the last extend the map by the recording itself.
         imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
+        names: of the recording's topics.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -91,7 +94,7 @@ def replay(
     started, given_map = time.monotonic(), map_path
     with ExitStack() as stack:
         # What was recorded, who wears the cameras, and where they are.
-        recording = stack.enter_context(open_recording(recording_path))
+        recording = stack.enter_context(open_recording(recording_path, names))
         own = read_body(body_path)
         person = with_hands(own) if outside else own
         coupling = None if equipment is None else held_equipment(equipment, person)
@@ -105,7 +108,7 @@ def replay(
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
         sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
-        imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
+        imus = read_imus(sensor_paths, mounted, names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
             logger.warning("%s", remark)
         # Cameras are registered while the rest is made ready.
@@ -116,6 +119,7 @@ def replay(
             readouts=body.readout_starts,
             slim=slim,
             turns=camera_turns(body, imus),
+            names=names,
         )
         workers = stack.enter_context(start_workers(task, mounted, jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -189,7 +193,10 @@ def _extend(
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
     cameras = [camera for camera in recording.cameras if camera in body.mounts]
     limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
-    extended, rounds = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
+    readouts = body.readout_starts
+    extended, rounds = extend_map(
+        recording.path, map_path, limited, jobs, cameras, readouts, on_step, names=recording.names
+    )
     extended.save(scratch / "map")
     return scratch / "map", rounds
 
