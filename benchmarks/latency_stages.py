@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import yaml
@@ -29,7 +30,17 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.graph.declared_graph import GraphArguments, GraphNode, graph
 from bodycam_ros.kernels import prepare_kernels
-from bodycam_ros.nodes.moments import COLUMNS, Instant, Moment, Noted
+from bodycam_ros.nodes.moments import COLUMNS, Instant, Moment
+
+
+class Noted(NamedTuple):
+    """What happened to a frame in a process: its camera (empty where all are concerned), its stamp [ns], and when."""
+
+    moment: Moment
+    camera: str
+    stamp_ns: int
+    at: Instant
+
 
 STAGES = ("play", "track", "register", "way", "later", "solve")
 """Rows of ``Latency.stages_s``.

@@ -47,6 +47,7 @@ class BodyState:
         stamp_ns: the instant [ns].
         segments: (S) names, in the order of ``BodyModel.segments``.
         world_T_segment: (S, 4, 4) poses [m].
+        twists: (S, 6) velocities at the instant, angular [rad/s] then linear [m/s], in the segments' axes.
         uncertainty: covariances of root, velocity, joints and segments.
         observed: (S,) whether a camera on the segment was registered and accepted; else the pose follows from its
             joints, from smoothness and from the poses that the body has been seen in.
@@ -58,6 +59,7 @@ class BodyState:
     stamp_ns: int
     segments: tuple[str, ...]
     world_T_segment: NDArray[np.float64]
+    twists: NDArray[np.float64]
     uncertainty: BodyUncertainty
     observed: NDArray[np.bool_]
     cameras_used: int
@@ -78,15 +80,13 @@ class BodyOutput:
         state: poses of all segments.
         joint_names: A names, in constant order.
         positions: (A,) joint angles [rad], as of ``JointAngleTracker``.
-        velocities: (A,) since the state before [rad/s]; 0 at the first, as the root's.
-        root_velocity: (6,) angular [rad/s] then linear [m/s], in the root's axes.
+        velocities: (A,) rates of the joint angles at the instant, by the twists of the state [rad/s].
     """
 
     state: BodyState
     joint_names: tuple[str, ...]
     positions: NDArray[np.float64]
     velocities: NDArray[np.float64]
-    root_velocity: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -86,6 +86,7 @@ def random_tracks(rng: np.random.Generator, count: int, described: int) -> Track
         keyframe=described > 0,
         current_R_previous=random_pose(rng)[:3, :3],
         rotation_inliers=count // 2,
+        map_identity="9f86d081884c7d65",
     )
 
 
@@ -105,6 +106,8 @@ def random_matches(rng: np.random.Generator, count: int, registered: bool) -> La
         shifts=rng.normal(size=(count, 2)).astype(np.float32) if registered else None,
         readout=Readout(0.0123, 0.0004),
         grown=1,
+        map_identity="9f86d081884c7d65+60303ae22b998861",
+        tracks_map_identity="9f86d081884c7d65",
     )
 
 
@@ -194,7 +197,8 @@ def body(rng: np.random.Generator) -> BodyState:
     poses = np.stack([random_pose(rng) for _ in range(3)])
     segments = np.stack([random_covariance(rng) for _ in range(3)])
     known = BodyUncertainty(segments[0], random_covariance(rng), np.stack([0.01 * np.eye(3)] * 2), segments)
-    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, known, np.array([True, True, False]), 5)
+    observed, twists = np.array([True, True, False]), rng.normal(size=(3, 6))
+    return BodyState(STAMP_NS, ("pelvis", "torso", "head"), poses, twists, known, observed, 5)
 
 
 def test_map_points_are_packed_as_rviz_reads_them(library: tuple[MessageFactory, Send]) -> None:

@@ -21,11 +21,13 @@ from bodycam_ros.cli.options import (
     add_config,
     add_option,
     add_output,
+    add_topics,
     check_files,
     given_flags,
     number,
     pipeline_settings,
     read_settings,
+    topic_names,
 )
 from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
@@ -49,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     for name in ("recording", "--imu", "--map", "--rig"):
         add_option(parser, name)
+    add_topics(parser)
     add_output(parser, "BODY", "body YAML to write, and beside it a report, BODY with .html", "BODY and its report")
     parser.add_argument("--name", help="name of the body (default: that of BODY)")
     parser.add_argument(
@@ -115,6 +118,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
             facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
             on_progress=progress.show,
             imu_paths=arguments.imu,
+            names=topic_names(arguments),
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis) | dict(calibrated.body.report))
     write_body(body, arguments.output)
@@ -153,6 +157,7 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
             pipeline,
             settings.shape,
             progress.show,
+            topic_names(arguments),
         )
     write_body(replace(measured.body, name=name, report=_measured_report(measured)), arguments.output)
     terminal = Terminal()

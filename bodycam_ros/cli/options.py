@@ -16,6 +16,7 @@ from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_fr
 
 if TYPE_CHECKING:
     from bodycam_ros.pipeline.settings import PipelineSettings
+    from bodycam_ros.recording.topic_names import TopicNames
 
 G = TypeVar("G", bound=SettingsGroups)
 N = TypeVar("N", int, float)
@@ -88,6 +89,31 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, re
     """
     parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
     parser.add_argument("--force", action="store_true", help=f"replace {replaced or metavar}, if already there")
+
+
+def add_topics(parser: argparse.ArgumentParser) -> None:
+    """Add --prefix and --topics."""
+    prefix_help = "namespace of the cameras to read, such as /anna of /anna/head/image_raw (default: none)"
+    parser.add_argument("--prefix", default="", metavar="NAMESPACE", help=prefix_help)
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        default=[],
+        metavar="CAMERA=TOPIC",
+        help="topics of other names: of a camera's images, whose camera_info is beside them, such as "
+        "waist_front=/cam0/color/image_raw; of a sensor, waist_front/imu=/cam0/imu",
+    )
+
+
+def topic_names(arguments: argparse.Namespace) -> "TopicNames":
+    """Names of the topics of a recording.
+
+    Raises:
+        RecordingError: --topics is malformed.
+    """
+    from bodycam_ros.recording.topic_names import TopicNames
+
+    return TopicNames.parse(arguments.prefix, arguments.topics)
 
 
 def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:

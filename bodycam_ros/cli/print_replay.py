@@ -7,6 +7,7 @@ from bodycam_ros.cli.output import print_sections, print_verdict
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.lens.lens_check import find_mismatches
+from bodycam_ros.recording.topic_names import TopicNames
 from bodycam_ros.replaying.extend import ExtensionRound
 from bodycam_ros.replaying.replay_remarks import clock_remarks
 from bodycam_ros.replaying.replay_summary import ReplaySummary
@@ -21,7 +22,7 @@ _NOTE = (
 )
 
 
-def print_replay(summary: ReplaySummary, recording: Path, output: Path) -> int:
+def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: TopicNames) -> int:
     """Print what came of a replay; the exit code."""
     terminal = Terminal()
     if summary.rounds:
@@ -44,7 +45,7 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path) -> int:
         from bodycam_ros.evaluate.report_sections import equipment_sections
 
         print_sections(terminal, equipment_sections(equipment_figures(summary.equipment, summary.start_ns)))
-    mismatches = find_mismatches(recording, summary.doubted_cameras) if summary.doubted_cameras else ()
+    mismatches = find_mismatches(recording, summary.doubted_cameras, names) if summary.doubted_cameras else ()
     for remark in (*summary.remarks, *(match.text for match in mismatches)):
         terminal.print(remark, style="red")
     for line in (*summary.notes, *clock_remarks(summary.timings, summary.speeds)):

@@ -9,9 +9,11 @@ from bodycam_ros.cli.options import (
     add_equipment,
     add_option,
     add_output,
+    add_topics,
     input_paths,
     number,
     pipeline_settings,
+    topic_names,
 )
 from bodycam_ros.errors import StationError
 from bodycam_ros.files.output_place import check_output
@@ -29,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--body", required=True, help=body_help)
     add_output(parser, "OUT", "ros2 bag folder to write")
     add_option(parser, "--imu")
+    add_topics(parser)
     add_equipment(parser)
     stations_help = (
         "where static cameras of the same bag are, as 'bodycam stations' writes it; without --map its own frame is the "
@@ -64,6 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.replaying.replay import replay
     from bodycam_ros.replaying.replay_request import ReplayRequest
 
+    names = topic_names(arguments)
     request = ReplayRequest(
         arguments.recording,
         arguments.map,
@@ -77,13 +81,14 @@ def run(arguments: argparse.Namespace) -> int:
         slim=arguments.slim,
         passes=arguments.passes,
         imus=tuple(arguments.imu),
+        names=names,
     )
     check_output(arguments.output, input_paths(arguments))
     if arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
     with shown_progress() as progress:
         summary = replay(request, progress.show)
-    return print_replay(summary, arguments.recording, arguments.output)
+    return print_replay(summary, arguments.recording, arguments.output, names)
 
 
 def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from statistics import median
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
@@ -13,6 +14,10 @@ from bodycam_ros.timing.clock_state import ClockState
 
 LOW_SHARE = 0.9
 """A camera registered in a smaller share of its frames gets a warning."""
+
+FEW_IMAGES = 0.4
+"""A camera with fewer than this share of the other cameras' images, or of its own before, gets a warning; cameras of 30
+and 60 Hz may be used together."""
 
 _LEVELS = {Level.GOOD: StatusLevel.OK, Level.DOUBTFUL: StatusLevel.WARN, Level.WRONG: StatusLevel.ERROR}
 
@@ -53,12 +58,14 @@ class RegistrationDiagnostics:
             clocks: of the cameras whose clocks are known.
         """
         tallies, self._tallies = self._tallies, {camera: _Tally() for camera in self._tallies}
-        return [self._status(camera, tallies[camera], (clocks or {}).get(camera)) for camera in sorted(tallies)]
+        usual = median(tally.frames for tally in tallies.values()) if tallies else 0.0
+        return [self._status(camera, tallies[camera], usual, (clocks or {}).get(camera)) for camera in sorted(tallies)]
 
-    def _status(self, camera: str, tally: _Tally, clock: ClockState | None) -> Status:
+    def _status(self, camera: str, tally: _Tally, usual: float, clock: ClockState | None) -> Status:
+        """Status of a camera, where ``usual`` is the median of the cameras' numbers of frames."""
         name, frames = f"camera {camera}", tally.frames
         if frames == 0:
-            return Status(name, StatusLevel.STALE, "no images")
+            return Status(name, StatusLevel.ERROR, "no images")
         registered = tally.sights[CameraSight.REGISTERED] + tally.sights[CameraSight.RELATIVE]
         values: dict[str, object] = {
             "frames": frames,
@@ -75,9 +82,10 @@ class RegistrationDiagnostics:
                 values["read-out time"] = doubt(tally.readout)
         if registered == 0:
             return Status(name, StatusLevel.ERROR, "not registered in the map", values)
-        share = registered / frames
-        level = StatusLevel.OK if share >= LOW_SHARE else StatusLevel.WARN
-        return Status(name, level, f"registered on {share:.0%} of its frames", values)
+        share, text = registered / frames, f"registered on {registered / frames:.0%} of its frames"
+        if frames < FEW_IMAGES * usual:
+            return Status(name, StatusLevel.WARN, f"{text}, but has {frames} where others have {usual:g}", values)
+        return Status(name, StatusLevel.OK if share >= LOW_SHARE else StatusLevel.WARN, text, values)
 
 
 def clock_values(clock: ClockState) -> dict[str, object]:

@@ -2,8 +2,8 @@
 
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from bodycam_ros.body.equipment_report import EquipmentReport
@@ -31,6 +31,7 @@ class _Tally:
     """Counts since the last report."""
 
     received: int = 0
+    registered: set[str] = field(default_factory=set)
     solved: int = 0
     predicted: int = 0
     cameras_used: int = 0
@@ -53,15 +54,25 @@ class SolverDiagnostics:
         self._rejected_reported: Counter[str] = Counter()
         self._received_s = self._started_s = self._solved_s = 0.0
         self._arrivals: deque[tuple[int, float]] = deque(maxlen=_ARRIVALS)
+        self._contradictory_reported = 0
+        self._image_ns: dict[str, int] = {}
+        self._latest_ns: dict[str, int] = {}
 
     @property
     def quiet_s(self) -> float:
         """Time since the last registration [s]."""
         return time.monotonic() - self._received_s
 
-    def add_registration(self, stamp_ns: int) -> None:
-        """Count a registration."""
+    def add_image(self, camera: str, stamp_ns: int) -> None:
+        """Note that a camera has taken an image, whose registration is still to come."""
+        self._image_ns[camera] = stamp_ns
+
+    def add_registration(self, camera: str, stamp_ns: int, is_registered: bool) -> None:
+        """Count a registration, or an image of a static camera."""
         self._tally.received += 1
+        self._latest_ns[camera] = stamp_ns
+        if is_registered:
+            self._tally.registered.add(camera)
         now_s = time.monotonic()
         if now_s - self._received_s > _PATIENCE_S:
             self._started_s = now_s
@@ -92,6 +103,8 @@ class SolverDiagnostics:
         late = pipeline.arrivals.late if pipeline else 0
         lost, self._late_reported = dropped.count_new() + max(0, late - self._late_reported), late
         counts = pipeline.counts if pipeline else SolverCounts()
+        contradictory = counts.contradictory - self._contradictory_reported
+        self._contradictory_reported = counts.contradictory
         rejected = counts.rejected
         rejections, self._rejected_reported = rejected - self._rejected_reported, rejected.copy()
         values: dict[str, object] = {
@@ -106,11 +119,23 @@ class SolverDiagnostics:
             "restarts": pipeline.arrivals.epoch if pipeline else 0,
             **dropped.values,
         }
-        level, text = self._judge(tally, lost, sorted(rejections), pipeline)
-        return [Status("body", level, text, values), *_sensor_status(pipeline), *_camera_statuses(pipeline, self._what)]
+        level, text = self._judge(tally, lost, sorted(rejections), contradictory > 0, pipeline)
+        cameras = _camera_statuses(pipeline, self._what, self._late_s)
+        return [Status("body", level, text, values), *_sensor_status(pipeline), *cameras]
+
+    @property
+    def _late_s(self) -> dict[str, float]:
+        """Camera -> time from the image that was registered last to the one that was taken last [s]."""
+        both = self._image_ns.keys() & self._latest_ns.keys()
+        return {camera: 1e-9 * (self._image_ns[camera] - self._latest_ns[camera]) for camera in both}
 
     def _judge(
-        self, tally: _Tally, lost: int, rejected: Sequence[str], pipeline: "SkeletonPipeline | None"
+        self,
+        tally: _Tally,
+        lost: int,
+        rejected: Sequence[str],
+        are_contradictory: bool,
+        pipeline: "SkeletonPipeline | None",
     ) -> tuple[StatusLevel, str]:
         """Level and text.
 
@@ -118,6 +143,7 @@ class SolverDiagnostics:
             tally: since the last report.
             lost: messages that were.
             rejected: cameras.
+            are_contradictory: whether frames were left out at the start, in which cameras contradict each other.
             pipeline: None if there is no body.
         """
         what, found = self._what, self._found
@@ -125,10 +151,15 @@ class SolverDiagnostics:
             return StatusLevel.ERROR, f"no {what} arrive"
         if pipeline is None:
             return StatusLevel.OK, "no body yet"
+        nobody = f"no camera {found}"
+        if registered := sorted(tally.registered):
+            nobody = f"{few(registered)} can be used, but " + (
+                "they contradict each other" if rejected or are_contradictory else "no state is complete yet"
+            )
         if tally.solved == 0 and self._received_s - max(self._solved_s, self._started_s) > _PATIENCE_S:
-            return StatusLevel.ERROR, f"{what} arrive, but no camera {found}"
+            return StatusLevel.ERROR, f"{what} arrive, but {nobody}: no state is solved"
         if tally.solved and tally.predicted == tally.solved:
-            return StatusLevel.ERROR, f"no camera {found}; the body is predicted"
+            return StatusLevel.ERROR, f"{nobody}; the body is predicted"
         if silent := pipeline.arrivals.silent:
             return StatusLevel.WARN, f"solving without {few(silent)}: no {what}"
         if rejected:
@@ -162,8 +193,15 @@ def _sensor_status(pipeline: "SkeletonPipeline | None") -> list[Status]:
     return [Status("inertial sensors", StatusLevel.WARN if faults else StatusLevel.OK, text, values)]
 
 
-def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str) -> list[Status]:
-    """Agreement in time of each camera with the others; ``what`` it sends."""
+def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str, late_s: Mapping[str, float]) -> list[Status]:
+    """Agreement in time of each camera with the others.
+
+    Args:
+        pipeline: solves; None while there is no body.
+        what: they send.
+        late_s: camera -> how long its latest image was taken after that of its latest registration, as far as its
+            driver publishes a camera_info with each image [s].
+    """
     if pipeline is None:
         return []
     clocks = pipeline.clocks.histories
@@ -180,7 +218,10 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str) -> list[Sta
                 text = f"clock offset {1e3 * clock.latest.offset:+.1f} ms, corrected"
         if (apart_s := own.apart_s) is not None and abs(apart_s) > _APART_S:
             side = "ahead of" if apart_s > 0 else "behind"
-            level, text = StatusLevel.ERROR, f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
+            text = f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
+            if -apart_s < 2.0 * late_s.get(camera, 0.0):
+                text = f"its {what} are {abs(apart_s):.1f} s late: its tracker or registration does not keep up"
+            level = StatusLevel.ERROR
         elif own.is_silent:
             level, text = StatusLevel.ERROR, f"no {what}; the solver does not wait for it"
         elif own.share < LOW_SHARE:

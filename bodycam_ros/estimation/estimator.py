@@ -412,8 +412,8 @@ class BodyEstimator:
         return self._window.at(state.number) if state.number in self._window else state.chart.origin
 
     def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
-        report, rows, root_observed = None, self._published, bool(state.observed[self._root])
-        uncertainty = state.static.widen(body_uncertainty(at, covariance, state.dt_s, root_observed))
+        report, rows = None, self._published
+        uncertainty = state.static.widen(body_uncertainty(at, covariance))
         if not state.converged:
             uncertainty = widened(uncertainty)
         if self._coupling:
@@ -423,6 +423,7 @@ class BodyEstimator:
             stamp_ns=state.stamp_ns,
             segments=self.body.segments[rows],
             world_T_segment=at.poses[rows].copy(),
+            twists=(at.jacobians @ at.velocity)[rows],
             uncertainty=replace(uncertainty, joints=joints, segments=segments),
             observed=state.observed[rows],
             cameras_used=state.cameras_used,

@@ -79,6 +79,8 @@ class GraphArguments:
     mapping: str = _as(RetargetParameters, "mapping")
     bagfile: str = _as(PlayerParameters, "bagfile")
     imu: str = _as(PlayerParameters, "imu")
+    prefix: str = _as(PlayerParameters, "prefix")
+    topics: tuple[str, ...] = _as(PlayerParameters, "topics")
     rate: float = _as(PlayerParameters, "rate")
     loop: bool = _as(PlayerParameters, "loop")
     transport: str = _as(TrackerParameters, "transport")

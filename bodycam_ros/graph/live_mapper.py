@@ -17,6 +17,7 @@ from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.mapping.map_settings import GrowthSettings
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.map_identity import MapIdentity, map_identity
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -45,10 +46,18 @@ class LiveMapper(LocalMapper):
         self._request_keyframe, self._defer, self._on_error = request_keyframe, defer, on_error
         self._selections: dict[str, KeyframeSelection] = {}
         self._dropped = 0  # keyframes, because too many others waited
+        self._identity, self._identified_changes = map_identity(self.map), self.map.changes
         self._folder: Path | None = None
         self._saved_changes, self._saved_s, self._failure = 0, time.monotonic(), ""
         self._writer = ThreadPoolExecutor(1, "grown map")
         self._writing: Future[None] | None = None
+
+    @property
+    def identity(self) -> MapIdentity:
+        """Identity of the map as it is now."""
+        if self.map.changes != self._identified_changes:
+            self._identity, self._identified_changes = map_identity(self.map), self.map.changes
+        return self._identity
 
     def start_camera(self, camera: str, model: CameraModel) -> None:
         """Start, or restart, the tracks of a camera."""

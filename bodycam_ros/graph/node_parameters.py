@@ -156,6 +156,11 @@ class SolverParameters(ImageParameters):
         reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
         "robot_state_publisher publishes them: then /tf has the root alone",
     )
+    unobserved_joints: str = setting(
+        "predict",
+        reason="of a joint that no camera sees /joint_states has: 'predict' what is estimated, 'hold' the angle that "
+        "was observed last, with a velocity of NaN, 'omit' nothing",
+    )
     mass: float = setting(
         0.0,
         unit="kg",
@@ -196,6 +201,16 @@ class PlayerParameters(CommonParameters):
         "", reason="ros2 bag with the cameras' inertial sensors, played beside 'bagfile' where that has none"
     )
     cameras: tuple[str, ...] = setting((), reason="the cameras to play; all of the bag if empty")
+    prefix: str = setting(
+        "",
+        reason="namespace of the cameras in the bag, such as /anna of /anna/head/image_raw, which are played in the "
+        "node's namespace; if empty the latter, where the bag has cameras in it",
+    )
+    topics: tuple[str, ...] = setting(
+        (),
+        reason="topics of the bag with other names: of a camera's images, whose camera_info is beside them, such as "
+        "waist_front=/cam0/color/image_raw; of a sensor, waist_front/imu=/cam0/imu",
+    )
     rate: float = setting(1.0, limits=(0.001, 1000.0), reason="times the speed at which it was recorded")
     loop: bool = setting(False, reason="start again at the end, with the stamps as recorded: time jumps back")
     clock: float = setting(

@@ -8,7 +8,7 @@ order of ``Joint.angle_axes``; a hinge is one angle, named as the joint; a weld 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, exp_so3, rigid
+from bodycam_ros.geometry import Array, adjoint, exp_so3, inverse, rigid
 from bodycam_ros.kinematics.joint import FULL_TURN, hinge_angle
 from bodycam_ros.kinematics.tree import KinematicTree
 
@@ -102,6 +102,9 @@ class JointAngles:
         self._place_columns = np.array([columns[row][:3] for row in self._free], dtype=int).reshape(-1, 3)
         self._hinge_columns = np.array([columns[row][0] for row in self._hinges], dtype=int)
         self._hinge_axes = np.array([tree.tree_joints[row].axis for row in self._hinges]).reshape(-1, 3)
+        joints = tree.tree_joints
+        self._parent_T_joint = np.array([joint.parent_T_joint for joint in joints]).reshape(-1, 4, 4)
+        self._child_T_joint = np.array([joint.child_T_joint for joint in joints]).reshape(-1, 4, 4)
         self._order = EulerOrder(tuple(tree.tree_joints[row].angle_axes for row in self._balls))
         self.joint_rows = np.repeat(np.arange(len(columns)), [len(of_joint) for of_joint in columns])
 
@@ -144,6 +147,31 @@ class JointAngles:
         rates[self._hinge_columns] = self._hinge_axes
         return rates
 
+    def velocities(self, world_T_segment: Array, twists: Array, angles: Array) -> Array:
+        """Rates (A) of angles [rad/s] and of places [m/s].
+
+        Args:
+            world_T_segment: (S, 4, 4) poses.
+            twists: (S, 6) velocities of the segments, angular [rad/s] then linear [m/s], in the segments' axes.
+            angles: (A) of the poses.
+        """
+        parents, children = self.tree.joint_ends.T
+        on_parent, on_child = (
+            world_T_segment[parents] @ self._parent_T_joint,
+            world_T_segment[children] @ self._child_T_joint,
+        )
+        parent_T_child = inverse(on_parent) @ on_child
+        # Twists of the joint's frames on the two segments, in their own axes.
+        of_parent = (adjoint(inverse(self._parent_T_joint)) @ twists[parents, :, None])[..., 0]
+        of_child = (adjoint(inverse(self._child_T_joint)) @ twists[children, :, None])[..., 0]
+        child_R_parent, origin = np.swapaxes(parent_T_child[:, :3, :3], 1, 2), parent_T_child[:, :3, 3]
+        turning = of_child[:, :3] - (child_R_parent @ of_parent[:, :3, None])[..., 0]
+        moving = (parent_T_child[:, :3, :3] @ of_child[:, 3:, None])[..., 0]
+        moving -= of_parent[:, 3:] + np.cross(of_parent[:, :3], origin)
+        velocities: Array = (self.rates(angles) * turning[self.joint_rows]).sum(axis=1)
+        velocities[self._place_columns] = moving[self._free]
+        return velocities
+
 
 class JointAngleTracker:
     """Joint angles of a moving body, continuous over time: no jump at half a turn or between Euler triples.
@@ -173,9 +201,9 @@ class JointAngleTracker:
         self._previous = np.where(passed, angles - np.copysign(FULL_TURN, angles), angles)
         return self._previous.copy()
 
-    def change(self, previous: Array, angles: Array) -> Array:
-        """Change (A) from one call's angles (A) to the next call's (A), with the turns that were dropped between."""
-        return np.where(self._within_a_turn, nearest_turn(angles - previous, np.zeros(1)), angles - previous)
+    def velocities(self, world_T_segment: Array, twists: Array) -> Array:
+        """Rates (A) of the latest angles, as ``JointAngles.velocities``."""
+        return self._joint_angles.velocities(world_T_segment, twists, self._previous)
 
 
 def angles_within_a_turn(body: KinematicTree) -> NDArray[np.bool_]:

@@ -22,6 +22,7 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.tracking.optical_flow import follow
 from bodycam_ros.tracking.rotation import estimate_rotation
 
@@ -124,7 +125,7 @@ def match_images(camera: CameraModel, images: Iterable[Grey], most_images: int =
     return match_lens(camera, islice(_point_pairs(islice(images, most_images)), _PAIRS))
 
 
-def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]:
+def find_mismatches(path: Path, cameras: Collection[str], names: TopicNames = AS_RECORDED) -> Iterator[LensMatch]:
     """Check some cameras of a bag, some seconds each, and yield those whose images do not fit their calibration.
 
     Raises:
@@ -132,7 +133,7 @@ def find_mismatches(path: Path, cameras: Collection[str]) -> Iterator[LensMatch]
     """
     from bodycam_ros.recording.bag_reader import open_recording
 
-    with open_recording(path) as recording:
+    with open_recording(path, names) as recording:
         for camera in cameras:
             if camera in recording.cameras:
                 model = recording.camera_model(camera)

@@ -21,6 +21,7 @@ from bodycam_ros.messages.poses import (
 EQUIPMENT, EQUIPMENT_TYPE = "/equipment", "bodycam_msgs/msg/EquipmentState"
 
 _LINE_LIST, _SPHERE_LIST = 5, 7  # visualization_msgs/Marker types
+_LIFETIME_S = 2  # of markers: a skeleton that is no longer solved leaves the display
 _BONE_WIDTH_M, _JOINT_DIAMETER_M = 0.02, 0.05
 _OBSERVED_COLOUR, _UNOBSERVED_COLOUR = (0.1, 0.6, 1.0), (1.0, 0.5, 0.1)
 
@@ -46,7 +47,8 @@ def joint_state_message(
 
 def _odometry(make: MessageFactory, output: BodyOutput, root: str) -> Message:
     """nav_msgs/Odometry of the root segment in the map; its twist is in the root's axes."""
-    state, velocity = output.state, output.root_velocity
+    state = output.state
+    velocity = state.twists[state.segments.index(root)]
     twist = make(
         "geometry_msgs/msg/Twist", angular=vector_message(make, velocity[:3]), linear=vector_message(make, velocity[3:])
     )
@@ -97,6 +99,7 @@ def _skeleton(make: MessageFactory, state: BodyState, bones: Sequence[tuple[int,
             type=kind,
             scale=vector_message(make, np.full(3, size)),
             color=observed,
+            lifetime=make("builtin_interfaces/msg/Duration", sec=_LIFETIME_S),
             points=[point for point, _ in coloured],
             colors=[colour for _, colour in coloured],
         )

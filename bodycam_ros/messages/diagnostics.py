@@ -8,12 +8,11 @@ from bodycam_ros.messages.factory import Message, MessageFactory, header_message
 
 
 class StatusLevel(IntEnum):
-    """Levels of diagnostic_msgs/DiagnosticStatus."""
+    """Levels of diagnostic_msgs/DiagnosticStatus that nodes publish; STALE is the aggregator's, of a silent one."""
 
     OK = 0
     WARN = 1
     ERROR = 2
-    STALE = 3
 
 
 @dataclass(frozen=True)

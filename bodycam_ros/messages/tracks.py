@@ -63,6 +63,7 @@ def tracks_message(make: MessageFactory, frame: TrackFrame, pose: Message | None
         pose=pose,
         pose_information=flat(information, np.float64),
         shifts=make.array(frame.shifts, np.float64),
+        map_identity=frame.map_identity,
     )
 
 
@@ -89,6 +90,7 @@ def track_frame(message: Message, camera: str) -> TrackFrame:
         world_T_camera=transform_from_pose(message.pose) if message.located else None,
         pose_information=numbers(message.pose_information, np.float64, 6, 6) if message.located else None,
         shifts=numbers(message.shifts, np.float64, track_count, 2) if message.located else None,
+        map_identity=message.map_identity,
     )
 
 
@@ -111,6 +113,8 @@ def landmarks_message(make: MessageFactory, matches: LandmarkMatches) -> Message
         readout_time=math.nan if matches.readout is None else matches.readout.seconds,
         readout_sigma=math.nan if matches.readout is None else matches.readout.sigma,
         grown=int(matches.grown),
+        map_identity=matches.map_identity,
+        tracks_map_identity=matches.tracks_map_identity,
     )
 
 
@@ -141,6 +145,8 @@ def landmark_matches(message: Message, camera: str) -> LandmarkMatches:
         shifts=numbers(message.shifts, np.float32, count, 2) if len(message.shifts) else None,
         readout=readout_of(message.readout_time, message.readout_sigma),
         grown=int(message.grown),
+        map_identity=message.map_identity,
+        tracks_map_identity=message.tracks_map_identity,
     )
 
 

@@ -12,7 +12,14 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body.urdf import LinkTransforms, urdf_text
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.graph.node_parameters import SolverParameters
-from bodycam_ros.messages.body import EQUIPMENT, EQUIPMENT_TYPE, output_messages, transforms_message
+from bodycam_ros.graph.unobserved_joints import UnobservedJoints
+from bodycam_ros.messages.body import (
+    EQUIPMENT,
+    EQUIPMENT_TYPE,
+    joint_state_message,
+    output_messages,
+    transforms_message,
+)
 from bodycam_ros.messages.diagnostics import text_message
 from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import OUTPUT_DEPTH, latched, reliable
@@ -59,7 +66,8 @@ class BodyTopics:
         # Frames are solved in bursts, as images arrive; consumers of joint states want them evenly spaced.
         self._waiting: deque[tuple[BodyOutput, BodyModel]] = deque()
         self._published_ns, self._due_s = 0, 0.0
-        stage.every(_POLL_S, self._poll, even_inactive=True)
+        self._timer = stage.every(_POLL_S, self._poll, even_inactive=True)
+        self._timer.cancel()  # until a state waits
         self._description = stage.publisher("std_msgs/msg/String", "robot_description", latched())
         self._outputs = {
             # /tf is global; the other topics are in the node's namespace.
@@ -68,6 +76,7 @@ class BodyTopics:
             )
             for topic, type_name in (OUTPUTS | ({EQUIPMENT: EQUIPMENT_TYPE} if with_equipment else {})).items()
         }
+        self._unobserved = UnobservedJoints(stage.parameters.unobserved_joints)
         self._links: LinkTransforms | None = None
         has_links = stage.parameters.publish_links
         self._fixed_links = stage.publisher(_TRANSFORMS, "/tf_static", latched()) if has_links else None
@@ -86,6 +95,8 @@ class BodyTopics:
         """Publish a state of the body, with a delay if the one before has just been published."""
         self._waiting.append((output, body))
         self._poll()
+        if self._waiting and self._timer.is_canceled():
+            self._timer.reset()
 
     def finish(self) -> None:
         """Publish the states that wait, and give the readers half a second to receive them."""
@@ -118,6 +129,8 @@ class BodyTopics:
         """Publish the states that are due."""
         while self._waiting and (len(self._waiting) > _MOST_WAITING or time.monotonic() >= self._due_s):
             self._publish_next()
+        if not self._waiting:
+            self._timer.cancel()
 
     def _publish_next(self) -> None:
         output, body = self._waiting.popleft()
@@ -126,7 +139,10 @@ class BodyTopics:
         self._published_ns, self._due_s = stamp_ns, time.monotonic() + _LEAST_SHARE * passed_s
         self._update_description(output, body)
         links = self._links.moving(output.joint_names, output.positions) if self._links is not None else ()
-        for topic, message in output_messages(self._make, output, body, links).items():
+        messages = output_messages(self._make, output, body, links)
+        joints = self._unobserved.joint_states(output, body)
+        messages["/joint_states"] = joint_state_message(self._make, stamp_ns, *joints)
+        for topic, message in messages.items():
             if topic in self._outputs:
                 self._outputs[topic].publish(message)
         self._stage.moments.note(Moment.SOLVED, "", stamp_ns)

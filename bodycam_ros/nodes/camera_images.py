@@ -3,13 +3,16 @@
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
+from statistics import median
 from typing import Any
 
 from bodycam_ros.camera.camera_image import CameraImage
+from bodycam_ros.diagnostics.camera_diagnostics import FEW_IMAGES
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
-from bodycam_ros.errors import RecordingError, SettingsError
+from bodycam_ros.errors import BodycamError, RecordingError, SettingsError
 from bodycam_ros.graph.every_second_image import EverySecondImage
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
@@ -29,6 +32,9 @@ _RECOVERY_S = 5.0
 
 _LONGEST_GAP_S = 2.0
 """Beyond five times this a stamp does not follow the one before; a stray stamp may, and the next tells."""
+
+_PERIODS = 60
+"""Reports, of a second each, whose shortest period of images is a camera's usual one."""
 
 _BUSY = "images arrive faster than they are processed"
 _THINNED = "every second image left out, the machine does not keep up"
@@ -56,11 +62,13 @@ class ImageTally:
     Attributes:
         arrived, images: images that arrived, and that were processed.
         latency_s: from arrival to result, summed [s].
+        stamps_ns: of those that arrived [ns].
     """
 
     arrived: int = 0
     images: int = 0
     latency_s: float = 0.0
+    stamps_ns: list[int] = field(default_factory=list)
 
     def mean(self, total: float) -> float:
         """Mean of a total over the images."""
@@ -107,6 +115,7 @@ class CameraImages:
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")
         self._thinning = EverySecondImage(_RECOVERY_S)
         self.tally, self.restarts = ImageTally(), 0
+        self._periods_ns: deque[float] = deque(maxlen=_PERIODS)
         self.drop()
         forms = {
             name: TopicForm(of.kind, f"{camera}{of.ending}", partial(self._add, of)) for name, of in TRANSPORTS.items()
@@ -138,9 +147,12 @@ class CameraImages:
             self.restart()
         if self._waiting_reason():
             return
-        if self._take(self._ready_since_s()) and self._process(following.image):
-            self.tally.images += 1
-            self.tally.latency_s += time.monotonic() - following.arrival_s
+        try:
+            if self._take(self._ready_since_s()) and self._process(following.image):
+                self.tally.images += 1
+                self.tally.latency_s += time.monotonic() - following.arrival_s
+        except BodycamError as error:
+            self._count_drop("images unusable", str(error))
         # One image at a time, so that other messages are handled in between.
         self._stage.call_later(self.process_next)
 
@@ -164,6 +176,7 @@ class CameraImages:
         if stamp <= 0:
             self._count_drop("images without a stamp", f"an image has the stamp {stamp} ns")
             return
+        self.tally.stamps_ns.append(stamp)
         try:
             encoded = transport.convert(message, self._camera)
         except RecordingError as error:
@@ -200,6 +213,7 @@ class CameraImages:
             error: what is wrong with the results of the images that were processed; empty if nothing is.
         """
         tally, self.tally = self.tally, ImageTally()
+        period_ns, usual_ns = self._period_ns(tally)
         lost = self._dropped.count_new()
         level, text = StatusLevel.OK, "tracking"
         if not tally.images:
@@ -208,6 +222,9 @@ class CameraImages:
             level, text = StatusLevel.ERROR, error
         elif self._thinning.active:
             level, text = StatusLevel.WARN, _THINNED
+        elif period_ns * FEW_IMAGES > usual_ns:
+            rates = f"{1e9 / period_ns:.0f} images a second, and had {1e9 / usual_ns:.0f} before"
+            level, text = StatusLevel.WARN, f"tracking, but the camera has {rates}"
         elif lost:
             level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
         figures = {
@@ -220,6 +237,15 @@ class CameraImages:
             **self._dropped.values,
         }
         return Status(f"camera {self._camera}", level, text, figures)
+
+    def _period_ns(self, tally: ImageTally) -> tuple[float, float]:
+        """Median period of the images of a report by their stamps, and the usual one [ns]; of none both are 0."""
+        steps = [after - before for before, after in pairwise(tally.stamps_ns) if after > before]
+        if not steps:
+            return 0.0, 0.0
+        period_ns = float(median(steps))
+        self._periods_ns.append(period_ns)
+        return period_ns, min(self._periods_ns)
 
     def _judge_idle(self, arrived: int, lost: int) -> tuple[StatusLevel, str]:
         """Why no image was processed."""

@@ -23,7 +23,6 @@ from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 
 _INFO_DEPTH = 10
 _SENSOR_DEPTH = 1000  # 1 s of a fast one
-_POLL_S = 0.5
 _QUIET_S = 1.5
 _PATIENCE_S = 2.0
 """The publisher of the preferred form may take a while to be discovered."""
@@ -67,7 +66,7 @@ class DriverTopic:
         self._started_s = time.monotonic()
         self._latest_s = self._started_s - _QUIET_S
         self._subscribe(forms[0], reliable, overridable)
-        stage.every(_POLL_S, self._poll, even_inactive)
+        stage.watch(self._poll)
 
     @property
     def quiet_s(self) -> float:
@@ -134,13 +133,14 @@ class CameraModels:
         stage: uses the models.
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is rejected.
-        on_info: called with the stamp of each camera_info [ns].
-        fatal: whether an unusable camera_info ends the node; otherwise the camera is not used. One that comes after a
-            usable one changes nothing: anybody may have published it.
+        on_info: called with the camera and the stamp [ns] of each camera_info.
+
+    A camera whose camera_info is unusable is left out until it sends one that is not. An unusable one that comes after
+    a usable one changes nothing: anybody may have published it.
 
     Attributes:
         models: camera -> its model.
-        rejected: cameras whose camera_info is unusable.
+        rejected: camera -> why its camera_info is unusable.
         changes: how often a model became another.
     """
 
@@ -149,13 +149,12 @@ class CameraModels:
         stage: Stage[Any],
         cameras: Iterable[str],
         on_change: Callable[[str], None],
-        on_info: Callable[[int], None] = lambda stamp_ns: None,
-        fatal: bool = False,
+        on_info: Callable[[str, int], None] = lambda camera, stamp_ns: None,
     ) -> None:
-        self._log, self._on_change, self._on_info, self._fatal = stage.log, on_change, on_info, fatal
+        self._log, self._on_change, self._on_info = stage.log, on_change, on_info
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
-        self.rejected: set[str] = set()
+        self.rejected: dict[str, str] = {}
         self._warned: set[str] = set()
         self.changes = 0
         self._cameras = tuple(cameras)
@@ -170,7 +169,7 @@ class CameraModels:
         return [camera for camera in self._cameras if camera not in self._contents]
 
     def _update(self, camera: str, message: Message) -> None:
-        self._on_info(stamp_ns(message.header.stamp))
+        self._on_info(camera, stamp_ns(message.header.stamp))
         roi = message.roi
         part = (roi.x_offset, roi.y_offset, roi.width, roi.height, message.binning_x, message.binning_y)
         content = (message.width, message.height, message.distortion_model, *part, tuple(message.d), tuple(message.k))
@@ -186,13 +185,13 @@ class CameraModels:
                     self._warned.add(camera)
                     self._log.warning(f"{printable(str(error))}; the camera_info before it is used (reported once)")
                 return
-            if self._fatal:
-                raise
             self._contents[camera] = content
-            self.rejected.add(camera)
-            self._log.error(f"{error}; this camera_info is ignored")
+            reason = printable(str(error))
+            if reason != self.rejected.get(camera):
+                self._log.error(f"{reason}; the camera is left out until its driver sends a usable camera_info")
+            self.rejected[camera] = reason
         else:
-            self.rejected.discard(camera)
+            self.rejected.pop(camera, None)
             if before is not None:
                 self.changes += 1
                 self._log.warning(f"camera {camera}: its camera_info has changed; restart")

@@ -32,10 +32,16 @@ from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import sensor_topics
 from bodycam_ros.recording.bag_writer import is_latched
+from bodycam_ros.recording.topic_names import TopicNames
 from bodycam_ros.recording.typestore import recording_typestore
 
 _IMAGES = tuple(transport.ending for transport in TRANSPORTS.values())
 _CLOCK = "rosgraph_msgs/msg/Clock"
+
+_LOOPS = (
+    "the bag starts again, and its stamps jump back: tf2 of other nodes ignores transforms older than those it has; to "
+    "have it reset, start graph and readers with use_sim_time:=true, or this node with -p clock:=40 and readers with it"
+)
 
 _SLICE_S = 0.1
 """Longest delay before the player stops on request."""
@@ -96,6 +102,8 @@ class Player(Node):
                 self._play(stopped)
                 if not self._given.loop or not self._count:
                     break
+                if not self._given.clock:
+                    self.get_logger().warning(_LOOPS, once=True)
             self._wait_until_received(stopped)
 
     def finish(self) -> None:
@@ -104,16 +112,27 @@ class Player(Node):
 
     def _open(self, opened: ExitStack) -> None:
         """Open the bags; choose what is played of them."""
-        given, bag = self._given, opened.enter_context(BagFile(self._path))
+        given, names = self._given, self._topic_names()
+        bag = opened.enter_context(BagFile(self._path, names))
         self._start_ns = bag.start_ns
         self._sources = {bag: self._choose_topics(bag.topics)}
         if given.imu:
-            sensors = opened.enter_context(BagFile(Path(given.imu)))
+            sensors = opened.enter_context(BagFile(Path(given.imu), names))
             own = {_camera_of(topic) for topic in self._sources[bag] if topic.endswith(IMU_TOPIC)}
             others = {*map(_camera_of, self._sources[bag])} - own
             self._sources[sensors] = dict.fromkeys(sensor_topics(sensors, others), IMU_TYPE)
         self._types = {topic: kind for topics in self._sources.values() for topic, kind in topics.items()}
         self._outputs = {topic: self._publisher(topic, kind) for topic, kind in self._types.items()}
+
+    def _topic_names(self) -> TopicNames:
+        """Names of the bag's topics by the parameters, or by the node's namespace where the bag has it too."""
+        given, own = self._given, self.get_namespace()
+        prefix = given.prefix
+        if not prefix and own != "/":
+            with BagFile(self._path) as bag:
+                has_own = any(topic.startswith(f"{own}/") and topic.endswith(_IMAGES) for topic in bag.topics)
+            prefix = own if has_own else ""
+        return TopicNames.parse(prefix, given.topics)
 
     def _choose_topics(self, there: dict[str, str]) -> dict[str, str]:
         """Topic -> type of what is played."""

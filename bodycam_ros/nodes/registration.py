@@ -2,6 +2,7 @@
 
 import time
 from collections import defaultdict
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -29,7 +30,8 @@ from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline.camera_front import CameraFront
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.landmark_matches import LandmarkMatches, unregistered
+from bodycam_ros.registration.map_identity import MapIdentity
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.tracking.track_frame import TrackFrame
 
@@ -62,6 +64,9 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self.map = load_map(map_path)
         if not self.map.gravity_aligned:
             self.log.warning(f"{map_path}: {ASSUMED_VERTICAL}")
+        self._map_path = map_path
+        self._other_maps: dict[str, MapIdentity] = {}  # of cameras whose tracks are another map's
+        self._refused: set[str] = set()  # of these, the cameras with tracks since the last report
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
@@ -215,14 +220,38 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._described.add(camera)
         elif camera not in self._described:
             self._request_keyframe(camera)
-        matches = self.fronts[camera].register(frame)
+        if self._is_of_other_map(frame):
+            matches = unregistered(frame)
+        else:
+            matches = self.fronts[camera].register(frame)
+            self._growth.add_image(frame, matches)
         self._diagnostics.add(matches)
-        self._growth.add_image(frame, matches)
-        return matches
+        return replace(matches, map_identity=str(self._growth.identity), tracks_map_identity=frame.map_identity)
+
+    def _is_of_other_map(self, frame: TrackFrame) -> bool:
+        """Whether tracks are those of another map, so that they must not be used."""
+        camera, other = frame.camera, MapIdentity.parse(frame.map_identity)
+        if not self._growth.identity.contradicts(other):
+            self._other_maps.pop(camera, None)
+            return False
+        if self._other_maps.get(camera) != other:
+            self._other_maps[camera] = other
+            self.log.error(f"camera {camera}: {self._other_map(other)}")
+        self._refused.add(camera)
+        self.dropped.counts["tracks of another map"] += 1
+        return True
+
+    def _other_map(self, other: MapIdentity) -> str:
+        return (
+            f"its tracker uses map {other}, this registration {self._map_path} ({self._growth.identity}): its tracks "
+            "are refused; start both with the same map:=MAP"
+        )
 
     def report(self) -> list[Status]:
         """Status of all cameras, of the map and of each camera since the last report."""
         frames, work_s, self._frames, self._work_s = self._frames, self._work_s, 0, 0.0
+        refused = sorted(self._refused)
+        self._refused.clear()
         lost, cameras, missing = self.dropped.count_new(), self._cameras, self._cameras.missing
         values: dict[str, object] = {
             "frames per second": frames,
@@ -231,13 +260,17 @@ class RegistrationStage(Stage[RegistrationParameters]):
             "cameras rejected": ", ".join(sorted(cameras.rejected)) or "none",
             "cameras without camera_info": ", ".join(missing) or "none",
             "camera_info changed": cameras.changes,
+            "map": f"{self._map_path} ({self._growth.identity})",
             "landmarks in the map": len(self.map.landmark_ids),
             **self.dropped.values,
         }
-        if unknown := [camera for camera in missing if camera in self._waiting]:
+        if refused:
+            text = f"tracks of {few(refused)} are refused: {self._other_map(self._other_maps[refused[0]])}"
+            level = StatusLevel.ERROR
+        elif unknown := [camera for camera in missing if camera in self._waiting]:
             level, text = StatusLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
         elif cameras.rejected:
-            level, text = StatusLevel.ERROR, f"no usable camera_info of {few(sorted(cameras.rejected))}"
+            level, text = StatusLevel.ERROR, f"unusable camera_info: {few(sorted(cameras.rejected.values()))}"
         elif self._waiting:
             level, text = StatusLevel.WARN, f"waiting for more readers of the landmarks of {few(sorted(self._waiting))}"
         elif lost:
@@ -245,7 +278,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         elif frames:
             level, text = StatusLevel.OK, "registering"
         else:
-            level, text = StatusLevel.STALE, "no tracks arrive"
+            level, text = StatusLevel.ERROR, "no tracks arrive"
         return [Status("all cameras", level, text, values), self._growth.report(), *self._diagnostics.report()]
 
 

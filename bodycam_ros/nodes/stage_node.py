@@ -2,6 +2,7 @@
 
 import gc
 import socket
+import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.timer import Timer
 from std_srvs.srv import Trigger
 
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
@@ -30,7 +32,7 @@ from bodycam_ros.pipeline.settings import PipelineSettings
 
 P = TypeVar("P", bound=ManagedParameters)
 
-_REPORT_S = 1.0
+_REPORT_S, _WATCH_S = 1.0, 0.5
 _DIAGNOSTICS_DEPTH = 100
 _STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
@@ -61,7 +63,8 @@ class Stage(Generic[P]):
     """Work of a node while it is configured.
 
     Its topics, timers and services are made by the methods below, work while the node is active, and are destroyed with
-    it. A BodycamError in one of them ends the node's work.
+    it. A BodycamError of a message drops that message, for nothing that is received may end a node; one of a timer ends
+    the node's work.
 
     Args:
         node: runs the stage.
@@ -85,6 +88,12 @@ class Stage(Generic[P]):
         self.node, self.make, self.moments = node, node.make, node.moments
         self.log, self.required = node.get_logger(), node.parameters.required
         self.dropped = DroppedMessages(self.log.warning)
+        self._checks: list[Callable[[], None]] = []
+
+    @classmethod
+    def node_name(cls, words: Sequence[str]) -> str:
+        """Name of the node, unless it is remapped, by the words of its command line."""
+        return cls.name
 
     def activate(self) -> None:
         """The node becomes active."""
@@ -149,8 +158,11 @@ class Stage(Generic[P]):
                 given = message if convert is None else convert(message)
             except ValueError as error:
                 self.dropped.add(count, f"{topic}: malformed message ({error})")
-            else:
+                return
+            try:
                 callback(given)
+            except BodycamError as error:
+                self.dropped.add(count or "messages dropped", f"{topic}: {error}")
 
         options = QoSOverridingOptions.with_default_policies() if overridable else None
         events = SubscriptionEventCallbacks(use_default_callbacks=not adapts)
@@ -166,10 +178,21 @@ class Stage(Generic[P]):
         self.node.made.callback(self.node.destroy_subscription, made)
         return made
 
-    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> None:
-        """Call back regularly, in real time; see ``guarded``."""
+    def every(self, seconds: float, callback: Callable[[], None], even_inactive: bool = False) -> Timer:
+        """Call back regularly, in real time; see ``guarded``. The timer can be cancelled, and reset."""
         made = self.node.create_timer(seconds, self.guarded(callback, even_inactive), clock=_STEADY)
         self.node.made.callback(self.node.destroy_timer, made)
+        return made
+
+    def watch(self, check: Callable[[], None]) -> None:
+        """Call back twice a second, while inactive too: all checks by one timer, of which EventsExecutor wants few."""
+        if not self._checks:
+            self.every(_WATCH_S, self._check, even_inactive=True)
+        self._checks.append(check)
+
+    def _check(self) -> None:
+        for check in self._checks:
+            check()
 
     def trigger(self, name: str, callback: Callable[[], str]) -> None:
         """A service ``std_srvs/Trigger``, which answers with what was done, or with the text of a BodycamError."""
@@ -205,8 +228,8 @@ class Stage(Generic[P]):
 class StageNode(LifecycleNode, Generic[P]):
     """A managed node that runs a stage.
 
-    A BodycamError ends the process of a node with ``autostart``. A node that is managed becomes unconfigured: after the
-    file or topic is repaired it can be configured again.
+    A BodycamError ends the process of a node with ``autostart``. A node that is managed becomes unconfigured, and so
+    does any node whose configuration by hand fails: after the file is repaired it can be configured again.
 
     Args:
         stage_type: its stage.
@@ -224,7 +247,7 @@ class StageNode(LifecycleNode, Generic[P]):
 
     def __init__(self, stage_type: type[Stage[P]], arguments: Sequence[str] = ()) -> None:
         super().__init__(
-            stage_type.name,
+            stage_type.node_name([*arguments] or sys.argv),
             cli_args=[*arguments],
             automatically_declare_parameters_from_overrides=True,
             enable_logger_service=True,
@@ -233,7 +256,7 @@ class StageNode(LifecycleNode, Generic[P]):
         self.stage: Any = None
         self.is_active = False
         self.failure: BodycamError | None = None
-        self._error_text = ""
+        self._error_text, self._is_starting = "", False
         self.made = ExitStack()
 
     def bring_up(self) -> None:
@@ -252,9 +275,11 @@ class StageNode(LifecycleNode, Generic[P]):
         self.create_timer(_REPORT_S, self._report, clock=_STEADY)
         if not own.autostart:
             return
+        self._is_starting = True
         for transition in (self.trigger_configure, self.trigger_activate):
             if transition() != TransitionCallbackReturn.SUCCESS:
                 raise self.failure or BodycamError(self._error_text)
+        self._is_starting = False
 
     def work(self, stopped: Callable[[], bool]) -> None:
         """Serve the stage until it fails, or is stopped; raises the BodycamError that ends a node by itself."""
@@ -332,7 +357,7 @@ class StageNode(LifecycleNode, Generic[P]):
         try:
             step()
         except BodycamError as error:
-            if self.parameters.own.autostart:
+            if self._is_starting:
                 self.failure = error
             else:
                 self.get_logger().error(str(error))

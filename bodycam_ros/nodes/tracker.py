@@ -1,17 +1,19 @@
 """Node ``tracker``: the images of one camera in, feature tracks out (A 4.1, the first half)."""
 
+import re
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import CameraImage, check_image_size, decode_grey
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.graph.node_parameters import TRACKER_GROUPS, TrackerParameters
 from bodycam_ros.graph.unanswered_frames import UnansweredFrames
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
-from bodycam_ros.messages.diagnostics import Status
+from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import LANDMARKS_TYPE, TRACKS_TYPE, landmark_matches, tracks_message
 from bodycam_ros.nodes.camera_images import CameraImages
@@ -21,7 +23,11 @@ from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
+from bodycam_ros.registration.map_identity import MapIdentity, map_identity
 from bodycam_ros.registration.reference_map import load_map
+
+_NO_NAME = re.compile(r"\W", re.ASCII)
+"""What a camera's name, a part of topics, may have and a node's may not."""
 
 
 class TrackerStage(Stage[TrackerParameters]):
@@ -38,6 +44,8 @@ class TrackerStage(Stage[TrackerParameters]):
         super().__init__(node)
         self.camera = self.required("camera")
         self._map = load_map(Path(self.parameters.map)) if self.parameters.map else None
+        self._identity = MapIdentity("") if self._map is None else map_identity(self._map)
+        self._map_error = ""
         self._front: CameraFront | None = None
         self._readers = self._track_count = self._keyframes = 0
         self.unanswered = UnansweredFrames()
@@ -53,8 +61,14 @@ class TrackerStage(Stage[TrackerParameters]):
             self, self.camera, self.dropped, self._track, self._waiting_reason, self._forget, self._ready_since_s
         )
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
-        self._models = CameraModels(self, [self.camera], self._set_model, fatal=True)
+        self._models = CameraModels(self, [self.camera], self._set_model)
         self.trigger("~/reset", self._reset)
+
+    @classmethod
+    def node_name(cls, words: Sequence[str]) -> str:
+        """``tracker_<camera>``: trackers that are started by hand have different names, too."""
+        named = [word.partition(":=")[2].strip("'\"") for word in words if word.startswith("camera:=")]
+        return "_".join([cls.name, *(_NO_NAME.sub("_", camera) for camera in named[-1:])])
 
     def pause(self) -> None:
         """Drop the images; the first one afterwards has no predecessor."""
@@ -72,6 +86,8 @@ class TrackerStage(Stage[TrackerParameters]):
 
     def _waiting_reason(self) -> str:
         """Reason why the next image has to wait."""
+        if reason := self._models.rejected.get(self.camera):
+            return f"its camera_info is unusable: {reason}"
         if self._front is None:
             return f"there is no {self.camera}/camera_info"
         if not self._has_reader():
@@ -83,16 +99,12 @@ class TrackerStage(Stage[TrackerParameters]):
         return self.unanswered.answered_since_s or time.monotonic()
 
     def _track(self, image: CameraImage) -> bool:
-        """Track an image; whether it could be used."""
+        """Track an image; raises RecordingError if it cannot be used."""
         assert self._front is not None
         self.moments.note(Moment.TRACKING, self.camera, image.stamp_ns)
-        try:
-            check_image_size(image, self._models.models[self.camera])
-            frame = self._front.track(decode_grey(image), image.stamp_ns)
-        except RecordingError as error:
-            self.dropped.add("images unusable", str(error))
-            return False
-        self._tracks.publish(tracks_message(self.make, frame))
+        check_image_size(image, self._models.models[self.camera])
+        frame = self._front.track(decode_grey(image), image.stamp_ns)
+        self._tracks.publish(tracks_message(self.make, replace(frame, map_identity=str(self._identity))))
         self.moments.note(Moment.TRACKED, self.camera, frame.stamp_ns)
         self.unanswered.add(frame.stamp_ns)
         self._track_count += len(frame.track_ids)
@@ -121,9 +133,21 @@ class TrackerStage(Stage[TrackerParameters]):
         if self._front is None:
             return
         # Answers to frames before a restart do not concern the current tracks.
-        if self.unanswered.answer(matches.stamp_ns):
+        if self.unanswered.answer(matches.stamp_ns) and self._is_in_map(MapIdentity.parse(matches.map_identity)):
             self._front.accept(matches)
         self.call_later(self._images.process_next)
+
+    def _is_in_map(self, other: MapIdentity) -> bool:
+        """Whether the registration uses the tracker's map, or nothing says otherwise."""
+        before, self._map_error = self._map_error, ""
+        if self._identity.contradicts(other):
+            self._map_error = (
+                f"this tracker uses map {self.parameters.map} ({self._identity}), the registration map {other}: its "
+                "landmarks are refused; start both with the same map:=MAP"
+            )
+            if not before:
+                self.log.error(f"camera {self.camera}: {self._map_error}")
+        return not self._map_error
 
     def _read_sensor(self) -> ImuCalibration | None:
         """Calibration of the camera's inertial sensor; None if the body has none."""
@@ -154,10 +178,14 @@ class TrackerStage(Stage[TrackerParameters]):
             "keyframes": self._keyframes,
             "camera_info changed": self._models.changes,
             "inertial sensor": self._sensor_state,
+            "map": f"{self.parameters.map} ({self._identity})" if self._map is not None else "none",
         }
         error = "" if self._track_count else "the images show nothing that can be tracked; is the lens covered?"
         self._track_count = self._keyframes = 0
-        return [self._images.status(values, error)]
+        status = self._images.status(values, self._map_error or error)
+        if reason := self._models.rejected.get(self.camera):
+            status = replace(status, level=StatusLevel.ERROR, text=f"its camera_info is unusable: {reason}")
+        return [status]
 
 
 make = partial(StageNode, TrackerStage)

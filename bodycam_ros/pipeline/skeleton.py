@@ -8,8 +8,6 @@ registrations.
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 
-import numpy as np
-
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment import Equipment, fitted_equipment
@@ -20,7 +18,6 @@ from bodycam_ros.estimation.inertial_factors import InertialSensors
 from bodycam_ros.estimation.mounted_cameras import evidence_floor
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticCameras
-from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -78,7 +75,6 @@ class SkeletonPipeline:
         self._static_cameras = static_cameras
         self.clocks = ClockEstimator(body, on_body, settings.clock, evidence_floor(settings.evidence), live)
         self.arrivals = Arrivals([*on_body, *stations], settings.assembler, live, self.clocks, on_corrected)
-        self._root = body.segment_index[body.root]
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
             self.inertial.add(camera, samples)
@@ -103,7 +99,6 @@ class SkeletonPipeline:
             on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)
-        self._previous: BodyOutput | None = None
         self._solved_ns = -1
 
     @property
@@ -166,15 +161,9 @@ class SkeletonPipeline:
         return outputs
 
     def _outputs(self, states: Iterable[BodyState]) -> list[BodyOutput]:
-        outputs, tracker, root = [], self._angle_tracker, self._root
+        outputs, tracker = [], self._angle_tracker
         for state in states:
             positions = tracker.angles(state.world_T_segment)
-            velocities, root_velocity = np.zeros(len(positions)), np.zeros(6)
-            if (before := self._previous) is not None:
-                passed_s = 1e-9 * (state.stamp_ns - before.state.stamp_ns)
-                velocities = tracker.change(before.positions, positions) / passed_s
-                before_T_root = inverse(before.state.world_T_segment[root])
-                root_velocity = log_se3(before_T_root @ state.world_T_segment[root]) / passed_s
-            self._previous = BodyOutput(state, tracker.names, positions, velocities, root_velocity)
-            outputs.append(self._previous)
+            velocities = tracker.velocities(state.world_T_segment, state.twists)
+            outputs.append(BodyOutput(state, tracker.names, positions, velocities))
         return outputs

@@ -26,6 +26,7 @@ from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, 
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.verdict import Finding, check_limits
@@ -47,6 +48,7 @@ class DoctorInput:
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
         lenses: folder with the lens YAMLs of videos; None: beside them.
         imu: bags with the inertial sensors, beside those in the recording.
+        names: of the topics of a bag.
     """
 
     recording: Path
@@ -56,6 +58,7 @@ class DoctorInput:
     board: Path | None = None
     lenses: Path | None = None
     imu: Sequence[Path] = ()
+    names: TopicNames = AS_RECORDED
 
     @property
     def is_bag(self) -> bool:
@@ -85,7 +88,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
         if given.is_bag:
-            recording = sample_bag(given.recording, instants, advance)
+            recording = sample_bag(given.recording, instants, advance, given.names)
         else:
             recording = sample_videos(given.recording, given.lenses, instants, advance)
     findings = [
@@ -96,7 +99,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         *check_limits({camera.name: camera for camera in recording.cameras}, IMAGE_CHECKS),
     ]
     bags = (*([given.recording] if given.is_bag else []), *given.imu)
-    findings += check_sensors(read_imus(bags, [camera.name for camera in recording.cameras]))
+    findings += check_sensors(read_imus(bags, [camera.name for camera in recording.cameras], given.names))
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
     if reference_map is not None:
@@ -112,7 +115,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
             registered = register_samples(recording, names, order, reference_map, jobs, advance)
         findings += check_registration(registered)
         if given.is_bag:
-            findings += check_field_of_view(given.recording, registered, progress)
+            findings += check_field_of_view(given.recording, registered, progress, given.names)
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras)
             findings += check_exercise(registered, rig)

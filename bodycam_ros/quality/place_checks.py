@@ -15,6 +15,7 @@ from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
 from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.progress import Progress
 from bodycam_ros.quality.sampled_recording import RegisteredSamples, SampledRecording
+from bodycam_ros.recording.topic_names import TopicNames
 from bodycam_ros.results.verdict import Finding, Level, good, limit_level
 
 _ENOUGH_BOARD_IMAGES = 3
@@ -74,14 +75,16 @@ def check_registration(registered: RegisteredSamples) -> Iterator[Finding]:
     yield good(check, f"{mean:.0%} of {images} single images are registered; in a sequence more will be")
 
 
-def check_field_of_view(recording: Path, registered: RegisteredSamples, progress: Progress) -> Iterator[Finding]:
+def check_field_of_view(
+    recording: Path, registered: RegisteredSamples, progress: Progress, names: TopicNames
+) -> Iterator[Finding]:
     """Compare lenses with the tracks of their cameras: some seconds a camera, so only of those that register badly."""
     doubted = sorted(camera for camera in registered.poses if registered.share(camera) < _REGISTERED)
     if not doubted:
         return
     with progress.step("lenses", len(doubted)) as advance:
         for camera in doubted:
-            for match in find_mismatches(recording, [camera]):
+            for match in find_mismatches(recording, [camera], names):
                 what = match.text.removeprefix(f"camera {camera}: ")
                 yield Finding(camera, Level.WRONG, what, check="lens")
             advance()

@@ -17,6 +17,7 @@ from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.ingest.ingest_camera import read_lens
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_file import DecodedFrame, frame_times, keyframe_near
 from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -104,18 +105,21 @@ def spread_instants(duration_s: float, count: int) -> Array:
 _NEAR_INTERVALS = 1.5  # between a camera's images, by which the image of a sample may be later
 
 
-def sample_bag(path: Path, instants: Instants, on_instant: Callable[[], None]) -> SampledRecording:
+def sample_bag(
+    path: Path, instants: Instants, on_instant: Callable[[], None], names: TopicNames = AS_RECORDED
+) -> SampledRecording:
     """Sample a bag.
 
     Args:
         path: ros2 bag folder or .mcap file.
         instants: times to sample.
         on_instant: called after each.
+        names: of its topics.
 
     Raises:
         RecordingError: not a recording, or damaged.
     """
-    with open_recording(path) as recording:
+    with open_recording(path, names) as recording:
         times = recording.image_times()
         instants_s = instants(recording.duration_s)
         images: dict[str, dict[int, Grey]] = {camera: {} for camera in recording.cameras}

@@ -25,6 +25,7 @@ from bodycam_ros.recording.bounded_unpacking import (
     unpack,
 )
 from bodycam_ros.recording.damaged_bag import DamagedBag
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.typestore import recording_typestore
 
 _MAGIC = b"\x89MCAP0\r\n"
@@ -148,20 +149,24 @@ class BagFile:
     that has one solved body, and that in a namespace, is read as if there were none; what is outside keeps its name.
     A damaged bag is read up to the damage; a warning, one in a process, names the file and the time up to which.
 
-    Attributes:
+    Args:
         path: of the folder or file.
+        names: how its topics are named here.
+
+    Attributes:
+        path, names: as given.
         damage: what was found wrong so far, and up to which time the bag is read; empty if nothing was.
 
     Raises:
         RecordingError: on entering, if there is no readable bag; while reading, if nothing before the damage is whole.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, names: TopicNames = AS_RECORDED) -> None:
+        self.path, self.names = path, names
         with _fault_named(path):
             check_files(path)
             self._reader: Reader | DamagedBag = Reader(path)
-        self._namespace = self.damage = ""
+        self.namespace = self.damage = ""
         self._unpacks = False
 
     def __enter__(self) -> "BagFile":
@@ -176,7 +181,7 @@ class BagFile:
             except BaseException:
                 self._reader.close()
                 raise
-        self._namespace = _namespace(self._reader.connections)
+        self.namespace = _namespace(self._reader.connections)
         return self
 
     def __exit__(
@@ -196,7 +201,8 @@ class BagFile:
     @cached_property
     def topics(self) -> dict[str, str]:
         """Topic -> message type ("sensor_msgs/msg/Image"), in the order of the topics' names."""
-        return dict(sorted((self._name(c.topic), c.msgtype) for c in self._reader.connections))
+        named = ((self._name(c.topic), c.msgtype) for c in self._reader.connections)
+        return dict(sorted((name, kind) for name, kind in named if name))
 
     def camera_topics(self, ending: str, message_type: str) -> dict[str, str]:
         """Topic -> camera, of the topics ``/<camera><ending>`` of a type."""
@@ -281,7 +287,10 @@ class BagFile:
         return [c for c in self._reader.connections if self._name(c.topic) in topics]
 
     def _name(self, topic: str) -> str:
-        return topic.removeprefix(self._namespace) if topic.startswith(f"{self._namespace}/") else topic
+        if self.names != AS_RECORDED:
+            # One that is left out has a name that no topic has.
+            return self.names.own(topic) or ""
+        return topic.removeprefix(self.namespace) if topic.startswith(f"{self.namespace}/") else topic
 
 
 def _namespace(connections: Sequence[Connection]) -> str:

@@ -21,6 +21,7 @@ from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_mode
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
 
 logger = logging.getLogger(__name__)
@@ -37,15 +38,15 @@ _CONVERTERS = {each.ending: each.convert for each in TRANSPORTS.values()}
 
 
 @contextmanager
-def open_recording(path: Path) -> Iterator["Recording"]:
-    """Open a ros2 bag folder or an .mcap file with cameras.
+def open_recording(path: Path, names: TopicNames = AS_RECORDED) -> Iterator["Recording"]:
+    """Open a ros2 bag folder or an .mcap file with cameras, whose topics may have other names.
 
     Opening takes some 50 ms and loads no image: worker processes open the recording themselves, each for its camera.
 
     Raises:
         RecordingError: nothing there, not a bag, damaged, of another system than ROS 2, or without a camera.
     """
-    with BagFile(path) as bag:
+    with BagFile(path, names) as bag:
         yield Recording(bag)
 
 
@@ -57,13 +58,14 @@ class Recording:
 
     Attributes:
         path: where the recording is.
+        names: how its topics are named here.
         cameras: names in alphabetical order.
         dropped: camera -> images that the last iteration left out because their stamp did not increase.
         lost: camera -> images by the bag's count that the last iteration did not find: the file is damaged.
     """
 
     def __init__(self, bag: BagFile) -> None:
-        self.path = bag.path
+        self.path, self.names = bag.path, bag.names
         self.dropped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self._bag = bag
@@ -294,7 +296,9 @@ def sensor_topics(bag: BagFile, cameras: Collection[str], required: bool = True)
     return topics
 
 
-def read_imus(paths: Iterable[Path], cameras: Collection[str]) -> dict[str, ImuSamples]:
+def read_imus(
+    paths: Iterable[Path], cameras: Collection[str], names: TopicNames = AS_RECORDED
+) -> dict[str, ImuSamples]:
     """Camera -> samples of its sensor, of cameras that have one in any of the bags; the first bag counts.
 
     Raises:
@@ -302,7 +306,7 @@ def read_imus(paths: Iterable[Path], cameras: Collection[str]) -> dict[str, ImuS
     """
     found: dict[str, ImuSamples] = {}
     for number, path in enumerate(paths):
-        with BagFile(path) as bag:
+        with BagFile(path, names) as bag:
             topics = sensor_topics(bag, {*cameras} - {*found}, required=number > 0)
             rows: dict[str, list[tuple[int, tuple[float, ...]]]] = {camera: [] for camera in topics.values()}
             for topic, _, message in bag.messages(topics):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.geometry import log_so3
+from bodycam_ros.tracking.track_frame import TrackFrame
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class LandmarkMatches:
         shifts: (N, 2) float32, how far the read-out of the rows moved them; None if it did not.
         readout: how long the camera's rows are read out, as far as it is known by now; None: not at all.
         grown: how many of the landmarks body cameras added.
+        map_identity: text of the ``MapIdentity`` of the landmarks and the pose; empty if it is not known.
+        tracks_map_identity: that of the map by which the tracks were found; empty if they were found without one.
     """
 
     camera: str
@@ -45,6 +48,8 @@ class LandmarkMatches:
     shifts: NDArray[np.float32] | None = None
     readout: Readout | None = None
     grown: int = 0
+    map_identity: str = ""
+    tracks_map_identity: str = ""
 
     def bare(self) -> "LandmarkMatches":
         """The same without the landmarks; ``grown`` is 1 if most of them were added by body cameras, else 0."""
@@ -82,6 +87,23 @@ class LandmarkMatches:
         since_s = 1e-9 * (self.stamp_ns - self.previous_stamp_ns)
         turning: NDArray[np.float64] = log_so3(self.current_R_previous.T) / since_s
         return turning
+
+
+def unregistered(frame: TrackFrame) -> LandmarkMatches:
+    """The registration of an image of which no track is used: without landmarks and pose, with its rotation."""
+    return LandmarkMatches(
+        camera=frame.camera,
+        stamp_ns=frame.stamp_ns,
+        previous_stamp_ns=frame.previous_stamp_ns,
+        track_ids=np.zeros(0, np.uint32),
+        landmark_ids=np.zeros(0, np.uint32),
+        pixels=np.zeros((0, 2), np.float32),
+        points_world=np.zeros((0, 3), np.float32),
+        world_T_camera=None,
+        pose_covariance=np.full((6, 6), np.nan),
+        current_R_previous=frame.current_R_previous,
+        rotation_inliers=frame.rotation_inliers,
+    )
 
 
 class CameraSight(IntEnum):

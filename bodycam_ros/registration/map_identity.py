@@ -36,6 +36,10 @@ class MapIdentity:
         """Whether poses in one map are poses in the other: one may extend the other."""
         return self.landmarks == other.landmarks
 
+    def contradicts(self, other: "MapIdentity") -> bool:
+        """Whether both maps are known, and poses in one are none in the other."""
+        return bool(self.landmarks and other.landmarks) and not self.shares_world(other)
+
 
 def map_identity(reference_map: ReferenceMap) -> MapIdentity:
     """Identity of a map as it is now; neither its folder nor its pictures count."""

@@ -30,6 +30,7 @@ from bodycam_ros.pipeline.camera_front import camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -140,6 +141,7 @@ class RegistrationTask:
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
         turns: camera -> rotations by its gyroscope.
         keyframes: as of ``CameraFront``.
+        names: of the recording's topics.
     """
 
     recording_path: Path
@@ -150,6 +152,7 @@ class RegistrationTask:
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
     keyframes: KeyframeDensity | None = None
+    names: TopicNames = AS_RECORDED
 
 
 def run_camera_worker(
@@ -213,7 +216,7 @@ def register_images(
     reference_map = ReferenceMap.load(task.map_path)
     growth = task.settings.growth
     replica = MapReplica(reference_map, growth.capacity, inbox.get) if growth.enabled else None
-    with open_recording(task.recording_path) as recording:
+    with open_recording(task.recording_path, task.names) as recording:
         fronts = camera_fronts(
             {camera: recording.camera_model(camera) for camera in cameras},
             reference_map,

@@ -21,6 +21,7 @@ from bodycam_ros.mapping.extendable_map import make_extendable
 from bodycam_ros.mapping.local_mapper import KeptImage, LocalMapper
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap, load_map
 from bodycam_ros.replaying.camera_worker import RegistrationTask
@@ -62,6 +63,7 @@ def extend_map(
     cameras: Sequence[str] | None = None,
     readouts: Mapping[str, Readout] | None = None,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
+    names: TopicNames = AS_RECORDED,
 ) -> tuple[ReferenceMap, tuple[ExtensionRound, ...]]:
     """Extend a map by what the cameras of a recording observe; the extended map, and the rounds that it took.
 
@@ -75,12 +77,13 @@ def extend_map(
         cameras: that are used; all by default.
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
         on_progress: called with the name of a step, and the share of it that is done.
+        names: of the recording's topics.
 
     Raises:
         BodycamError: what is wrong with recording or map.
     """
     reference_map = extended = load_map(map_path)
-    with open_recording(recording_path) as recording:
+    with open_recording(recording_path, names) as recording:
         models = {name: recording.camera_model(name) for name in cameras or recording.cameras}
         gap_s = recording.duration_s * len(models) / _MAX_KEYFRAMES
     density = KeyframeDensity(_MAX_COVERED, max(KeyframeDensity().min_gap_ns, round(1e9 * gap_s)))
@@ -91,6 +94,7 @@ def extend_map(
         with_messages=False,
         readouts=readouts or {},
         keyframes=density,
+        names=names,
     )
     rounds: list[ExtensionRound] = []
     with scratch_folder(Path(gettempdir())) as scratch:
@@ -113,7 +117,7 @@ def extend_map(
             mapper.add_waiting()
             mapper.adjust()
             mapper.take_changes()
-            extended = mapper.extended_map(list(_kept_images(recording_path, mapper.image_poses())), models)
+            extended = mapper.extended_map(list(_kept_images(recording_path, names, mapper.image_poses())), models)
             if _is_complete([each.share for each in rounds]):
                 break
             task = replace(task, map_path=scratch / f"round_{len(rounds)}")
@@ -133,10 +137,10 @@ def _anew(keyframe: BodyKeyframe, first_added_id: int) -> BodyKeyframe:
 
 
 def _kept_images(
-    recording_path: Path, world_T_camera: Mapping[tuple[str, int], NDArray[np.float64]]
+    recording_path: Path, names: TopicNames, world_T_camera: Mapping[tuple[str, int], NDArray[np.float64]]
 ) -> Iterator[KeptImage]:
     """The images (camera, stamp [ns]) with these poses (4, 4)."""
-    with open_recording(recording_path) as recording:
+    with open_recording(recording_path, names) as recording:
         for image in recording.images(sorted({camera for camera, _ in world_T_camera})):
             if (pose := world_T_camera.get((image.camera, image.stamp_ns))) is not None:
                 quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]

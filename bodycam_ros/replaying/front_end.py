@@ -52,7 +52,7 @@ def registered_images(
         RecordingError: a worker was killed.
     """
     warm_up()
-    with open_recording(task.recording_path) as recording:
+    with open_recording(task.recording_path, task.names) as recording:
         start_ns, duration_s = recording.first_stamp_ns, max(recording.duration_s, 1e-9)
     unusable = UnusableCount()
     with start_workers(task, cameras, jobs) as workers:

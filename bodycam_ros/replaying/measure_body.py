@@ -19,6 +19,7 @@ from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.replaying.camera_worker import RegistrationTask
 from bodycam_ros.replaying.front_end import registered_images
@@ -44,6 +45,7 @@ def measure_body(
     pipeline: PipelineSettings,
     settings: ShapeSettings,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
+    names: TopicNames = AS_RECORDED,
 ) -> MeasuredBody:
     """Measure the person of a recording.
 
@@ -55,6 +57,7 @@ def measure_body(
         pipeline: settings of following it.
         settings: what is expected of it.
         on_progress: called with the step, and the share of it that is done.
+        names: of the recording's topics.
 
     Raises:
         BodycamError: anything that is wrong with the input, or a recording that does not determine the body.
@@ -68,12 +71,12 @@ def measure_body(
         )
     body = replace(with_hands(body), surface=None)
     reference_map = None if map_path is None else load_map(map_path)
-    with open_recording(recording_path) as recording:
+    with open_recording(recording_path, names) as recording:
         stations = read_recorded_stations(given, reference_map, recording, body)
         measurement = BodyMeasurement(
             body,
             stations,
-            lambda: _frames(recording_path, stations),
+            lambda: _frames(recording_path, stations, names),
             lambda begun: read_start(start, given.stations, stations, begun),
             settings,
             pipeline.region,
@@ -88,9 +91,9 @@ def measure_body(
                 raise RangeOfMotionError(f"{recording_path}: {error}") from error
 
 
-def _frames(path: Path, stations: Collection[str]) -> Iterator[tuple[float, BodyFrame]]:
+def _frames(path: Path, stations: Collection[str], names: TopicNames) -> Iterator[tuple[float, BodyFrame]]:
     """Images of static cameras that are of one time, in order of time, and the share of the recording before them."""
-    with open_recording(path) as recording:
+    with open_recording(path, names) as recording:
         start_ns, length_ns = recording.first_stamp_ns, max(1e9 * recording.duration_s, 1.0)
         for frame in _frames_of_images(recording.images(stations), stations):
             yield (frame.stamp_ns - start_ns) / length_ns, frame
@@ -113,6 +116,7 @@ def calibrate(
     facing_rad: float | None = None,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
     imu_paths: Sequence[Path] = (),
+    names: TopicNames = AS_RECORDED,
 ) -> CalibratedBody:
     """Estimate the body of a recorded range of motion.
 
@@ -126,13 +130,14 @@ def calibrate(
         facing_rad: which way the person faces in the N-pose [rad]; None to read it off hips and shoulders.
         on_progress: called with the step, and the share of it that is done.
         imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
+        names: of the recording's topics.
 
     Raises:
         BodycamError: anything that is wrong with the input, or a motion that does not determine the body.
     """
     warm_up()
     report = {MAP: map_record(load_map(map_path, upright=True), map_path)}
-    with open_recording(recording_path) as recording:
+    with open_recording(recording_path, names) as recording:
         if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
             raise RangeOfMotionError(
                 f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
@@ -147,8 +152,8 @@ def calibrate(
         pipeline.clock,
     )
     images = ImageSettings(min(pipeline.images.max_rate or _MAX_RATE_HZ, _MAX_RATE_HZ))
-    task = RegistrationTask(recording_path, map_path, replace(pipeline, images=images), with_messages=False)
-    sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models))
+    task = RegistrationTask(recording_path, map_path, replace(pipeline, images=images), False, names=names)
+    sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models, names))
     for image in registered_images(task, models, jobs, partial(on_progress, "registration")):
         calibrator.add(image.matches)
         sensors.add(image.camera, image.stamp_ns, image.matches.world_T_camera)

@@ -53,7 +53,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
     started, settings, outside = time.monotonic(), request.settings, request.outside
     with ExitStack() as stack:
         # What was recorded, who wears the cameras, and where they are.
-        recording = stack.enter_context(open_recording(request.recording))
+        recording = stack.enter_context(open_recording(request.recording, request.names))
         own = read_body(request.body)
         person = with_hands(own) if outside else own
         coupling = None if request.equipment is None else held_equipment(request.equipment, person)
@@ -67,7 +67,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
-        imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
+        imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
             logger.warning("%s", remark)
         # Cameras are registered while the rest is made ready.
@@ -78,6 +78,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             readouts=body.readout_starts,
             slim=request.slim,
             turns=camera_turns(body, imus),
+            names=request.names,
         )
         workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -141,7 +142,7 @@ def _extend(
     settings, cameras = request.settings, [camera for camera in recording.cameras if camera in body.mounts]
     limited = replace(settings, extend=replace(settings.extend, rounds=request.passes - 1))
     extended, rounds = extend_map(
-        recording.path, map_path, limited, request.jobs, cameras, body.readout_starts, on_step
+        recording.path, map_path, limited, request.jobs, cameras, body.readout_starts, on_step, names=recording.names
     )
     extended.save(scratch / "map")
     return scratch / "map", rounds

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.provenance import (
     BODY,
@@ -37,6 +38,7 @@ class ReplayRequest:
         slim: write no tracks, and of landmarks the poses by them alone.
         passes: over the recording: all but the last extend the map by the recording itself.
         imus: bags with the cameras' inertial sensors, beside those in the recording itself.
+        names: of the recording's topics.
     """
 
     recording: Path
@@ -51,6 +53,7 @@ class ReplayRequest:
     slim: bool = False
     passes: int = 1
     imus: tuple[Path, ...] = ()
+    names: TopicNames = AS_RECORDED
 
     def sources(self, body: BodyModel, reference_map: ReferenceMap | None, start_ns: int) -> dict[str, dict[str, str]]:
         """What the result says it was made from.

@@ -36,6 +36,7 @@ class TrackFrame:
         world_T_camera: (4, 4) pose fitted to the tracks, if all of them were found by their landmarks; else None.
         pose_information: (6, 6) of that pose, rotation [1/rad^2] then translation [1/m^2] in camera axes.
         shifts: (N, 2) how far the read-out of the rows moved the tracks in the image [px], by that pose.
+        map_identity: text of the ``MapIdentity`` of the landmarks and the pose; empty if it is not known.
     """
 
     camera: str
@@ -54,6 +55,7 @@ class TrackFrame:
     world_T_camera: NDArray[np.float64] | None = None
     pose_information: NDArray[np.float64] | None = None
     shifts: NDArray[np.float64] | None = None
+    map_identity: str = ""
 
     @property
     def measured_rotation(self) -> NDArray[np.float64] | None:

@@ -187,9 +187,9 @@ def _body_messages(walk: Walk) -> list[Stamped]:
         count = len(walk.body.segments)
         known = BodyUncertainty(covariance, covariance, joints, np.tile(covariance, (count, 1, 1)))
         seen = np.ones(count, bool)
-        state = BodyState(stamp_ns, walk.body.segments, poses, known, seen, cameras_used=2)
+        state = BodyState(stamp_ns, walk.body.segments, poses, np.zeros((count, 6)), known, seen, cameras_used=2)
         angles = tracker.angles(poses)
-        output = BodyOutput(state, tracker.names, angles, np.zeros(len(angles)), np.zeros(6))
+        output = BodyOutput(state, tracker.names, angles, np.zeros(len(angles)))
         topics = output_messages(recorded_messages(), output, walk.body)
         messages += [(topic, stamp_ns, message) for topic, message in topics.items()]
     return messages

@@ -25,9 +25,9 @@ def write_body(path: Path, *more_cameras: str) -> Path:
     return path
 
 
-def write_map(path: Path, landmarks: int = 30) -> Path:
+def write_map(path: Path, landmarks: int = 30, seed: int = 5) -> Path:
     """A map of landmarks at random."""
-    random = np.random.default_rng(5)
+    random = np.random.default_rng(seed)
     view = random.normal(size=(landmarks, 3))
     ReferenceMap(
         landmark_ids=np.arange(1, landmarks + 1, dtype=np.uint32),

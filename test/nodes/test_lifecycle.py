@@ -146,36 +146,32 @@ def test_a_graph_is_managed_from_its_start_to_its_end(graph: Any, sample: Path) 
 
 
 def test_what_goes_wrong_is_said_and_mended(graph: Any, tmp_path: Path) -> None:
-    """A configuration that fails, and an error while a node is at work, leave it unconfigured."""
-    from bodycam_ros.nodes.parameters import node_messages
-
+    """A configuration by hand that fails leaves a node unconfigured, whether or not it starts itself."""
     graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
     manager = Managed(graph)
-    infos = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
-    nodes = [
-        GraphNode("registration", "registration", {"map": str(tmp_path / "map"), "cameras": ["left"]}),
-        GraphNode("tracker", "tracker", {"camera": "left"}),
-    ]
-    graph.run(*managed(nodes))
+    here, away = tmp_path / "map", tmp_path / "away"
+    write_map(here)
+    given = {"map": str(here), "cameras": ["left"]}
+    (managed_node,) = managed([GraphNode("registration", "managed", given)])
+    graph.run(managed_node)
+    (own,) = graph.run(GraphNode("registration", "own", given))
     graph.until_known(_START_S)
+    assert manager.state("own") == "active"
+    assert manager.change("own", "deactivate") and manager.change("own", "cleanup")
+    here.rename(away)
+    for name in ("managed", "own"):
+        assert not manager.change(name, "configure")
+        assert manager.state(name) == "unconfigured"
 
-    def says(name: str, text: str) -> bool:
+    def explains(name: str) -> bool:
         report = graph.diagnostics(name)
-        return text in report["text"] and report["level"] == 2
+        text = report.get("text", "")
+        return "unconfigured: " in text and "there is no map folder" in text and report["level"] == 2
 
-    assert not manager.change("registration", "configure")
-    assert manager.state("registration") == "unconfigured"
-    graph.until(lambda: says("registration", "unconfigured: "), _SOON_S, "it says why")
-    assert says("registration", "there is no map folder")
-    write_map(tmp_path / "map")
-    assert manager.change("registration", "configure") and manager.change("registration", "activate")
-
-    assert manager.change("tracker", "configure") and manager.change("tracker", "activate")
-    graph.until(infos.get_subscription_count, _SOON_S, "the tracker listens")
-    message = node_messages()("sensor_msgs/msg/CameraInfo", width=640, height=480)
-    message.distortion_model = "of a lens that nobody has"
-    infos.publish(message)
-    graph.until(lambda: says("tracker", "of a lens that nobody has"), _SOON_S, "it says what ended its work")
-    assert manager.state("tracker") == "unconfigured"
-    assert manager.change("tracker", "configure") and manager.change("tracker", "activate")
+    for name in ("managed", "own"):
+        graph.until(lambda name=name: explains(name), _SOON_S, "it says why")
+    assert not own.is_over
+    away.rename(here)
+    for name in ("managed", "own"):
+        assert manager.change(name, "configure") and manager.change(name, "activate"), graph.report()
     assert set(graph.end().values()) == {0}

@@ -6,6 +6,8 @@ from typing import Any
 from helpers.tiny_bag import write_tiny_bag
 
 from bodycam_ros.graph.declared_graph import GraphNode
+from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_writer import write_recording
 
 _START_S, _SOON_S = 60.0, 60.0
 
@@ -29,3 +31,20 @@ def test_a_bag_is_played_into_the_players_namespace(graph: Any, tmp_path: Path) 
     graph.until(lambda: all(map(graph.all_diagnostics, parts)), _SOON_S, "all three report by their full names")
     lacking = "no image: no node publishes left/image_raw/compressed"
     assert {report["text"] for report in graph.all_diagnostics(parts[-1])} == {lacking}
+
+
+def test_a_namespaced_recording_is_played_into_its_namespace(graph: Any, tmp_path: Path) -> None:
+    """By the node's namespace, or into none by a prefix."""
+    tiny, own = write_tiny_bag(tmp_path / "tiny", 12), tmp_path / "bag"
+    with BagFile(tiny) as bag, write_recording(own) as writer:
+        for topic, stamp_ns, message in bag.messages([*bag.topics]):
+            writer.write(f"/anna{topic}", stamp_ns, message)
+    image = "sensor_msgs/msg/CompressedImage"
+    graph.listen({f"{prefix}/left/image_raw/compressed": image for prefix in ("", "/anna", "/anna/anna")})
+    given = {"bagfile": str(own), "readers": 0}
+    graph.run(GraphNode("player", "player", given, "anna"))
+    graph.until(lambda: len(graph.heard["/anna/left/image_raw/compressed"]) == 12, _SOON_S, "it is played")
+    assert not graph.heard["/left/image_raw/compressed"]
+    graph.run(GraphNode("player", "another_player", {**given, "prefix": "anna"}))
+    graph.until(lambda: len(graph.heard["/left/image_raw/compressed"]) == 12, _SOON_S, "it is played without")
+    assert not graph.heard["/anna/anna/left/image_raw/compressed"]

@@ -1,7 +1,7 @@
 """The solver alone, fed with registrations of a known motion: what waits, who joins late, a time that begins anew."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from helpers.frame_tree import FrameTree
-from helpers.registered_pose import registered_pose
+from helpers.steady_motion import FRAME_NS, SPEED, START_NS, registrations
 from helpers.two_cameras import write_body
 
 from bodycam_ros.body.body_file import read_body
@@ -18,18 +18,14 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment_yaml import read_equipment
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
-from bodycam_ros.geometry import exp_se3, rigid
+from bodycam_ros.geometry import exp_se3
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY
 from bodycam_ros.messages.factory import header_message, numbers, stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_message
 from bodycam_ros.messages.tracks import landmarks_message
-from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
-FRAME_NS = 33_333_333
-START_NS = 10_000_000_000_000
-SPEED = 0.5  # m/s, along x
 _SAMPLES = 7  # of an inertial sensor from frame to frame: 210 Hz
 _START_S, _SOON_S = 60.0, 60.0
 
@@ -48,27 +44,6 @@ attachments:
       - {body: [0, 100, -300], equipment: [0, 100, 0]}
 cameras: {tip: {segment: shaft, position: [0.5, 0, 0], quaternion_xyzw: [-0.5, 0.5, -0.5, 0.5]}}
 """
-STICK_IN_TORSO = np.array([0.0, 0.2, 0.1])
-"""The arm hangs from 0.2 m left and 0.4 m up, and holds it 0.3 m below."""
-
-
-def _registrations(body: BodyModel, frames: range) -> Iterator[LandmarkMatches]:
-    """Registrations of a body in the N-pose that moves steadily."""
-    for frame in frames:
-        stamp = START_NS + frame * FRAME_NS
-        world_T_root = rigid(np.eye(3), np.array([SPEED * 1e-9 * (stamp - START_NS), 0.0, 1.0]))
-        joint_poses = np.tile(np.eye(4), (len(body.tree_joints), 1, 1))
-        for row, joint in enumerate(body.tree_joints):
-            if joint.type == "free":
-                joint_poses[row, :3, 3] = STICK_IN_TORSO
-        world_T_segment = body.forward_kinematics(world_T_root, joint_poses)
-        for camera, mount in body.mounts.items():
-            yield registered_pose(
-                camera,
-                stamp,
-                stamp - FRAME_NS if frame else 0,
-                world_T_segment[body.segment_index[mount.segment]] @ mount.segment_T_camera,
-            )
 
 
 class Cameras:
@@ -103,7 +78,7 @@ class Cameras:
         lost: str = "",
         wrong: str = "",
     ) -> None:
-        for matches in _registrations(self.body, frames):
+        for matches in registrations(self.body, frames):
             if not cameras or matches.camera in cameras:
                 off = off_ns.get(matches.camera, 0)
                 previous = matches.previous_stamp_ns + off if matches.previous_stamp_ns else 0
@@ -117,7 +92,7 @@ class Cameras:
 
     def feel(self, frame: int, spin: Mapping[str, float] = MappingProxyType({})) -> None:
         """Samples of the sensors from a frame to the next, of cameras that do not turn or as if they did [rad/s]."""
-        at_frame = {matches.camera: matches for matches in _registrations(self.body, range(frame, frame + 1))}
+        at_frame = {matches.camera: matches for matches in registrations(self.body, range(frame, frame + 1))}
         for sample in range(_SAMPLES):
             for camera, matches in at_frame.items():
                 assert matches.world_T_camera is not None

@@ -117,6 +117,29 @@ def test_camera_info_is_heard_however_it_comes(graph: Any) -> None:
     assert set(graph.end().values()) == {0}, graph.report()
 
 
+def test_a_camera_with_an_unusable_camera_info_is_left_out_and_taken_back(graph: Any) -> None:
+    """An uncalibrated driver sends an empty one; it ended the tracker, and the whole graph."""
+    from bodycam_ros.nodes.parameters import latched, message_class, reliable
+
+    camera = DrivenCamera(graph, "left", reliable(100), latched())
+    graph.listen(_TRACKS | _DIAGNOSTICS)
+    empty = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo", latched())
+    empty.publish(message_class("sensor_msgs/msg/CameraInfo")())
+    (tracker,) = graph.run(camera.tracker)
+    images = iter(stamps(0, 1000))
+
+    def report() -> dict[str, Any]:
+        if camera.is_due():
+            camera.show([next(images)])
+        return dict(graph.diagnostics("tracker_left: camera left") or {"text": "", "level": 0})
+
+    graph.until(lambda: "its camera_info is unusable" in report()["text"], _SOON_S, "it is told")
+    assert report()["level"] == _ERROR and not graph.heard["/left/tracks"]
+    camera.inform()
+    graph.until(lambda: report()["text"] == "tracking", _SOON_S, "it is taken back")
+    assert not tracker.is_over and tracker.end() == 0
+
+
 def test_a_registration_that_comes_into_the_middle_asks_for_a_keyframe(graph: Any, tmp_path: Path) -> None:
     from bodycam_ros.nodes.parameters import latched, reliable
 
