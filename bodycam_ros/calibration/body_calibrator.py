@@ -17,7 +17,8 @@ from bodycam_ros.calibration.image_evidence import image_evidence
 from bodycam_ros.calibration.joint_centre import check_exercised
 from bodycam_ros.calibration.joint_search import find_joints
 from bodycam_ros.calibration.refinement import MAX_ROWS, refine
-from bodycam_ros.calibration.rest_pose import find_rest_pose, zero_at_rest
+from bodycam_ros.calibration.rest_pose import zero_at_rest
+from bodycam_ros.calibration.rest_search import find_rest_pose
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
@@ -52,6 +53,7 @@ class BodyCalibrator:
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
         clock: how far the cameras' clocks may be off.
+        rest_s: (from, to) when the N-pose is held, since the first image [s]; None to search for it.
 
     Raises:
         RangeOfMotionError: the recording lacks a camera of the rig.
@@ -65,6 +67,7 @@ class BodyCalibrator:
         evidence: EvidenceSettings | None = None,
         facing_rad: float | None = None,
         clock: ClockSettings | None = None,
+        rest_s: tuple[float, float] | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
             raise RangeOfMotionError(
@@ -76,6 +79,7 @@ class BodyCalibrator:
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
         self._clock = clock or ClockSettings()
+        self._rest_s = rest_s
         self.forget()
 
     def forget(self) -> None:
@@ -109,7 +113,7 @@ class BodyCalibrator:
         body = first_body(name, self._rig, found)  # A eq. 15
         # Before what is measured in metres is asked whether it moved.
         refuse_impossible(bone_lengths(body, np.zeros((3 * len(body.joints), 3 * len(body.joints)))))
-        resting = find_rest_pose(motion.seconds, found.virtual)
+        resting = find_rest_pose(motion.seconds, found, self._rig, self._rest_s)
         rows = np.union1d(_spread(len(motion.stamps_ns), MAX_ROWS), resting[_spread(len(resting), _RESTING_ROWS)])
         first = motion_of_cameras(
             body, motion.cameras, motion.world_T_camera[rows], motion.twists[rows], motion.known[rows], motion.triggered
@@ -126,7 +130,7 @@ class BodyCalibrator:
             lambda share: on_progress("refinement", share),
         )
         zeroed = zero_at_rest(refined.motion, is_resting, self._facing_rad, hinges)
-        rest_s = 0.0, float(motion.seconds[resting[-1]])
+        rest_s = float(motion.seconds[resting[0]]), float(motion.seconds[resting[-1]])
         diagnosis = assess(motion, rows, found, refined, zeroed, rest_s, [*self._logs.values()], self._readouts)
         return CalibratedBody(_limited_body(zeroed.motion, self._readouts.readouts()), diagnosis)
 

@@ -63,6 +63,7 @@ class CameraMotion:
             identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
         triggered: (C) whether a camera shares its stamps with most others.
+        start_ns: stamp of the first image of any camera, registered or not: time 0 of the recording [ns].
     """
 
     cameras: tuple[str, ...]
@@ -73,12 +74,18 @@ class CameraMotion:
     instant_T_image: Array
     twists: Array
     triggered: NDArray[np.bool_]
+    start_ns: int
 
     @property
     def seconds(self) -> Array:
-        """(T) stamps since the first [s]."""
-        seconds: Array = 1e-9 * (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
+        """(T) stamps in the recording's time, since its first image [s]."""
+        seconds: Array = 1e-9 * (self.stamps_ns - self.start_ns).astype(np.float64)
         return seconds
+
+    @property
+    def duration_s(self) -> float:
+        """From the first stamp to the last [s]."""
+        return float(self.seconds[-1] - self.seconds[0])
 
 
 def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
@@ -125,4 +132,5 @@ def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
         instant_T_image=instant_T_image,
         twists=twists,
         triggered=np.array([log.camera in together for log in logs]),
+        start_ns=min(log.matches[0].stamp_ns for log in logs),
     )

@@ -26,6 +26,7 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
     read_settings,
+    time_span,
 )
 from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
@@ -58,6 +59,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="direction that the person faces in the N-pose, about the map's z from its x (default: by hips and "
         "shoulders)",
     )
+    parser.add_argument(
+        "--rest-pose",
+        type=time_span,
+        metavar="FROM:TO",
+        help="when the person stands in the N-pose, in seconds of the recording, as 12.5:15 (default: the longest time "
+        "in which all cameras stand still and the limbs are straight)",
+    )
     static = parser.add_argument_group("static cameras")
     stations_help = (
         "instead of --rig: where static cameras are; without --map its own frame is the world. Measures lengths of "
@@ -80,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
     if arguments.stations is not None:
-        for flag in given_flags(arguments, "rig", "facing"):
+        for flag in given_flags(arguments, "rig", "facing", "rest_pose"):
             raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
     elif arguments.map is None or arguments.rig is None:
         raise BodyError(
@@ -115,6 +123,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
             facing_rad=None if arguments.facing is None else float(np.radians(arguments.facing)),
             on_progress=progress.show,
             imu_paths=arguments.imu,
+            rest_s=arguments.rest_pose,
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis) | dict(calibrated.body.report))
     write_body(body, arguments.output)

@@ -1,6 +1,7 @@
 """Options that several commands share, and the settings of a command."""
 
 import argparse
+import math
 import os
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
@@ -39,6 +40,18 @@ def number(kind: Callable[[str], N], low: float, high: float, unit: str = "") ->
         return value
 
     return convert
+
+
+def time_span(text: str) -> tuple[float, float]:
+    """Converter of two times of a recording, FROM:TO [s]; argparse reports anything else."""
+    start, colon, end = text.partition(":")
+    try:
+        span = float(start), float(end)
+    except ValueError:
+        span = (0.0, 0.0)
+    if not colon or not 0.0 <= span[0] < span[1] < math.inf:
+        raise argparse.ArgumentTypeError(f"expected two times in seconds, as 12.5:15, not {text!r}")
+    return span
 
 
 _OPTIONS: Mapping[str, Mapping[str, Any]] = {

@@ -9,7 +9,7 @@ import numpy as np
 from bodycam_ros.boards.apriltag import FAMILIES, find_tags
 from bodycam_ros.boards.board import Board
 from bodycam_ros.body.segment_name import SegmentName
-from bodycam_ros.calibration.rest_pose import MAX_SHIFT_M, MAX_TURN_RAD
+from bodycam_ros.calibration.rest_search import MAX_SHIFT_M, MAX_TURN_RAD
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
 from bodycam_ros.lens.lens_check import find_mismatches

@@ -112,6 +112,7 @@ def calibrate(
     facing_rad: float | None = None,
     on_progress: Callable[[str, float], None] = lambda step, share: None,
     imu_paths: Sequence[Path] = (),
+    rest_s: tuple[float, float] | None = None,
 ) -> CalibratedBody:
     """Estimate the body of a recorded range of motion.
 
@@ -125,6 +126,7 @@ def calibrate(
         facing_rad: which way the person faces in the N-pose [rad]; None to read it off hips and shoulders.
         on_progress: called with the step, and the share of it that is done.
         imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
+        rest_s: (from, to) when the N-pose is held, in the recording's time [s]; None to search for it.
 
     Raises:
         BodycamError: anything that is wrong with the input, or a motion that does not determine the body.
@@ -144,6 +146,7 @@ def calibrate(
         pipeline.evidence,
         facing_rad,
         pipeline.clock,
+        rest_s,
     )
     images = ImageSettings(min(pipeline.images.max_rate or _MAX_RATE_HZ, _MAX_RATE_HZ))
     task = RegistrationTask(recording_path, map_path, replace(pipeline, images=images), with_messages=False)
