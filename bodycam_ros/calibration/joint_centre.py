@@ -67,7 +67,7 @@ def find_joint_centre(parent_T_child: Array) -> JointCentre:
     in_child = np.full(3, np.inf)
     for _ in range(_ITERATIONS):
         before = in_child
-        centre = _weighted_centre(parent_T_child, weights)
+        centre = weighted_joint_centre(parent_T_child, weights)
         in_child = centre.in_child
         sigma = max(_TO_SIGMA * float(np.median(centre.residuals_m)), _RESIDUAL_FLOOR_M)
         weights = 1.0 / (1.0 + (centre.residuals_m / (_OUTLIER_SIGMAS * sigma)) ** 2) ** 2  # Geman-McClure
@@ -76,8 +76,13 @@ def find_joint_centre(parent_T_child: Array) -> JointCentre:
     return centre
 
 
-def _weighted_centre(parent_T_child: Array, weights: Array) -> JointCentre:
-    """Solve A eq. 14 by SVD, with the mean over time as the row that all others are compared to."""
+def weighted_joint_centre(parent_T_child: Array, weights: Array) -> JointCentre:
+    """Solve A eq. 14 by SVD, with the mean over time as the row that all others are compared to.
+
+    Args:
+        parent_T_child: (N, 4, 4) poses of the child in the parent over time.
+        weights: (N) of the poses.
+    """
     share = weights / weights.sum()
     R, t = parent_T_child[:, :3, :3], parent_T_child[:, :3, 3]
     R_mean, t_mean = np.einsum("n,nij->ij", share, R), share @ t

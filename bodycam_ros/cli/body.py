@@ -28,15 +28,21 @@ from bodycam_ros.cli.options import (
     read_settings,
     time_span,
 )
-from bodycam_ros.cli.output import print_sections, shown_progress
+from bodycam_ros.cli.output import STYLES, print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, RigError
 from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.replay.measure_body import calibrate, measure_body
 from bodycam_ros.replay.worker_process import warm_up
+from bodycam_ros.results.verdict import WRONG_RESULT, Level
 from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+
+EPILOG = (
+    "Exit code: 0 if there is a body, 3 if the rig has cameras on the wrong segments, 1 if a file or the motion cannot "
+    "be used."
+)
 
 _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
@@ -100,10 +106,15 @@ def run(arguments: argparse.Namespace) -> int:
     check_files(arguments, (output, b"segments:", "body file"), *reports)
     where = "--name" if arguments.name else f"{output}: the name of the body"
     name = read_entry(Name, arguments.name or output.stem, where)
-    if arguments.stations is None:
-        _calibrate(arguments, name, page)
-    else:
+    if arguments.stations is not None:
         _measure(arguments, name)
+        return 0
+    try:
+        _calibrate(arguments, name, page)
+    except RigError as error:
+        Terminal().print(Text.assemble(("wrong: ", STYLES[Level.WRONG]), str(error)))
+        Terminal().print("no body written")
+        return WRONG_RESULT
     return 0
 
 
