@@ -44,6 +44,9 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path) -> int:
         from bodycam_ros.evaluate.report_sections import equipment_sections
 
         print_sections(terminal, equipment_sections(equipment_figures(summary.equipment, summary.start_ns)))
+    if any(finding.check == "body" for finding in summary.verdict.findings):
+        # Whatever else is odd follows from the wrong body.
+        return print_verdict(terminal, summary.verdict)
     mismatches = find_mismatches(recording, summary.doubted_cameras) if summary.doubted_cameras else ()
     for remark in (*summary.remarks, *(match.text for match in mismatches)):
         terminal.print(remark, style="red")

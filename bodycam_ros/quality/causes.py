@@ -41,10 +41,11 @@ _STEADY, _FIRM = 0.4, 0.25  # spread of a constant offset, as a share of it; on 
 
 @dataclass(frozen=True)
 class Cause:
-    """Why a camera contradicts the body: the likely reason, and what to do."""
+    """Why a camera contradicts the body: the likely reason, what to do, and whether it is on another's mount."""
 
     why: str
     remedy: str
+    is_exchange: bool = False
 
 
 def find_causes(found: Contradiction) -> dict[str, Cause]:
@@ -59,11 +60,13 @@ def find_causes(found: Contradiction) -> dict[str, Cause]:
 def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Cause:
     place = places.get(camera)
     if place and places.get(place) == camera:
-        return Cause(f"its name is exchanged with {place}", "exchange the two names, in the topics or in the body file")
+        return Cause(
+            f"its name is exchanged with {place}", "exchange the two names, in the topics or in the body file", True
+        )
     if (lens := lens_cause(poses.lens_errors.get(camera))) is not None:
         return lens
     if place:
-        return Cause(f"its pictures come from where {place} sits", "check which camera records under which name")
+        return Cause(f"its pictures come from where {place} sits", "check which camera records under which name", True)
     if (clock := clock_cause(poses, camera)) is not None:
         return clock
     seconds, offsets, _ = _joint_offsets(poses, camera)
