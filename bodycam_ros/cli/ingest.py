@@ -19,9 +19,14 @@ if TYPE_CHECKING:
 
 _CLOCKS = (
     ("by", "by", ""), ("start [s]", "time.start_s", "+.4f"), ("sigma [ms]", "time.start_sigma_s", ".1f", 1e3),
-    ("drift [ppm]", "time.drift", "+.1f", 1e6), ("sigma [ppm]", "time.drift_sigma", ".1f", 1e6),
+    ("drift [ppm]", "drift", "+.1f", 1e6), ("sigma [ppm]", "drift_sigma", ".1f", 1e6),
     ("confidence", "time.confidence", ".2f"),
 )  # fmt: skip
+_CLOCKS_NOTE = (
+    "start: of the file, in the recording's time; sigma: of its images, of which the first is exposed up to one frame "
+    "after the sound begins: body and replay find the rest by the motion; confidence: lead over the second best start"
+)
+_KNOWN_DRIFT = 50e-6  # sigma; cameras that run for seconds tell no drift, and what is printed would be chance
 _WRITTEN = (
     ("frames", "frames", "d"), ("per second", "rate_hz", ".2f"), ("size", "size", ""),
     ("read-out [ms]", "readout_s", ".1f", 1e3), ("imu [Hz]", "imu_hz", ".0f"),
@@ -125,8 +130,12 @@ def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
     """Clocks, in the order in which the cameras started, and what was written of each camera."""
     times = dict(sorted(offsets.times.items(), key=lambda item: item[1].start_s))
     by = {name: "reference" if name == offsets.reference else time.source for name, time in times.items()}
-    clocks = {name: {"time": time, "by": by[name]} for name, time in times.items()}
-    yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks)
+    clocks: dict[str, object] = {}
+    for name, time in times.items():
+        is_known = time.drift_sigma < _KNOWN_DRIFT
+        drift = {"drift": time.drift, "drift_sigma": time.drift_sigma} if is_known else {}
+        clocks[name] = {"time": time, "by": by[name], **drift}
+    yield column_table("clocks of the cameras", "camera", _CLOCKS, clocks, _CLOCKS_NOTE)
     written = {}
     for stream in summary.streams:
         source = stream.camera

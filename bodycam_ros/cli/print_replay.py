@@ -50,7 +50,7 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path) -> int:
     mismatches = find_mismatches(recording, summary.doubted_cameras) if summary.doubted_cameras else ()
     for remark in (*summary.remarks, *(match.text for match in mismatches)):
         terminal.print(remark, style="red")
-    for line in (*summary.notes, *clock_remarks(summary.timings, summary.speeds)):
+    for line in (*summary.notes, *clock_remarks(summary.timings, summary.speeds, summary.clock_sigma_s)):
         terminal.print(line)
     for camera, count in summary.rejected.most_common():
         terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")

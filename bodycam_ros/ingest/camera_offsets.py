@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import takewhile
 from threading import Event
+from types import MappingProxyType
 
 import numpy as np
 
@@ -65,7 +66,9 @@ def find_offsets(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Pro
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
     sources = {"motion": partial(_motion, cameras, rig, progress), "given": partial(creation_times, videos)}
-    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress)
+    rates_hz = {video.camera: video.facts.rate_hz for video in videos}
+    intervals_s = {camera: 1.0 / rate_hz for camera, rate_hz in rates_hz.items() if rate_hz > 0.0}
+    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress, intervals_s)
 
 
 def camera_times(
@@ -73,6 +76,7 @@ def camera_times(
     segments: Mapping[str, str] | None,
     sources: Mapping[str, TimeSource],
     progress: Progress,
+    intervals_s: Mapping[str, float] = MappingProxyType({}),
 ) -> Offsets:
     """Find the clocks of all cameras.
 
@@ -81,6 +85,7 @@ def camera_times(
         segments: camera -> segment that it is strapped to, if that is known.
         sources: name -> source; used after the sound, in this order.
         progress: of scanning and comparing.
+        intervals_s: camera -> time between two of its images [s], where it is known.
 
     Raises:
         RecordingError: no two cameras can be placed; the message gives the reason for each, and what to do.
@@ -93,7 +98,7 @@ def camera_times(
     remarks += [f"{name}: {fault}" for name, fault in without.items()]
     # A camera in the middle of the body: claps reach it with the mean delay.
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
-    times = sound_times(scanned, middle, progress)
+    times = _of_images(sound_times(scanned, middle, progress), intervals_s)
     for by, source in sources.items():
         found, noticed = source(times)
         remarks += [*noticed, *_added(by, found, times, scanned)]
@@ -108,6 +113,22 @@ def camera_times(
     ]
     reference = next((name for name, time in placed.items() if time.start_sigma_s == 0.0), next(iter(placed)))
     return Offsets(reference, relative_to(reference, placed), unplaced, tuple(remarks))
+
+
+def _of_images(times: Mapping[str, CameraTime], intervals_s: Mapping[str, float]) -> dict[str, CameraTime]:
+    """Clocks of sounds as those of the images beside them.
+
+    A file begins with its first sound, and the first image is exposed within one interval after that; the container
+    has both at time 0. Known is that the images are late by anything from no interval to a whole one.
+    """
+    late = {name: intervals_s.get(name, 0.0) / np.sqrt(12.0) for name in times}  # of a uniform distribution
+    reference = next((late[name] for name, time in times.items() if time.start_sigma_s == 0.0), 0.0)
+    return {
+        name: time
+        if time.start_sigma_s == 0.0
+        else replace(time, start_sigma_s=float(np.linalg.norm([time.start_sigma_s, late[name], reference])))
+        for name, time in times.items()
+    }
 
 
 def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[str, CameraSound], list[str]]:

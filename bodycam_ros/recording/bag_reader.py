@@ -1,6 +1,7 @@
 """The cameras of a recording: their intrinsics, their images in time order, and samples of their inertial sensors."""
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -151,6 +152,14 @@ class Recording:
             except ValueError as error:
                 raise RecordingError(f"camera {camera}: {topic} in {self.path} has {error}") from error
         return None
+
+    def clock_sigma(self, camera: str) -> float:
+        """Standard deviation of the camera's clock offset as an ingest found it [s]; 0 where none is recorded."""
+        topic = f"/{camera}{TIMING}"
+        if self._bag.topics.get(topic) != TIMING_TYPE:
+            return 0.0
+        sigma = next((float(message.offset_sigma) for _, _, message in self._bag.messages([topic])), 0.0)
+        return sigma if 0.0 <= sigma < math.inf else 0.0
 
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.

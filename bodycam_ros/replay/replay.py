@@ -100,7 +100,8 @@ def replay(
         if passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
             map_path, rounds = _extend(recording, map_path, body, settings, jobs, passes, on_step, scratch)
-        summary = ReplaySummary(recording.duration_s, rounds=rounds)
+        clock_sigma_s = max(map(recording.clock_sigma, recording.cameras))
+        summary = ReplaySummary(recording.duration_s, rounds=rounds, clock_sigma_s=clock_sigma_s)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
