@@ -56,7 +56,8 @@ class BodyCalibrator:
         facing_rad: which way the person faces in the N-pose, about the map's z from its x [rad]; None to read it off
             the hips and shoulders.
         clock: how far the cameras' clocks may be off.
-        rest_s: (from, to) when the N-pose is held, since the first image [s]; None to search for it.
+        rest_s: (from, to) when the N-pose is held, in the recording's time [s]; None to search for it.
+        first_ns: stamp of the recording's time 0 [ns]; None for that of the first image that is added.
 
     Raises:
         RangeOfMotionError: the recording lacks a camera of the rig.
@@ -71,6 +72,7 @@ class BodyCalibrator:
         facing_rad: float | None = None,
         clock: ClockSettings | None = None,
         rest_s: tuple[float, float] | None = None,
+        first_ns: int | None = None,
     ) -> None:
         if missing := [camera for camera in rig.cameras if camera not in cameras]:
             raise RangeOfMotionError(
@@ -82,7 +84,7 @@ class BodyCalibrator:
         self._evidence = evidence or EvidenceSettings()
         self._facing_rad = facing_rad
         self._clock = clock or ClockSettings()
-        self._rest_s = rest_s
+        self._rest_s, self._first_ns = rest_s, first_ns
         self.forget()
 
     def forget(self) -> None:
@@ -111,7 +113,7 @@ class BodyCalibrator:
             MapError: no person has bones of this size, so the map's scale is wrong.
         """
         on_progress("joint centres", 0.0)
-        motion = camera_motion(list(self._logs.values()))
+        motion = camera_motion(list(self._logs.values()), self._first_ns)
         self._check_rig(motion)
         initial = self._initial_body(name, self._rig, motion)
         found, hinges, resting, rows = initial.found, initial.hinges, initial.resting, initial.rows

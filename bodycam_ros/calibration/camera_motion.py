@@ -63,7 +63,7 @@ class CameraMotion:
             identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
         triggered: (C) whether a camera shares its stamps with most others.
-        start_ns: stamp of the first image of any camera, registered or not: time 0 of the recording [ns].
+        start_ns: stamp of the recording's time 0 [ns].
     """
 
     cameras: tuple[str, ...]
@@ -88,11 +88,12 @@ class CameraMotion:
         return float(self.seconds[-1] - self.seconds[0])
 
 
-def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
+def camera_motion(logs: Sequence[CameraLog], first_ns: int | None = None) -> CameraMotion:
     """Bring the registrations of all cameras to common stamps.
 
     Args:
         logs: of all cameras.
+        first_ns: stamp of the recording's time 0 [ns]; None for that of the first image, registered or not.
 
     Raises:
         RangeOfMotionError: a camera was never registered.
@@ -132,5 +133,5 @@ def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
         instant_T_image=instant_T_image,
         twists=twists,
         triggered=np.array([log.camera in together for log in logs]),
-        start_ns=min(log.matches[0].stamp_ns for log in logs),
+        start_ns=min(log.matches[0].stamp_ns for log in logs) if first_ns is None else first_ns,
     )

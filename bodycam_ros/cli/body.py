@@ -21,8 +21,10 @@ from bodycam_ros.cli.options import (
     add_config,
     add_option,
     add_output,
+    add_span,
     check_files,
     given_flags,
+    given_span,
     number,
     pipeline_settings,
     read_settings,
@@ -65,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="direction that the person faces in the N-pose, about the map's z from its x (default: by hips and "
         "shoulders)",
     )
+    add_span(parser)
     parser.add_argument(
         "--rest-pose",
         type=time_span,
@@ -94,8 +97,8 @@ def run(arguments: argparse.Namespace) -> int:
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
     if arguments.stations is not None:
-        for flag in given_flags(arguments, "rig", "facing", "rest_pose"):
-            raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
+        for flag in given_flags(arguments, "rig", "facing", "rest_pose", "from_s", "to_s"):
+            raise BodyError(f"{flag.removesuffix('-s')} is for body cameras; static ones, of --stations, do without")
     elif arguments.map is None or arguments.rig is None:
         raise BodyError(
             "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
@@ -135,6 +138,7 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
             on_progress=progress.show,
             imu_paths=arguments.imu,
             rest_s=arguments.rest_pose,
+            span=given_span(arguments),
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis) | dict(calibrated.body.report))
     write_body(body, arguments.output)

@@ -17,11 +17,12 @@ from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_fr
 
 if TYPE_CHECKING:
     from bodycam_ros.pipeline.settings import PipelineSettings
+    from bodycam_ros.recording.time_span import TimeSpan
 
 G = TypeVar("G", bound=SettingsGroups)
 N = TypeVar("N", int, float)
 
-PIPELINE = "pipeline_settings:PipelineSettings"
+PIPELINE = "pipeline.settings:PipelineSettings"
 """Settings of all stages, for ``add_config``."""
 
 
@@ -101,6 +102,31 @@ def add_output(parser: argparse.ArgumentParser, metavar: str, help_text: str, re
     """
     parser.add_argument("-o", "--output", type=Path, required=True, metavar=metavar, help=help_text)
     parser.add_argument("--force", action="store_true", help=f"replace {replaced or metavar}, if already there")
+
+
+def add_span(parser: argparse.ArgumentParser, *to_flags: str) -> None:
+    """Add --from and --to, times of a recording; ``to_flags``: other names of the latter."""
+    unit = "in seconds since the first image of the recording, as reports print it"
+    seconds = number(float, 0.0, 1e7, "s")
+    parser.add_argument("--from", dest="from_s", type=seconds, metavar="S", help=f"start of the part to use, {unit}")
+    to_flags = to_flags or ("--to", "--until")
+    parser.add_argument(*to_flags, dest="to_s", type=seconds, metavar="S", help="end of the part to use, likewise")
+
+
+def given_span(arguments: argparse.Namespace) -> "TimeSpan":
+    """The part of the recording that is asked for.
+
+    Raises:
+        SettingsError: it ends before it begins.
+    """
+    from bodycam_ros.recording.time_span import TimeSpan
+
+    span = TimeSpan(
+        0.0 if arguments.from_s is None else arguments.from_s, math.inf if arguments.to_s is None else arguments.to_s
+    )
+    if span.from_s >= span.to_s:
+        raise SettingsError(f"the part {span.text} is empty; give --from a time before the end")
+    return span
 
 
 def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:

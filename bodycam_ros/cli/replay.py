@@ -9,6 +9,8 @@ from bodycam_ros.cli.options import (
     add_equipment,
     add_option,
     add_output,
+    add_span,
+    given_span,
     input_paths,
     number,
     pipeline_settings,
@@ -38,6 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--surface")
     start_help = "with --stations: where the segments are in the first image; body cameras measure it as well"
     add_option(parser, "--start", help=start_help)
+    add_span(parser)
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="solve the whole recording (default: from the first to the last image at which three quarters of the "
+        "body's cameras run, or the part of --from and --to)",
+    )
     parser.add_argument(
         "--passes",
         type=number(int, 1, 100),
@@ -83,6 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
             outside=outside,
             slim=arguments.slim,
             imu_paths=arguments.imu,
+            span=given_span(arguments),
+            whole=arguments.all,
         )
     return print_replay(summary, arguments.recording, arguments.output)
 

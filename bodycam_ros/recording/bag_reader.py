@@ -29,6 +29,9 @@ logger = logging.getLogger(__name__)
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
 
+_END_NS = 1_000_000_000
+"""How far back from the end of a bag the last images are searched for first."""
+
 LAST_NS = 2**63 - 1
 """Time of recording of what comes after the last message."""
 
@@ -207,6 +210,26 @@ class Recording:
                     del wanted[camera]
             before_ns = max(_GOP_NS, 2 * before_ns)
         return found
+
+    def camera_spans(self, cameras: Collection[str]) -> dict[str, tuple[int, int]]:
+        """Camera -> stamps of its first and last image in the bag [ns]; those that have images with a stamp."""
+        topics = {self._topic_of(camera): camera for camera in cameras}
+        firsts: dict[str, int] = {}
+        for topic, _, stamp_ns in self._bag.header_stamps(topics):
+            if stamp_ns > 0:
+                firsts.setdefault(topics[topic], stamp_ns)
+            if len(firsts) == len(topics):
+                break
+        lasts: dict[str, int] = {}
+        end_ns, before_ns = self.start_ns + round(1e9 * self.duration_s), _END_NS
+        while len(lasts) < len(firsts):
+            for topic, _, stamp_ns in self._bag.header_stamps(topics, max(end_ns - before_ns, self.start_ns)):
+                if topics[topic] in firsts:
+                    lasts[topics[topic]] = max(stamp_ns, lasts.get(topics[topic], firsts[topics[topic]]))
+            if end_ns - before_ns <= self.start_ns:
+                break
+            before_ns *= 4
+        return {camera: (first, lasts.get(camera, first)) for camera, first in firsts.items()}
 
     def image_times(self) -> dict[str, NDArray[np.int64]]:
         """Camera -> (N, 2) when its images were recorded, and their stamps [ns], in order of the former."""

@@ -139,6 +139,7 @@ class RegistrationTask:
         readouts: camera -> read-out time, where it is known from elsewhere than the recording.
         turns: camera -> rotations by its gyroscope.
         keyframes: as of ``CameraPipeline``.
+        window_ns: first stamp of the images that are registered, and the stamp after the last [ns].
     """
 
     recording_path: Path
@@ -149,6 +150,7 @@ class RegistrationTask:
     readouts: Mapping[str, Readout] = field(default_factory=dict)
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
     keyframes: KeyframeDensity | None = None
+    window_ns: tuple[int, int] = (0, LAST_NS)
 
 
 def run_camera_worker(
@@ -230,7 +232,7 @@ def register_images(
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns
-            if not limit.is_due(image.camera, stamp_ns):
+            if not task.window_ns[0] <= stamp_ns < task.window_ns[1] or not limit.is_due(image.camera, stamp_ns):
                 continue
             if replica is not None:
                 # By the time of recording, which goes on alike for all cameras, whichever this process has.

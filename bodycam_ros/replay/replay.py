@@ -27,10 +27,12 @@ from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.replay.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
 from bodycam_ros.replay.extend import ExtensionRound, extend_map
 from bodycam_ros.replay.front_end import merged_results, start_workers
+from bodycam_ros.replay.recorded_part import WHOLE, part_s, published_window
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
 from bodycam_ros.replay.static_input import read_recorded_stations
@@ -66,6 +68,8 @@ def replay(
     slim: bool = False,
     passes: int = 1,
     imu_paths: Sequence[Path] = (),
+    span: TimeSpan = WHOLE,
+    whole: bool = False,
 ) -> ReplaySummary:
     """Run the pipeline over a bag and write everything that it publishes.
 
@@ -83,6 +87,8 @@ def replay(
         slim: write no tracks, and of landmarks the poses by them alone.
         passes: over the recording: all but the last extend the map by the recording itself.
         imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
+        span: the part of the recording that is solved.
+        whole: solve all of it, also where few of the body's cameras run.
 
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
@@ -105,6 +111,8 @@ def replay(
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
+        # Static cameras observe what body cameras that are not on yet do not.
+        window_ns, left_out = published_window(recording, mounted or recording.cameras, span, whole or bool(stations))
         sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
         imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
@@ -117,6 +125,7 @@ def replay(
             readouts=body.readout_starts,
             slim=slim,
             turns=camera_turns(body, imus),
+            window_ns=window_ns,
         )
         workers = stack.enter_context(start_workers(task, mounted, jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -132,7 +141,7 @@ def replay(
             )
             if not cameras and outside.start is None:
                 raise _nothing_solved(recording_path, map_path, outside, "")
-        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
+        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px, start_ns=recording.first_stamp_ns or None)
         skeleton = SkeletonPipeline(
             person,
             cameras,
@@ -149,7 +158,11 @@ def replay(
         start_ns = recording.start_ns
         sources = {
             BODY: body_record(own),
-            RECORDING: {"name": recording_path.resolve().name, "start_ns": str(start_ns)},
+            RECORDING: {
+                "name": recording_path.resolve().name,
+                "start_ns": str(start_ns),
+                "first_stamp_ns": str(recording.first_stamp_ns),
+            },
             SETTINGS: settings_record(settings) | {"passes": str(passes), "slim": json.dumps(slim)},
         }
         if reference_map is not None and given_map is not None:
@@ -157,13 +170,14 @@ def replay(
         if equipment is not None:
             sources[EQUIPMENT] = {"name": Path(equipment).stem}
         write_sources(writer, sources, own, start_ns)
-        summary.notes = source_remarks(sources)
+        summary.notes = (*([left_out] if left_out else ()), *source_remarks(sources))
+        summary.recorded_s = part_s(window_ns, recording)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
             registered = merged_results(workers, settings.growth, reference_map)
         images_step = f"replay of {summary.recorded_s:.1f} s"
-        for item in _with_images(registered, recording, stations):
+        for item in _with_images(registered, recording, stations, window_ns):
             out.write_image(item)
             if isinstance(item, (RegisteredImage, CameraImage)):
                 out.write_states(skeleton.add(item.matches if isinstance(item, RegisteredImage) else item))
@@ -196,10 +210,14 @@ def _extend(
 
 
 def _with_images(
-    registered: Iterator[Result], recording: Recording, stations: Collection[str]
+    registered: Iterator[Result], recording: Recording, stations: Collection[str], window_ns: tuple[int, int]
 ) -> Iterator[Result | CameraImage]:
     """Registrations of worn cameras, and images of static ones, in order of their stamps; then missing ones."""
-    images = recording.images(stations) if stations else ()
+    images = (
+        (image for image in recording.images(stations) if window_ns[0] <= image.stamp_ns < window_ns[1])
+        if stations
+        else ()
+    )
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
     yield from missing_images(recording, recording.start_ns)
 

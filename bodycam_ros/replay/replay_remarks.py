@@ -67,13 +67,9 @@ def _poorly_known(timings: Mapping[str, ClockHistory], speeds: Mapping[str, tupl
     if left:
         turn, shift = np.max(left, axis=0).tolist()
         size = f": errors of up to {1e3 * shift:.0f} mm and {math.degrees(turn):.1f} deg may be left"
-    names = ", ".join(sorted(timings))
     one = len(timings) == 1
-    yield (
-        f"{'the clock of camera' if one else f'the clocks of {len(timings)} cameras'} {names} "
-        f"{'is' if one else 'are'} known to {1e3 * sigma_s:.0f} ms only, because {'it' if one else 'they'} hardly "
-        f"moved{size}"
-    )
+    whose = f"the clock of camera {next(iter(timings))} is" if one else f"the clocks of {len(timings)} cameras are"
+    yield f"{whose} known to {1e3 * sigma_s:.0f} ms only, because {'it' if one else 'they'} hardly moved{size}"
 
 
 def _drifts(clock: ClockState) -> bool:

@@ -20,7 +20,7 @@ def test_offsets_within_three_of_the_recorded_sigmas_are_not_printed() -> None:
 def test_clocks_that_stay_unknown_are_one_line() -> None:
     timings = {name: clock(name, 0.0, sigma_s) for name, sigma_s in (("head", 0.006), ("torso", 0.008))}
     (remark,) = clock_remarks(timings, {"head": (0.1, 0.5), "torso": (0.2, 0.25)})
-    assert remark.startswith("the clocks of 2 cameras head, torso are known to 8 ms only, because they hardly moved")
+    assert remark.startswith("the clocks of 2 cameras are known to 8 ms only, because they hardly moved")
     assert remark.endswith("errors of up to 6 mm and 0.2 deg may be left")
 
 
