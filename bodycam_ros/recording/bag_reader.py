@@ -29,6 +29,9 @@ logger = logging.getLogger(__name__)
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
 
+_FEW_KEYFRAMES = 4
+_AFTER_KEY_NS = 1_000_000_000
+
 _END_NS = 1_000_000_000
 """How far back from the end of a bag the last images are searched for first."""
 
@@ -230,6 +233,33 @@ class Recording:
                 break
             before_ns *= 4
         return {camera: (first, lasts.get(camera, first)) for camera, first in firsts.items()}
+
+    def keyframe_samples(self, most: int) -> dict[str, dict[int, CameraImage]]:
+        """Camera -> number -> image decoded from keyframes, of cameras that record videos; others are left out.
+
+        Each of ``most`` equal parts of the recording gives the first keyframe of a camera, with an even number, and
+        where keyframes are rare the image a second later, with the odd number after it.
+        """
+        parts: dict[str, dict[int, list[CameraImage]]] = {}
+        length_ns = max(round(1e9 * self.duration_s), 1)
+        for image in self._messages(self.cameras):
+            packet = image.content
+            if not isinstance(packet, VideoPacket):
+                continue
+            own = parts.setdefault(image.camera, {})
+            part = min(most - 1, (image.recorded_ns - self.start_ns) * most // length_ns)
+            if packet.is_key and part not in own:
+                own[part] = [image]
+            elif own and not packet.is_key:
+                latest = own[max(own)]
+                if image.recorded_ns - latest[0].recorded_ns <= _AFTER_KEY_NS:
+                    latest.append(image)
+        found: dict[str, dict[int, CameraImage]] = {}
+        for camera, own in parts.items():
+            found[camera] = {2 * part: decode_last(images[:1]) for part, images in own.items()}
+            if len(own) < _FEW_KEYFRAMES:
+                found[camera] |= {2 * part + 1: decode_last(images) for part, images in own.items() if len(images) > 1}
+        return found
 
     def image_times(self) -> dict[str, NDArray[np.int64]]:
         """Camera -> (N, 2) when its images were recorded, and their stamps [ns], in order of the former."""
