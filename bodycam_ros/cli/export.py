@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _export_robot(arguments, options)
     if given := given_flags(arguments, "urdf", "mapping"):
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
-    check_output(output, sources, makes_folders=len(sources) > 1)
+    check_output(output, sources)
     with shown_progress() as progress:
         written = export(sources, arguments.to, output, arguments.force, options, progress, span)
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")

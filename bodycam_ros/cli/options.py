@@ -141,18 +141,17 @@ def input_paths(arguments: argparse.Namespace) -> tuple[Path, ...]:
     return tuple(path for paths in lists for path in paths if isinstance(path, Path))
 
 
-def check_files(arguments: argparse.Namespace, *files: tuple[Path, bytes, str], makes_folders: bool = False) -> None:
+def check_files(arguments: argparse.Namespace, *files: tuple[Path, bytes, str]) -> None:
     """Refuse files that cannot be written, or must not be replaced, before the work.
 
     Args:
         files: path, mark and kind of each, as of ``check_file``.
-        makes_folders: the command makes the folders above them.
 
     Raises:
         OutputError: one is an input, cannot be written, or is something else.
     """
     for path, mark, what in files:
-        check_output(path, input_paths(arguments), makes_folders)
+        check_output(path, input_paths(arguments))
         check_file(path, arguments.force, mark, what)
 
 

@@ -176,7 +176,7 @@ def export(
     beside = {path: content for path, content in contents.items() if path not in outputs}
     unchanged = {path for path, content in beside.items() if path.is_file() and path.read_bytes() == content}
     for path in beside.keys() - unchanged:
-        check_output(path, sources, makes_folders=len(sources) > 1)
+        check_output(path, sources)
         check_file(path, force, *next(mark for end, mark in chosen.beside.items() if path.name.endswith(end)))
     with whole_files(folder, inside=len(sources) == 1) as scratch:
         for path in contents.keys() - unchanged:

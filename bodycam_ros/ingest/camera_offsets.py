@@ -32,6 +32,9 @@ _ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is
 _DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
 
+_WAYS = {"motion": "its motion", "given": "the time of creation of its file"}
+"""Source of clocks -> what it goes by."""
+
 _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
@@ -182,9 +185,12 @@ def _added(
 
 
 def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Collection[str]) -> str:
-    whose = f"that of {placed[0]}" if placed else "another camera's"
-    reason = without.get(name) or f"its sound has too little in common with {whose}, or fits at several times alike"
-    return reason + (f"; {' and '.join(tried)} do not place it either" if tried else "")
+    """Why a camera has no clock: one cause, and the other ways by which it was not found either."""
+    whose = f"camera {placed[0]}" if placed else "any other camera"
+    unlike = f"its sound has too little in common with that of {whose}, or fits it at several times"
+    cause = f"it {without[name]}" if without.get(name, "").startswith("has") else without.get(name) or unlike
+    ways = [_WAYS[each] for each in tried]
+    return cause + (f", and {' and '.join(ways)} {'does' if len(ways) == 1 else 'do'} not tell its time" if ways else "")
 
 
 def _unknown_clocks(reasons: Mapping[str, str]) -> str:
