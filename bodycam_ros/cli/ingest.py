@@ -11,11 +11,14 @@ from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate.sections import Section, column_table
 from bodycam_ros.files.output_place import check_output
+from bodycam_ros.results.verdict import WRONG_RESULT
 
 if TYPE_CHECKING:
     from bodycam_ros.ingest.camera_offsets import Offsets
     from bodycam_ros.ingest.ingest import IngestSummary
     from bodycam_ros.ingest.ingest_camera import IngestCamera
+
+EPILOG = "Exit code: 0 if all cameras are in the bag, 3 if one is left out and named; 1 if a file cannot be used."
 
 _CLOCKS = (
     ("by", "by", ""), ("start [s]", "time.start_s", "+.4f"), ("sigma [ms]", "time.start_sigma_s", ".1f", 1e3),
@@ -70,6 +73,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help="reduce frames to this share of their size, lenses too (%(default)s)",
     )
+    parser.add_argument(
+        "--check-lenses",
+        action="store_true",
+        help="compare each lens with the motion in its images; takes longer than all else (replay compares the lenses "
+        "of cameras that fit badly)",
+    )
     add_option(parser, "--jobs", help="threads (default: all cores)")
 
 
@@ -98,19 +107,22 @@ def run(arguments: argparse.Namespace) -> int:
             offsets = find_offsets(cameras, rig, progress)
         summary = ingest(cameras, offsets, arguments.output, arguments.jobs, arguments.force, progress)
         write_timing_report(offsets, report)
-        faults += lens_remarks(cameras, progress)
-    faults += [f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items()]
+        lenses = lens_remarks(cameras, progress) if arguments.check_lenses else []
+    left_out = [*faults, *(f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items())]
+    left_out += summary.faults
     console = Terminal()
     print_sections(console, _tables(summary, offsets))
+    for fault in left_out:
+        console.print(f"WARNING: {fault}", style="bold red")
     of_streams = [remark for stream in summary.streams for remark in stream.remarks()]
-    for remark in [*faults, *summary.faults, *offsets.remarks, *of_streams]:
+    for remark in [*lenses, *offsets.remarks, *of_streams]:
         console.print(remark, style="red")
     frames = sum(stream.frames for stream in summary.streams)
     console.print(
         f"{len(summary.streams)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
         f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}"
     )
-    return 0
+    return WRONG_RESULT if left_out else 0
 
 
 def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:

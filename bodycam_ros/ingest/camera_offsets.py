@@ -190,7 +190,9 @@ def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried:
     unlike = f"its sound has too little in common with that of {whose}, or fits it at several times"
     cause = f"it {without[name]}" if without.get(name, "").startswith("has") else without.get(name) or unlike
     ways = [_WAYS[each] for each in tried]
-    return cause + (f", and {' and '.join(ways)} {'does' if len(ways) == 1 else 'do'} not tell its time" if ways else "")
+    return cause + (
+        f", and {' and '.join(ways)} {'does' if len(ways) == 1 else 'do'} not tell its time" if ways else ""
+    )
 
 
 def _unknown_clocks(reasons: Mapping[str, str]) -> str:

@@ -113,7 +113,7 @@ def test_noise_alone_places_nobody() -> None:
 def test_deaf_and_silent_cameras_are_named_and_the_others_placed() -> None:
     heard = sources(RECORDERS | {"silent": Recorder(0.0, 16.0, gain=0.0)}, CLAPS) | {"deaf": lambda: iter(())}
     offsets = camera_times(heard)
-    assert offsets.unplaced == {"silent": "its sound is silence", "deaf": "has no sound"}
+    assert offsets.unplaced == {"silent": "its sound is silence", "deaf": "it has no sound"}
     assert set(offsets.times) == set(RECORDERS)
 
 
