@@ -27,6 +27,8 @@ READERS := .venv-readers
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH VIRTUAL_ENV
 export PYTHONNOUSERSITE := 1
+# A company's proxy signs with a certificate that is in the system's store alone.
+export UV_SYSTEM_CERTS ?= 1
 
 .PHONY: help demo test test-all test-ros figures readers faults lint docs bench latency endure clean
 .DELETE_ON_ERROR:

@@ -33,6 +33,10 @@ class RangeOfMotionError(BodyError):
     """A range of motion does not determine a body; the message names the joint, and what to repeat."""
 
 
+class RigError(RangeOfMotionError):
+    """Cameras are on other segments than the rig says; the message names them."""
+
+
 class StationError(BodycamError):
     """Where static cameras stand is malformed, or cannot be found out."""
 

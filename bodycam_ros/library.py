@@ -24,6 +24,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
+from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.formats.stations_file import read_stations
 from bodycam_ros.inertial.imu_samples import ImuSamples
@@ -36,6 +37,7 @@ from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.static_camera_findings import StaticCameraLog
+from bodycam_ros.quality.unsolved_findings import unsolved_findings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -93,6 +95,8 @@ class Replay(Iterator[BodyOutput]):
         self._stations: Mapping[str, Station] = {}
         self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
         self._static_log = StaticCameraLog()
+        self._skeleton: SkeletonPipeline | None = None
+        self._solved = 0
         self._states = self._solve()
 
     def __next__(self) -> BodyOutput:
@@ -106,7 +110,9 @@ class Replay(Iterator[BodyOutput]):
         if self._static_cameras is not None:
             own, worn = self._own, self._cameras
             bare = [name for name in own.segments if not any(each in worn for each in own.cameras_on(name))]
-        return judge(self._log.poses(), self._static_log.findings(bare))
+        counts = SolverCounts() if self._skeleton is None else self._skeleton.counts
+        unsolved = unsolved_findings(self._solved, counts.contradictory, counts.rejected)
+        return judge(self._log.poses(), (*self._static_log.findings(bare), *unsolved))
 
     def _solve(self) -> Iterator[BodyOutput]:
         with ExitStack() as opened:
@@ -114,7 +120,7 @@ class Replay(Iterator[BodyOutput]):
             if not (set(self._cameras) & set(self._body.mounts) or self._stations):
                 raise BodyError(f"none of the cameras that have models is on the body ({', '.join(self._body.mounts)})")
             prepare_kernels()
-            skeleton = SkeletonPipeline(
+            skeleton = self._skeleton = SkeletonPipeline(
                 self._body,
                 self._cameras,
                 self._settings,
@@ -194,6 +200,7 @@ class Replay(Iterator[BodyOutput]):
 
     def _logged(self, outputs: Iterable[BodyOutput]) -> Iterator[BodyOutput]:
         for output in outputs:
+            self._solved += 1
             self._log.add_state(output.state.stamp_ns, output.state.world_T_segment)
             yield output
 

@@ -174,19 +174,19 @@ class ArticulatedMotion:
 
     def hinge_axis(self, child: str) -> Array:
         """(3,) direction on a segment that its joint never turned across, to the left rather than to the right."""
-        R = self._joint_rotations(child)
+        R = self.joint_rotations(child)
         axis: Array = np.linalg.svd((R - R.mean(axis=0)).reshape(-1, 3), full_matrices=False)[2][2]
         return axis if axis[1] >= 0 else -axis
 
     def exercised(self, child: str) -> Array:
         """(3,) extents of a joint's rotation about its principal axes [rad], the middle 99 % of the instants."""
-        R = self._joint_rotations(child)
+        R = self.joint_rotations(child)
         turns = log_so3(nearest_rotation(R.mean(axis=0)).T @ R)
         _, _, axes = np.linalg.svd(turns - turns.mean(axis=0), full_matrices=False)
         low, high = np.percentile(turns @ axes.T, [0.5, 99.5], axis=0)
         return np.sort(high - low)[::-1]
 
-    def _joint_rotations(self, child: str) -> Array:
+    def joint_rotations(self, child: str) -> Array:
         """(T, 3, 3) of the joint that a segment hangs on."""
         row = self.body.joint_ends[:, 1].tolist().index(self.body.segment_index[child])
         return self.motion[:, 1 + row, :3, :3]

@@ -69,7 +69,7 @@ def assess(
         cameras=_cameras(motion, rows, zeroed.motion, logs, readouts),
         rest_s=rest_s,
         heading_rad=zeroed.heading_rad,
-        duration_s=float(motion.seconds[-1]),
+        duration_s=motion.duration_s,
         stature_m=stature_m,
         scale_warning=odd_scale(stature_m),
     )

@@ -63,6 +63,7 @@ class CameraMotion:
             identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
         triggered: (C) whether a camera shares its stamps with most others.
+        start_ns: stamp of the recording's time 0 [ns].
     """
 
     cameras: tuple[str, ...]
@@ -73,19 +74,26 @@ class CameraMotion:
     instant_T_image: Array
     twists: Array
     triggered: NDArray[np.bool_]
+    start_ns: int
 
     @property
     def seconds(self) -> Array:
-        """(T) stamps since the first [s]."""
-        seconds: Array = 1e-9 * (self.stamps_ns - self.stamps_ns[0]).astype(np.float64)
+        """(T) stamps in the recording's time, since its first image [s]."""
+        seconds: Array = 1e-9 * (self.stamps_ns - self.start_ns).astype(np.float64)
         return seconds
 
+    @property
+    def duration_s(self) -> float:
+        """From the first stamp to the last [s]."""
+        return float(self.seconds[-1] - self.seconds[0])
 
-def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
+
+def camera_motion(logs: Sequence[CameraLog], first_ns: int | None = None) -> CameraMotion:
     """Bring the registrations of all cameras to common stamps.
 
     Args:
         logs: of all cameras.
+        first_ns: stamp of the recording's time 0 [ns]; None for that of the first image, registered or not.
 
     Raises:
         RangeOfMotionError: a camera was never registered.
@@ -125,4 +133,5 @@ def camera_motion(logs: Sequence[CameraLog]) -> CameraMotion:
         instant_T_image=instant_T_image,
         twists=twists,
         triggered=np.array([log.camera in together for log in logs]),
+        start_ns=min(log.matches[0].stamp_ns for log in logs) if first_ns is None else first_ns,
     )

@@ -14,7 +14,7 @@ import numpy as np
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, nearest_rotation
 
 _BALL, _HINGE = 3, 2  # directions that they turn across
 _FREE = 0.05  # singular value [rad rms] below which a joint does not turn across a direction: registrations give
@@ -35,17 +35,26 @@ class JointCentre:
         singular_values: (3,) of A eq. 14, largest first, per root of the rows: the root mean square by which a
             direction of the child turned in the parent, from 0 for the axis of a hinge to 1.
         residuals_m: (N) distances between the joint on the parent and on the child [m], one per equation.
+        axis_in_child, axis_in_parent: (3,) direction that the joint turned across least, the axis of a hinge; on the
+            parent its mean over time.
     """
 
     in_parent: Array
     in_child: Array
     singular_values: Array
     residuals_m: Array
+    axis_in_child: Array
+    axis_in_parent: Array
 
     @property
     def freedoms(self) -> int:
         """Number of directions that the joint turned across: 3 for a ball, 2 for a hinge, fewer if it was still."""
         return int((self.singular_values > _FREE).sum())
+
+    @property
+    def is_hinge(self) -> bool:
+        """Whether the joint turned about one axis only."""
+        return self.freedoms == _HINGE
 
 
 def find_joint_centre(parent_T_child: Array) -> JointCentre:
@@ -58,7 +67,7 @@ def find_joint_centre(parent_T_child: Array) -> JointCentre:
     in_child = np.full(3, np.inf)
     for _ in range(_ITERATIONS):
         before = in_child
-        centre = _weighted_centre(parent_T_child, weights)
+        centre = weighted_joint_centre(parent_T_child, weights)
         in_child = centre.in_child
         sigma = max(_TO_SIGMA * float(np.median(centre.residuals_m)), _RESIDUAL_FLOOR_M)
         weights = 1.0 / (1.0 + (centre.residuals_m / (_OUTLIER_SIGMAS * sigma)) ** 2) ** 2  # Geman-McClure
@@ -67,8 +76,13 @@ def find_joint_centre(parent_T_child: Array) -> JointCentre:
     return centre
 
 
-def _weighted_centre(parent_T_child: Array, weights: Array) -> JointCentre:
-    """Solve A eq. 14 by SVD, with the mean over time as the row that all others are compared to."""
+def weighted_joint_centre(parent_T_child: Array, weights: Array) -> JointCentre:
+    """Solve A eq. 14 by SVD, with the mean over time as the row that all others are compared to.
+
+    Args:
+        parent_T_child: (N, 4, 4) poses of the child in the parent over time.
+        weights: (N) of the poses.
+    """
     share = weights / weights.sum()
     R, t = parent_T_child[:, :3, :3], parent_T_child[:, :3, 3]
     R_mean, t_mean = np.einsum("n,nij->ij", share, R), share @ t
@@ -81,7 +95,8 @@ def _weighted_centre(parent_T_child: Array, weights: Array) -> JointCentre:
     in_child = -directions[turning].T @ ((U.T @ dt)[turning] / singular_values[turning])
     in_parent = R_mean @ in_child + t_mean
     residuals_m = np.linalg.norm(R @ in_child + t - in_parent, axis=1)
-    return JointCentre(in_parent, in_child, singular_values, residuals_m)
+    axis = directions[-1]
+    return JointCentre(in_parent, in_child, singular_values, residuals_m, axis, nearest_rotation(R_mean) @ axis)
 
 
 def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> list[str]:

@@ -46,7 +46,7 @@ def find_joints(rig: Rig, motion: CameraMotion) -> FoundJoints:
         names = rig.cameras_on(segment)
         own = [motion.cameras.index(camera) for camera in names]
         virtual[segment] = fuse_cameras(names, motion.world_T_camera[:, own], motion.known[:, own])
-    duration_s = float(motion.seconds[-1])
+    duration_s = motion.duration_s
     for child in rig.segments:  # A eq. 12-14
         if (parent := rig.parents[child]) is None:
             continue

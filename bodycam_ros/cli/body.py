@@ -21,23 +21,32 @@ from bodycam_ros.cli.options import (
     add_config,
     add_option,
     add_output,
+    add_span,
     add_topics,
     check_files,
     given_flags,
+    given_span,
     number,
     pipeline_settings,
     read_settings,
+    time_span,
     topic_names,
 )
-from bodycam_ros.cli.output import print_sections, shown_progress
+from bodycam_ros.cli.output import STYLES, print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
-from bodycam_ros.errors import BodyError
+from bodycam_ros.errors import BodyError, RigError
 from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.replaying.measure_body import calibrate, measure_body
 from bodycam_ros.replaying.worker_process import warm_up
+from bodycam_ros.results.verdict import WRONG_RESULT, Level
 from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+
+EPILOG = (
+    "Exit code: 0 if there is a body, 3 if the rig has cameras on the wrong segments, 1 if a file or the motion cannot "
+    "be used."
+)
 
 _LENGTHS = (
     ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
@@ -61,6 +70,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="direction that the person faces in the N-pose, about the map's z from its x (default: by hips and "
         "shoulders)",
     )
+    add_span(parser)
+    parser.add_argument(
+        "--rest-pose",
+        type=time_span,
+        metavar="FROM:TO",
+        help="when the person stands in the N-pose, in seconds of the recording, as 12.5:15 (default: the longest time "
+        "in which all cameras stand still and the limbs are straight)",
+    )
     static = parser.add_argument_group("static cameras")
     stations_help = (
         "instead of --rig: where static cameras are; without --map its own frame is the world. Measures lengths of "
@@ -83,8 +100,8 @@ def run(arguments: argparse.Namespace) -> int:
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
     if arguments.stations is not None:
-        for flag in given_flags(arguments, "rig", "facing"):
-            raise BodyError(f"{flag} is for body cameras; static ones, of --stations, do without")
+        for flag in given_flags(arguments, "rig", "facing", "rest_pose", "from_s", "to_s"):
+            raise BodyError(f"{flag.removesuffix('-s')} is for body cameras; static ones, of --stations, do without")
     elif arguments.map is None or arguments.rig is None:
         raise BodyError(
             "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
@@ -95,10 +112,15 @@ def run(arguments: argparse.Namespace) -> int:
     check_files(arguments, (output, b"segments:", "body file"), *reports)
     where = "--name" if arguments.name else f"{output}: the name of the body"
     name = read_entry(Name, arguments.name or output.stem, where)
-    if arguments.stations is None:
-        _calibrate(arguments, name, page)
-    else:
+    if arguments.stations is not None:
         _measure(arguments, name)
+        return 0
+    try:
+        _calibrate(arguments, name, page)
+    except RigError as error:
+        Terminal().print(Text.assemble(("wrong: ", STYLES[Level.WRONG]), str(error)))
+        Terminal().print("no body written")
+        return WRONG_RESULT
     return 0
 
 
@@ -119,6 +141,8 @@ def _calibrate(arguments: argparse.Namespace, name: str, page: Path) -> None:
             on_progress=progress.show,
             imu_paths=arguments.imu,
             names=topic_names(arguments),
+            rest_s=arguments.rest_pose,
+            span=given_span(arguments),
         )
     body = replace(calibrated.body, report=body_report(calibrated.diagnosis) | dict(calibrated.body.report))
     write_body(body, arguments.output)

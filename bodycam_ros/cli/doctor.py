@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(
         parser,
         "--rig",
-        help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: does it begin "
-        "with the N-pose, was every joint moved?",
+        help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: was every "
+        "joint moved? (not of videos, of which a few images are checked)",
     )
     add_option(parser, "--board", help="AprilTag board, is it in view? (default: board.yaml beside it)")
     add_option(parser, "--lenses")
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps({"level": level.word, "findings": [*map(finding_record, findings)]}, indent=1))
     else:
         _print(findings)
-        for check in skipped_checks(given):
+        for check in skipped_checks(given, findings):
             Terminal().print(f"not checked: {check}")
         verdict = {
             Level.GOOD: "good: nothing speaks against it",

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_option, add_output, given_flags, input_paths
+from bodycam_ros.cli.options import add_option, add_output, add_span, given_flags, given_span, input_paths
 from bodycam_ros.cli.output import print_sections, print_verdict, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import RecordingError
@@ -18,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag_help = "bag that OUT was solved from: adds reprojection errors and overlay.png"
     add_option(parser, "--recording", metavar="BAG", help=bag_help)
     add_option(parser, "--imu")
+    add_span(parser)
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
         "--truth",
@@ -65,10 +66,11 @@ def run(arguments: argparse.Namespace) -> int:
         for flag in given_flags(arguments, "align", "clock", "points"):
             raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
     options = AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)
+    span = given_span(arguments)
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
         with progress.step("reading and measuring", 1):
-            evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu))
+            evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu), span)
         with progress.step("drawing", 1):
             overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
             views: tuple[ImageView, ...] = ()

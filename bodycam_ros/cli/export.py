@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.cli.options import add_output, given_flags
+from bodycam_ros.cli.options import add_output, add_span, given_flags, given_span
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.files.output_place import check_output
@@ -56,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--to", choices=sorted([*FORMATS, ROBOT]), required=True, help="format to write")
     add_output(parser, "FILE", "file to write; a folder for several recordings", "files of this format")
+    add_span(parser, "--until")  # --to is the format
     for option, (meaning, rest) in _OPTIONS.items():
         users = ", ".join(name for name, form in FORMATS.items() if option in form.options)
         parser.add_argument(f"--{option}", help=f"{meaning} ({users})", **rest)
@@ -72,13 +73,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     sources, output = arguments.sources, arguments.output
     options = MotionOptions(**{name: getattr(arguments, name) for name in _OPTIONS})
+    span = given_span(arguments)
     if arguments.to == ROBOT:
         return _export_robot(arguments, options)
     if given := given_flags(arguments, "urdf", "mapping"):
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
-    check_output(output, sources, makes_folders=len(sources) > 1)
+    check_output(output, sources)
     with shown_progress() as progress:
-        written = export(sources, arguments.to, output, arguments.force, options, progress)
+        written = export(sources, arguments.to, output, arguments.force, options, progress, span)
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")
     return 0
 
@@ -94,6 +96,8 @@ def _export_robot(arguments: argparse.Namespace, options: MotionOptions) -> int:
         raise SettingsError(
             f"--to {ROBOT} needs {' and '.join(lacking)}: the robot, and the segments that its links follow"
         )
+    if arguments.from_s is not None or arguments.to_s is not None:
+        raise SettingsError(f"--from and --until have no effect on {ROBOT}; replay the part that it should follow")
     if options.given:
         raise SettingsError(
             f"{', '.join(f'--{name}' for name in options.given)} has no effect on {ROBOT}; leave it out"

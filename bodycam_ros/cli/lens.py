@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise OutputError(f"{output}: a lens is a camera_info YAML; give a name that ends with .yaml")
     picture = output.with_suffix(".png")
     files = (output, _MARK.encode(), "lens that bodycam wrote"), (picture, b"\x89PNG", "PNG")
-    check_files(arguments, *files, makes_folders=True)
+    check_files(arguments, *files)
     board = LensBoard(str(arguments.board), read_layout(arguments.board))
     models = _MODELS if arguments.model == "auto" else (arguments.model,)
     name = arguments.name or output.stem
@@ -79,7 +79,6 @@ def run(arguments: argparse.Namespace) -> int:
     rows = {trial.model: trial for trial in calibration.trials}
     print_sections(console, [column_table(f"lens: {calibration.chosen.model}", "model", _COLUMNS, rows)])
     _print_found(console, calibration)
-    output.parent.mkdir(parents=True, exist_ok=True)
     write_whole(picture, calibration_plot(calibration, f"Lens {name}: {calibration.chosen.model}"))
     for warning in calibration.warnings:
         console.print(f"less certain than it could be: {warning}", style="yellow")

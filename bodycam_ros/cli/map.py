@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.cli.options import add_config, add_option, add_output, given_flags, input_paths, read_settings
-from bodycam_ros.cli.output import ProgressBars, shown_progress
+from bodycam_ros.cli.output import StepProgress, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import MapError
 from bodycam_ros.files.output_place import check_output
@@ -111,7 +111,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def add_coverage(
-    reference_map: ReferenceMap, name: str, progress: ProgressBars
+    reference_map: ReferenceMap, name: str, progress: StepProgress
 ) -> tuple[ReferenceMap, Callable[[Path], None], list[str]]:
     """A map with its coverage, a function that draws it into a folder, and lines for the terminal."""
     from bodycam_ros.evaluate.coverage import (

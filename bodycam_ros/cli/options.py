@@ -1,6 +1,7 @@
 """Options that several commands share, and the settings of a command."""
 
 import argparse
+import math
 import os
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
@@ -16,6 +17,7 @@ from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_fr
 
 if TYPE_CHECKING:
     from bodycam_ros.pipeline.settings import PipelineSettings
+    from bodycam_ros.recording.time_span import TimeSpan
     from bodycam_ros.recording.topic_names import TopicNames
 
 G = TypeVar("G", bound=SettingsGroups)
@@ -40,6 +42,18 @@ def number(kind: Callable[[str], N], low: float, high: float, unit: str = "") ->
         return value
 
     return convert
+
+
+def time_span(text: str) -> tuple[float, float]:
+    """Converter of two times of a recording, FROM:TO [s]; argparse reports anything else."""
+    start, colon, end = text.partition(":")
+    try:
+        span = float(start), float(end)
+    except ValueError:
+        span = (0.0, 0.0)
+    if not colon or not 0.0 <= span[0] < span[1] < math.inf:
+        raise argparse.ArgumentTypeError(f"expected two times in seconds, as 12.5:15, not {text!r}")
+    return span
 
 
 _OPTIONS: Mapping[str, Mapping[str, Any]] = {
@@ -116,6 +130,31 @@ def topic_names(arguments: argparse.Namespace) -> "TopicNames":
     return TopicNames.parse(arguments.prefix, arguments.topics)
 
 
+def add_span(parser: argparse.ArgumentParser, *to_flags: str) -> None:
+    """Add --from and --to, times of a recording; ``to_flags``: other names of the latter."""
+    unit = "in seconds since the first image of the recording, as reports print it"
+    seconds = number(float, 0.0, 1e7, "s")
+    parser.add_argument("--from", dest="from_s", type=seconds, metavar="S", help=f"start of the part to use, {unit}")
+    to_flags = to_flags or ("--to", "--until")
+    parser.add_argument(*to_flags, dest="to_s", type=seconds, metavar="S", help="end of the part to use, likewise")
+
+
+def given_span(arguments: argparse.Namespace) -> "TimeSpan":
+    """The part of the recording that is asked for.
+
+    Raises:
+        SettingsError: it ends before it begins.
+    """
+    from bodycam_ros.recording.time_span import TimeSpan
+
+    span = TimeSpan(
+        0.0 if arguments.from_s is None else arguments.from_s, math.inf if arguments.to_s is None else arguments.to_s
+    )
+    if span.from_s >= span.to_s:
+        raise SettingsError(f"the part {span.text} is empty; give --from a time before the end")
+    return span
+
+
 def given_flags(arguments: argparse.Namespace, *names: str) -> list[str]:
     """The flags that were given, as a user writes them."""
     return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name) not in (None, [])]
@@ -128,18 +167,17 @@ def input_paths(arguments: argparse.Namespace) -> tuple[Path, ...]:
     return tuple(path for paths in lists for path in paths if isinstance(path, Path))
 
 
-def check_files(arguments: argparse.Namespace, *files: tuple[Path, bytes, str], makes_folders: bool = False) -> None:
+def check_files(arguments: argparse.Namespace, *files: tuple[Path, bytes, str]) -> None:
     """Refuse files that cannot be written, or must not be replaced, before the work.
 
     Args:
         files: path, mark and kind of each, as of ``check_file``.
-        makes_folders: the command makes the folders above them.
 
     Raises:
         OutputError: one is an input, cannot be written, or is something else.
     """
     for path, mark, what in files:
-        check_output(path, input_paths(arguments), makes_folders)
+        check_output(path, input_paths(arguments))
         check_file(path, arguments.force, mark, what)
 
 

@@ -9,6 +9,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table
 from rich.text import Text
 
+from bodycam_ros.cli.progress_lines import ProgressLines
 from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import Section
@@ -89,10 +90,18 @@ class ProgressBars:
         self.show(name, 1.0)
 
 
+StepProgress = ProgressBars | ProgressLines
+"""What ``shown_progress`` gives."""
+
+
 @contextmanager
-def shown_progress(hidden: bool = False) -> Iterator[ProgressBars]:
-    """Bars that are shown on a terminal while the block lasts, unless they are hidden."""
+def shown_progress(hidden: bool = False) -> Iterator[StepProgress]:
+    """Progress while the block lasts, unless it is hidden: bars on a terminal, elsewhere a line now and then."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     terminal = Terminal(stderr=True)
-    with Progress(*columns, console=terminal, transient=True, disable=hidden or not terminal.is_terminal) as bars:
+    if not hidden and not terminal.is_terminal:
+        with ProgressLines() as lines:
+            yield lines
+        return
+    with Progress(*columns, console=terminal, transient=True, disable=hidden) as bars:
         yield ProgressBars(bars)

@@ -45,10 +45,13 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: T
         from bodycam_ros.evaluate.report_sections import equipment_sections
 
         print_sections(terminal, equipment_sections(equipment_figures(summary.equipment, summary.start_ns)))
+    if any(finding.check == "body" for finding in summary.verdict.findings):
+        # Whatever else is odd follows from the wrong body.
+        return print_verdict(terminal, summary.verdict)
     mismatches = find_mismatches(recording, summary.doubted_cameras, names) if summary.doubted_cameras else ()
     for remark in (*summary.remarks, *(match.text for match in mismatches)):
         terminal.print(remark, style="red")
-    for line in (*summary.notes, *clock_remarks(summary.timings, summary.speeds)):
+    for line in (*summary.notes, *clock_remarks(summary.timings, summary.speeds, summary.clock_sigma_s)):
         terminal.print(line)
     for camera, count in summary.rejected.most_common():
         terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")

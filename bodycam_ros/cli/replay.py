@@ -9,7 +9,9 @@ from bodycam_ros.cli.options import (
     add_equipment,
     add_option,
     add_output,
+    add_span,
     add_topics,
+    given_span,
     input_paths,
     number,
     pipeline_settings,
@@ -41,6 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--surface")
     start_help = "with --stations: where the segments are in the first image; body cameras measure it as well"
     add_option(parser, "--start", help=start_help)
+    add_span(parser)
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="solve the whole recording (default: from the first to the last image at which three quarters of the "
+        "body's cameras run, or the part of --from and --to)",
+    )
     parser.add_argument(
         "--passes",
         type=number(int, 1, 100),
@@ -82,6 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
         passes=arguments.passes,
         imus=tuple(arguments.imu),
         names=names,
+        span=given_span(arguments),
+        whole=arguments.all,
     )
     check_output(arguments.output, input_paths(arguments))
     if arguments.output.exists():

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--recording", metavar="BAG", help="bag that OUT was solved from: shows its images")
     add_option(parser, "--stations", help="where static cameras are: shows them and their images")
     add_option(parser, "--surface")
-    video_help = "write a video of the body, and end; the start of --place"
+    video_help = "file to write: a video of the body, without a browser; with --place the start of the static cameras"
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help=video_help)
     over_help = "with -o and --recording: over the images of this camera, not from outside"
     add_option(parser, "--over", type=str, metavar="CAMERA", needs="output", help=over_help)

@@ -29,15 +29,16 @@ _JOINTS: Columns = (
     ("sigma [mm]", "sigma_m", ".1f", _MM),
 )  # fmt: skip
 _JOINTS_NOTE = (
-    "moves: a ball turns about all axes, a hinge about one; exercised: range about its own three axes; gap: "
-    "between the joint on the segment above and the one below, median; sigma: standard deviation forward, left, up"
+    "moves: a ball joint turns about all axes, a hinge about one; exercised: range of its motion about its own three "
+    "axes; gap: median distance between the joint on the segment above and on the one below; sigma: standard deviation "
+    "of its place forward, left, up"
 )
 _BONES: Columns = (
     ("length [mm]", "length_m", ".1f", _MM), ("sigma [mm]", "sigma_m", ".1f", _MM),
     ("other side [mm]", "mirror_m", ".1f", _MM), ("difference [mm]", "asymmetry_m", "+.1f", _MM),
     ("expected [mm]", "expected_m", ".0f", _MM),
 )  # fmt: skip
-_BONES_NOTE = "difference: less the other side; expected: of people of this stature (de Leva 1996)"
+_BONES_NOTE = "difference: this side minus the other one; expected: mean of people of this stature (de Leva 1996)"
 _CAMERAS: Columns = (
     ("registered", "registered", ".1%"), ("gap [mm]", "residual_m", ".1f", _MM),
     ("gap [deg]", "residual_rad", ".2f", _DEG), ("moved [mm]", "moved_m", ".1f", _MM),
@@ -45,8 +46,9 @@ _CAMERAS: Columns = (
     ("read-out [ms]", "readout.seconds", ".2f", _MS), ("clock [ms]", "clock_s", "+.1f", _MS),
 )  # fmt: skip
 _CAMERAS_NOTE = (
-    "gap: from the registered pose to that of the body, median; moved, turned: lasting change on its segment; "
-    "read-out: from the first row to the last; clock: ahead of the reference's (+) or behind, corrected"
+    "gap: median distance between the registered pose of the camera and its pose by the body; moved, turned: change of "
+    "its place on the segment that lasted; read-out: time from the first row to the last; clock: how far the clock of "
+    "the camera is ahead of the reference's (+) or behind it (-), which is corrected"
 )
 
 

@@ -27,13 +27,17 @@ from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.sensor_checks import MIN_SAMPLES
 from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.provenance import Provenance
+from bodycam_ros.results.solved_part import part_of
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.results.verdict import Verdict, finding_record
 
 _LATER_NS = 200_000_000
 """A state is added this much after its time: the pose of a camera then lies between two registrations."""
+
+_WHOLE = TimeSpan()
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +82,7 @@ def evaluate(
     recording_path: Path | None = None,
     options: AgreementOptions | None = None,
     imu_paths: Sequence[Path] = (),
+    span: TimeSpan = _WHOLE,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -87,6 +92,7 @@ def evaluate(
         recording_path: the bag with the images, whose intrinsics allow reprojection errors and checks of lenses.
         options: how what another system captured is compared; the clock of a recording's truth is ours.
         imu_paths: bags with the inertial sensors, beside the recording.
+        span: the part of the recording that is evaluated.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -95,7 +101,7 @@ def evaluate(
     is_other = truth_path is not None and is_captured(truth_path)
     captured = read_captured(truth_path) if truth_path is not None and is_other else None
     truth = None if truth_path is None or is_other else read_true_motion(truth_path)
-    solved, made_from = read_solved(solved_path), Provenance.read(solved_path)
+    solved, made_from = part_of(read_solved(solved_path), span), Provenance.read(solved_path)
     models = {} if recording_path is None else camera_figures.camera_models(solved, recording_path)
     agreement = comparison = same_motion = None
     if captured is not None:

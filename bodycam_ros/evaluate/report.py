@@ -71,11 +71,11 @@ def _describe_match(match: SameMotion, agreement: Agreement | None) -> str:
     likeness, chance = match.correlation, match.by_chance
     if math.isnan(likeness):
         return "too short to tell"
-    text = f"they correlate by {likeness:.3f}"
+    text = f"the two motions correlate by {likeness:.3f}"
     if math.isnan(chance):
         return f"{text}; too short to tell how probable that is by chance"
     if agreement is None or agreement.clock.start_sigma_s == 0.0:
-        return f"{text}, and at {chance:.0%} of other offsets in time as well"
+        return f"{text}; shifted in time, they correlate as well at {chance:.0%} of the offsets"
     return f"{text}; unrelated motions do so with a probability of {max(chance, 1e-9):.2g}"
 
 

@@ -145,13 +145,13 @@ def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
     known = counts[np.isfinite(counts)]
     most = float(np.percentile(known, 98)) if known.size else 1.0
     most = max(10.0, 10.0 * np.ceil(most / 10.0)) if solved.cameras else max(1.0, most)
-    end_s = float(solved.seconds(np.array([solved.end_ns + solved.frame_ns]))[0])
+    start_s, end_s = solved.seconds(np.array([solved.start_ns, solved.end_ns + solved.frame_ns])).tolist()
     cells = style.LANDMARKS(np.nan_to_num(counts) / most)
     cells[np.isnan(counts)] = to_rgba(_NO_IMAGE)
     for sight, colour in _COLOURS.items():
         cells[sights == sight] = to_rgba(colour)
-    axes.imshow(cells, extent=(0.0, end_s, len(rows) - 0.5, -0.5), aspect="auto", interpolation="nearest")
-    axes.hlines(np.arange(len(rows) - 1) + 0.5, 0.0, end_s, color="white", linewidth=1.5)
+    axes.imshow(cells, extent=(start_s, end_s, len(rows) - 0.5, -0.5), aspect="auto", interpolation="nearest")
+    axes.hlines(np.arange(len(rows) - 1) + 0.5, start_s, end_s, color="white", linewidth=1.5)
     style.name_rows(axes, [*rows])
     for row, registered in enumerate(rows.values()):
         share = float(registered.mean())

@@ -15,7 +15,7 @@ from bodycam_ros.errors import OutputError
 _LOOKED_AT = 65_536  # [bytes] of a file, by which its kind is known
 
 
-def check_output(output: Path, inputs: Iterable[Path | None], makes_folders: bool = True) -> None:
+def check_output(output: Path, inputs: Iterable[Path | None]) -> None:
     """Refuse an output that is an input, contains one or lies within one, or that cannot be written.
 
     Symbolic links are followed and inodes compared: what is read may have several names.
@@ -23,7 +23,6 @@ def check_output(output: Path, inputs: Iterable[Path | None], makes_folders: boo
     Args:
         output: file or folder to be.
         inputs: files and folders that the command reads; None for those that were not given.
-        makes_folders: the command makes the folders above its output.
 
     Raises:
         OutputError: so it is; the message names both.
@@ -36,8 +35,6 @@ def check_output(output: Path, inputs: Iterable[Path | None], makes_folders: boo
             )
     if output.name != os.fsencode(output.name).decode("utf-8", "replace"):
         raise OutputError(f"{output}: a name that is not UTF-8 cannot stand in what is written; choose another")
-    if not (makes_folders or output.parent.is_dir()):
-        raise OutputError(f"{output}: cannot be written: its folder is not there; make it first")
     _check_writable(output)
 
 

@@ -40,17 +40,21 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """Give the path to write a file to; it takes its place, and that of an earlier one, when the block ends.
 
+    Folders above it are made.
+
     Raises:
         OutputError: it cannot be written, in the block or after it, or what is there is no file.
     """
     final = _final(path)
-    with failure_named(path), _scratch(final.parent, named=path) as scratch:
-        if final.exists() and not final.is_file():
-            raise FileExistsError(errno.EEXIST, "is there, and is no file")
-        yield (unfinished := scratch / final.name)
-        _bring_to_disk(unfinished)
-        unfinished.replace(final)
-        _bring_to_disk(final.parent)
+    with failure_named(path):
+        final.parent.mkdir(parents=True, exist_ok=True)
+        with _scratch(final.parent, named=path) as scratch:
+            if final.exists() and not final.is_file():
+                raise FileExistsError(errno.EEXIST, "is there, and is no file")
+            yield (unfinished := scratch / final.name)
+            _bring_to_disk(unfinished)
+            unfinished.replace(final)
+            _bring_to_disk(final.parent)
 
 
 @contextmanager
@@ -61,15 +65,15 @@ def whole_files(folder: Path, inside: bool = False) -> Iterator[Path]:
 
     Args:
         folder: for the files.
-        inside: write them in the folder at first, which is there, instead of beside it: what is above a folder of the
-            user's may be another disk, or not the user's.
+        inside: write them in the folder at first instead of beside it: what is above a folder of the user's may be
+            another disk, or not the user's.
 
     Raises:
         OutputError: they cannot be written, in the block or after it; none is moved before all are on the disk.
     """
     final = _final(folder)
     with failure_named(folder):
-        final.parent.mkdir(parents=True, exist_ok=True)
+        (final if inside else final.parent).mkdir(parents=True, exist_ok=True)
         with _scratch(final if inside else final.parent, named=folder) as scratch:
             (unfinished := scratch / "files").mkdir()
             yield unfinished

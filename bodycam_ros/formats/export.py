@@ -12,7 +12,11 @@ from bodycam_ros.files.whole_file import whole_files
 from bodycam_ros.formats import bvh, c3d, csv, glb, mjcf, npz, opensim, ply, trc, tum, urdf, usd
 from bodycam_ros.formats.sampled_motion import MotionOptions, sample_motion
 from bodycam_ros.progress import Progress
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.results.solved_body import plain_name, read_solved_body
+from bodycam_ros.results.solved_part import part_of
+
+_WHOLE = TimeSpan()
 
 logger = logging.getLogger(__name__)
 
@@ -44,7 +48,7 @@ class Format:
     is_even: bool = False
     of_body: bool = False
 
-    def content(self, source: Path, options: MotionOptions, progress: Progress) -> Content:
+    def content(self, source: Path, options: MotionOptions, progress: Progress, span: TimeSpan) -> Content:
         """The content made of a source.
 
         Raises:
@@ -59,7 +63,7 @@ class Format:
         elif source.is_file() and urdf.is_body_file(source):
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
         else:
-            motion = sample_motion(read_solved_body(source, progress), options.rate, self.is_even)
+            motion = sample_motion(part_of(read_solved_body(source, progress), span), options.rate, self.is_even)
             if not self.has_equipment and motion.body.equipment_segments:
                 logger.warning(
                     "%s: %s, which are no part of the body, are left out; %s have them",
@@ -125,7 +129,13 @@ FORMATS: Mapping[str, Format] = {
 
 
 def export(
-    sources: Sequence[Path], format_name: str, output: Path, force: bool, options: MotionOptions, progress: Progress
+    sources: Sequence[Path],
+    format_name: str,
+    output: Path,
+    force: bool,
+    options: MotionOptions,
+    progress: Progress,
+    span: TimeSpan = _WHOLE,
 ) -> list[Path]:
     """Write solved bags or body files in a format, all files or none.
 
@@ -136,6 +146,7 @@ def export(
         force: replace earlier files of the same kind.
         options: how motion is written.
         progress: of reading.
+        span: the part of the recordings that is written.
 
     Returns:
         The files that were written.
@@ -161,11 +172,11 @@ def export(
         check_file(path, force, mark, format_name)
     contents: dict[Path, bytes] = {}
     for path, source in outputs.items():
-        contents |= _contents(chosen.content(source, options, progress), path)
+        contents |= _contents(chosen.content(source, options, progress, span), path)
     beside = {path: content for path, content in contents.items() if path not in outputs}
     unchanged = {path for path, content in beside.items() if path.is_file() and path.read_bytes() == content}
     for path in beside.keys() - unchanged:
-        check_output(path, sources, makes_folders=len(sources) > 1)
+        check_output(path, sources)
         check_file(path, force, *next(mark for end, mark in chosen.beside.items() if path.name.endswith(end)))
     with whole_files(folder, inside=len(sources) == 1) as scratch:
         for path in contents.keys() - unchanged:

@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import takewhile
 from threading import Event
+from types import MappingProxyType
 
 import numpy as np
 
@@ -30,6 +31,9 @@ _SIGMAS = 4.0  # from which on two sources contradict each other
 _ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is off by no more
 _DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
+
+_WAYS = {"motion": "its motion", "given": "the time of creation of its file"}
+"""Source of clocks -> what it goes by."""
 
 _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
 _CREATION_SIGMA_S = 1.0
@@ -65,7 +69,9 @@ def find_offsets(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Pro
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
     sources = {"motion": partial(_motion, cameras, rig, progress), "given": partial(creation_times, videos)}
-    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress)
+    rates_hz = {video.camera: video.facts.rate_hz for video in videos}
+    intervals_s = {camera: 1.0 / rate_hz for camera, rate_hz in rates_hz.items() if rate_hz > 0.0}
+    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress, intervals_s)
 
 
 def camera_times(
@@ -73,6 +79,7 @@ def camera_times(
     segments: Mapping[str, str] | None,
     sources: Mapping[str, TimeSource],
     progress: Progress,
+    intervals_s: Mapping[str, float] = MappingProxyType({}),
 ) -> Offsets:
     """Find the clocks of all cameras.
 
@@ -81,6 +88,7 @@ def camera_times(
         segments: camera -> segment that it is strapped to, if that is known.
         sources: name -> source; used after the sound, in this order.
         progress: of scanning and comparing.
+        intervals_s: camera -> time between two of its images [s], where it is known.
 
     Raises:
         RecordingError: no two cameras can be placed; the message gives the reason for each, and what to do.
@@ -93,7 +101,7 @@ def camera_times(
     remarks += [f"{name}: {fault}" for name, fault in without.items()]
     # A camera in the middle of the body: claps reach it with the mean delay.
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
-    times = sound_times(scanned, middle, progress)
+    times = _of_images(sound_times(scanned, middle, progress), intervals_s)
     for by, source in sources.items():
         found, noticed = source(times)
         remarks += [*noticed, *_added(by, found, times, scanned)]
@@ -108,6 +116,22 @@ def camera_times(
     ]
     reference = next((name for name, time in placed.items() if time.start_sigma_s == 0.0), next(iter(placed)))
     return Offsets(reference, relative_to(reference, placed), unplaced, tuple(remarks))
+
+
+def _of_images(times: Mapping[str, CameraTime], intervals_s: Mapping[str, float]) -> dict[str, CameraTime]:
+    """Clocks of sounds as those of the images beside them.
+
+    A file begins with its first sound, and the first image is exposed within one interval after that; the container
+    has both at time 0. Known is that the images are late by anything from no interval to a whole one.
+    """
+    late = {name: intervals_s.get(name, 0.0) / np.sqrt(12.0) for name in times}  # of a uniform distribution
+    reference = next((late[name] for name, time in times.items() if time.start_sigma_s == 0.0), 0.0)
+    return {
+        name: time
+        if time.start_sigma_s == 0.0
+        else replace(time, start_sigma_s=float(np.linalg.norm([time.start_sigma_s, late[name], reference])))
+        for name, time in times.items()
+    }
 
 
 def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[str, CameraSound], list[str]]:
@@ -161,9 +185,14 @@ def _added(
 
 
 def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Collection[str]) -> str:
-    whose = f"that of {placed[0]}" if placed else "another camera's"
-    reason = without.get(name) or f"its sound has too little in common with {whose}, or fits at several times alike"
-    return reason + (f"; {' and '.join(tried)} do not place it either" if tried else "")
+    """Why a camera has no clock: one cause, and the other ways by which it was not found either."""
+    whose = f"camera {placed[0]}" if placed else "any other camera"
+    unlike = f"its sound has too little in common with that of {whose}, or fits it at several times"
+    cause = f"it {without[name]}" if without.get(name, "").startswith("has") else without.get(name) or unlike
+    ways = [_WAYS[each] for each in tried]
+    return cause + (
+        f", and {' and '.join(ways)} {'does' if len(ways) == 1 else 'do'} not tell its time" if ways else ""
+    )
 
 
 def _unknown_clocks(reasons: Mapping[str, str]) -> str:

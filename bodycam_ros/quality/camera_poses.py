@@ -106,13 +106,20 @@ class CameraPoseLog:
         cameras: models by name, to check lenses by landmarks; without them lenses are not checked.
         inlier_px: gate of landmarks that lenses are checked with [px].
         span_s: only this much of the past is kept [s]; infinite for all, ever coarser.
+        start_ns: stamp of the recording's time 0 [ns]; None for that of the first image.
     """
 
     def __init__(
-        self, body: BodyModel, cameras: Mapping[str, CameraModel], inlier_px: float, span_s: float = math.inf
+        self,
+        body: BodyModel,
+        cameras: Mapping[str, CameraModel],
+        inlier_px: float,
+        span_s: float = math.inf,
+        start_ns: int | None = None,
     ) -> None:
         self._body, self._models, self._inlier_px, self._span_ns = body, cameras, inlier_px, 1e9 * span_s
         self._lenses: dict[str, LensEvidence] = {}
+        self._given_start_ns = start_ns
         self._reset()
 
     def _reset(self) -> None:
@@ -120,7 +127,7 @@ class CameraPoseLog:
         self._rows: deque[tuple[int, dict[str, Array], NDArray[np.float64]]] = deque()
         self._counts: dict[str, CameraCount] = {}
         self._step_ns = round(1e9 / _JUDGED_HZ)
-        self._start_ns: int | None = None
+        self._start_ns = self._given_start_ns
 
     def add_registration(self, matches: LandmarkMatches) -> None:
         """Add the registration of one image."""

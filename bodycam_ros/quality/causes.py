@@ -49,11 +49,13 @@ class Cause:
             than the body has it, ``images`` a wrong lens or images of something else than the map.
         why: the likely reason.
         remedy: what to do.
+        is_exchange: whether it is on another's mount.
     """
 
     kind: Literal["scale", "names", "place", "lens", "clock", "strap", "mount", "images"]
     why: str
     remedy: str
+    is_exchange: bool = False
 
 
 def find_causes(found: Contradiction) -> dict[str, Cause]:
@@ -71,12 +73,12 @@ def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Caus
     place = places.get(camera)
     if place and places.get(place) == camera:
         remedy = "exchange the two names, in the topics or in the body file"
-        return Cause("names", f"its name is exchanged with {place}", remedy)
+        return Cause("names", f"its name is exchanged with {place}", remedy, True)
     if (lens := lens_cause(poses.lens_errors.get(camera))) is not None:
         return lens
     if place:
         remedy = "check which camera records under which name"
-        return Cause("place", f"its pictures come from where {place} sits", remedy)
+        return Cause("place", f"its pictures come from where {place} sits", remedy, True)
     if (clock := clock_cause(poses, camera)) is not None:
         return clock
     seconds, offsets, _ = _joint_offsets(poses, camera)

@@ -21,7 +21,14 @@ from bodycam_ros.quality.place_checks import (
     check_registration,
     check_rest,
 )
-from bodycam_ros.quality.recording_checks import IMAGE_CHECKS, check_cameras, check_clocks, check_gaps, check_lens
+from bodycam_ros.quality.recording_checks import (
+    IMAGE_CHECKS,
+    check_cameras,
+    check_clocks,
+    check_gaps,
+    check_lens,
+    check_spans,
+)
 from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_file import is_bag
@@ -91,9 +98,11 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
             recording = sample_bag(given.recording, instants, advance, given.names)
         else:
             recording = sample_videos(given.recording, given.lenses, instants, advance)
+    is_exercise = is_exercise and recording.is_simultaneous
     findings = [
         *check_cameras(recording, wanted),
         *check_gaps(recording),
+        *check_spans(recording),
         *check_clocks(recording),
         *check_lens(recording),
         *check_limits({camera.name: camera for camera in recording.cameras}, IMAGE_CHECKS),
@@ -105,7 +114,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     if reference_map is not None:
         last = len(recording.instants_s) - 1
         chosen = np.arange(last + 1)
-        if not is_exercise:
+        if recording.is_simultaneous and not is_exercise:
             chosen = np.unique(np.linspace(0, last, min(_REGISTERED_IMAGES, last + 1)).round().astype(int))
         # The middle first: a recording that begins in a dark pocket is not hopeless.
         order = chosen[np.argsort(np.abs(chosen - chosen[len(chosen) // 2]), kind="stable")].tolist()
@@ -122,7 +131,12 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     return findings
 
 
-def skipped_checks(given: DoctorInput) -> Iterator[str]:
+def is_judged_by(findings: Sequence[Finding], check: str) -> bool:
+    """Whether a check was made."""
+    return any(finding.check == check for finding in findings)
+
+
+def skipped_checks(given: DoctorInput, findings: Sequence[Finding]) -> Iterator[str]:
     """Checks that were not made, and the input that they need."""
     if given.map is None:
         yield "share of images that register: give --map"
@@ -130,3 +144,5 @@ def skipped_checks(given: DoctorInput) -> Iterator[str]:
         yield "cameras that are missing: give --rig (a range of motion) or --body"
     if given.rig is not None and not given.is_bag:
         yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"
+    elif given.rig is not None and given.map is not None and not is_judged_by(findings, "exercise"):
+        yield "N-pose and exercise of joints: 'bodycam body' judges them by all images of the videos"

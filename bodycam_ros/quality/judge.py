@@ -7,6 +7,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.quality.body_mismatch import body_finding
 from bodycam_ros.quality.camera_poses import CameraPoseLog, CameraPoses
 from bodycam_ros.quality.causes import Cause, clock_cause, find_causes, lens_cause
 from bodycam_ros.quality.contradiction import DOUBTFUL_GAP_M, Contradiction, find_contradiction, lasting, pose_gap
@@ -35,10 +36,17 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
     cameras = [camera for camera in poses.cameras if camera not in unregistered and camera not in alone]
     found = find_contradiction(poses, cameras)
     causes = find_causes(found)
-    accused = [_contradiction_finding(poses, found, camera, cause) for camera, cause in causes.items()]
-    findings = [
+    lost = [
         *(_unregistered_finding(poses, camera, is_everybody=not cameras and not alone) for camera in unregistered),
         *(_no_common_time_finding(poses, camera, cameras) for camera in alone),
+    ]
+    is_exchanged = any(cause.is_exchange for cause in causes.values())
+    if not is_exchanged and (other_body := body_finding(found, cameras)) is not None:
+        # Clocks, lenses and straps cannot be told from a body that does not fit.
+        return Verdict.from_findings((*lost, other_body, *others))
+    accused = [_contradiction_finding(poses, found, camera, cause) for camera, cause in causes.items()]
+    findings = [
+        *lost,
         *accused,
         *_other_findings(found, cameras),
     ]

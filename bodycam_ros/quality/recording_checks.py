@@ -8,7 +8,8 @@ import numpy as np
 
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.quality.sampled_recording import Grey, SampledCamera, SampledRecording
-from bodycam_ros.results.verdict import Finding, Level, LimitCheck, good
+from bodycam_ros.recording.time_span import most_cameras_window
+from bodycam_ros.results.verdict import Finding, Level, LimitCheck, good, limit_level
 from bodycam_ros.tracking.keypoints import KeypointDetector, KeypointSettings
 
 
@@ -48,7 +49,7 @@ _SLOW_STORAGE = "a faster card, a shorter cable, fewer pixels or images a second
 
 
 def check_gaps(recording: SampledRecording) -> Iterator[Finding]:
-    """Find times without images, cameras that start late and those that end early."""
+    """Find times without images."""
     longest_s = []
     for camera in recording.cameras:
         if len(camera.stamps_s) < _MIN_RATE_IMAGES:
@@ -62,14 +63,36 @@ def check_gaps(recording: SampledRecording) -> Iterator[Finding]:
             what = f"{times}, {longest_s[-1]:.1f} s at {stamps_s[worst]:.1f} s"
             level = Level.WRONG if longest_s[-1] > _LONG_GAP_S else Level.DOUBTFUL
             yield Finding(camera.name, level, what, remedy=_SLOW_STORAGE, check="gaps")
-        late_s, early_s = camera.recorded_s.min(), recording.duration_s - camera.recorded_s.max()
-        for missing_s, what in ((late_s, f"begins {late_s:.1f} s late"), (early_s, f"ends {early_s:.1f} s early")):
-            if recording.is_synchronous and missing_s > _LONG_GAP_S:
-                level = Level.WRONG if missing_s > 0.5 * recording.duration_s else Level.DOUBTFUL
-                remedy = "battery, card or cable? its segment is predicted in that time"
-                yield Finding(camera.name, level, what, remedy=remedy, check="gaps")
     if longest_s:
         yield good("gaps", f"longest time without an image {max(longest_s):.2f} s")
+
+
+_SHORT, _HARDLY_ANY = 0.75, 0.5  # shares of the time in which most cameras run; below them a camera is of little use
+
+
+def check_spans(recording: SampledRecording) -> Iterator[Finding]:
+    """Find cameras that run for a part of the time in which most others do; starting them by hand is no fault.
+
+    Videos have no common time yet: their lengths are compared.
+    """
+    spans_ns = {
+        camera.name: (round(1e9 * camera.recorded_s.min()), round(1e9 * camera.recorded_s.max()))
+        for camera in recording.cameras
+        if len(camera.recorded_s)
+    }
+    if len(spans_ns) < 2:
+        return
+    if not recording.is_synchronous:
+        spans_ns = {name: (0, last_ns - first_ns) for name, (first_ns, last_ns) in spans_ns.items()}
+    start_ns, end_ns = most_cameras_window(spans_ns)
+    whole_s = 1e-9 * (end_ns - start_ns)
+    for name, (first_ns, last_ns) in spans_ns.items():
+        shared_s = max(0.0, 1e-9 * (min(last_ns, end_ns) - max(first_ns, start_ns)))
+        if level := limit_level(shared_s / max(whole_s, 1e-9), _SHORT, _HARDLY_ANY):
+            what = f"runs for {shared_s:.1f} s of the {whole_s:.1f} s in which most cameras run"
+            remedy = "battery, card or cable? its segment is predicted for the rest"
+            yield Finding(name, level, what, remedy=remedy, check="span")
+    yield good("span", f"three quarters of the cameras run together for {whole_s:.1f} s")
 
 
 _MAX_CLOCK_OFFSET_S = 0.5  # to the other cameras; smaller offsets are estimated from the motion of the body

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
@@ -88,6 +88,7 @@ class SampledRecording:
         is_synchronous: whether stamps of different cameras share a clock, as in a bag; ``bodycam ingest`` synchronises
             videos.
         left_out: cameras that cannot be read, and why.
+        is_simultaneous: whether samples of one number are of one time, in all cameras.
     """
 
     cameras: tuple[SampledCamera, ...]
@@ -95,6 +96,7 @@ class SampledRecording:
     instants_s: Array
     is_synchronous: bool
     left_out: tuple[str, ...] = ()
+    is_simultaneous: bool = True
 
 
 def spread_instants(duration_s: float, count: int) -> Array:
@@ -102,6 +104,7 @@ def spread_instants(duration_s: float, count: int) -> Array:
     return (np.arange(count) + 0.5) * duration_s / count
 
 
+_KEYFRAMES = 6  # of a video: each image decoded costs a millisecond or two, and each frame since its keyframe as well
 _NEAR_INTERVALS = 1.5  # between a camera's images, by which the image of a sample may be later
 
 
@@ -124,13 +127,25 @@ def sample_bag(
         instants_s = instants(recording.duration_s)
         images: dict[str, dict[int, Grey]] = {camera: {} for camera in recording.cameras}
         faults: dict[str, str] = {}
+        videos = recording.keyframe_samples(_KEYFRAMES)
+        stills = {camera: each for camera, each in times.items() if camera not in videos}
+
+        def add(camera: str, number: int, image: CameraImage) -> None:
+            try:
+                images[camera][number] = decode_grey(image)
+            except RecordingError as error:
+                faults.setdefault(camera, str(error))
+
+        for camera, numbered in videos.items():
+            for number, image in numbered.items():
+                add(camera, number, image)
+        if videos:
+            # All that other cameras need is as many.
+            instants_s = spread_instants(recording.duration_s, 2 * _KEYFRAMES)
         for number, seconds in enumerate(instants_s.tolist()):
-            rows = _rows_at(times, recording.start_ns + round(1e9 * seconds))
-            for camera, image in recording.images_at(rows).items():
-                try:
-                    images[camera][number] = decode_grey(image)
-                except RecordingError as error:
-                    faults.setdefault(camera, str(error))
+            rows = _rows_at(stills, recording.start_ns + round(1e9 * seconds))
+            for camera, image in (recording.images_at(rows) if rows else {}).items():
+                add(camera, number, image)
             on_instant()
         cameras = []
         for camera in recording.cameras:
@@ -141,7 +156,9 @@ def sample_bag(
             cameras.append(
                 SampledCamera(camera, lens, lens_fault, stamps_s, recorded_s, images[camera], fault, missing)
             )
-        return SampledRecording(tuple(cameras), recording.duration_s, instants_s, is_synchronous=True)
+        return SampledRecording(
+            tuple(cameras), recording.duration_s, instants_s, is_synchronous=True, is_simultaneous=not videos
+        )
 
 
 def _rows_at(times: Mapping[str, NDArray[np.int64]], start_ns: int) -> dict[str, tuple[int, int]]:

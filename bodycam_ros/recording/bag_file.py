@@ -246,12 +246,14 @@ class BagFile:
                 continue
             yield self._name(connection.topic), stamp_ns, message
 
-    def header_stamps(self, topics: Collection[str]) -> Iterator[tuple[str, int, int]]:
+    def header_stamps(self, topics: Collection[str], start_ns: int | None = None) -> Iterator[tuple[str, int, int]]:
         """Yield topic, time of recording [ns] and stamp [ns] of messages that begin with one, in order of the former.
+
+        Those recorded before ``start_ns`` are left out.
 
         Nothing is decoded: a header's stamp, as that of a foxglove message, is the first eight bytes of a message.
         """
-        for connection, recorded_ns, cdr in self._stream(topics):
+        for connection, recorded_ns, cdr in self._stream(topics, start_ns):
             if len(cdr) >= _STAMP_END:
                 seconds, nanoseconds = struct.unpack_from("<II" if cdr[1] & 1 else ">II", cdr, 4)
                 yield self._name(connection.topic), recorded_ns, seconds * 1_000_000_000 + nanoseconds

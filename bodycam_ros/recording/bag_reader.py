@@ -1,6 +1,7 @@
 """The cameras of a recording: their intrinsics, their images in time order, and samples of their inertial sensors."""
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -28,6 +29,12 @@ logger = logging.getLogger(__name__)
 
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
+
+_FEW_KEYFRAMES = 4
+_AFTER_KEY_NS = 1_000_000_000
+
+_END_NS = 1_000_000_000
+"""How far back from the end of a bag the last images are searched for first."""
 
 LAST_NS = 2**63 - 1
 """Time of recording of what comes after the last message."""
@@ -154,6 +161,14 @@ class Recording:
                 raise RecordingError(f"camera {camera}: {topic} in {self.path} has {error}") from error
         return None
 
+    def clock_sigma(self, camera: str) -> float:
+        """Standard deviation of the camera's clock offset as an ingest found it [s]; 0 where none is recorded."""
+        topic = f"/{camera}{TIMING}"
+        if self._bag.topics.get(topic) != TIMING_TYPE:
+            return 0.0
+        sigma = next((float(message.offset_sigma) for _, _, message in self._bag.messages([topic])), 0.0)
+        return sigma if 0.0 <= sigma < math.inf else 0.0
+
     def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
@@ -199,6 +214,53 @@ class Recording:
                 if keys or is_all or not images:
                     del wanted[camera]
             before_ns = max(_GOP_NS, 2 * before_ns)
+        return found
+
+    def camera_spans(self, cameras: Collection[str]) -> dict[str, tuple[int, int]]:
+        """Camera -> stamps of its first and last image in the bag [ns]; those that have images with a stamp."""
+        topics = {self._topic_of(camera): camera for camera in cameras}
+        firsts: dict[str, int] = {}
+        for topic, _, stamp_ns in self._bag.header_stamps(topics):
+            if stamp_ns > 0:
+                firsts.setdefault(topics[topic], stamp_ns)
+            if len(firsts) == len(topics):
+                break
+        lasts: dict[str, int] = {}
+        end_ns, before_ns = self.start_ns + round(1e9 * self.duration_s), _END_NS
+        while len(lasts) < len(firsts):
+            for topic, _, stamp_ns in self._bag.header_stamps(topics, max(end_ns - before_ns, self.start_ns)):
+                if topics[topic] in firsts:
+                    lasts[topics[topic]] = max(stamp_ns, lasts.get(topics[topic], firsts[topics[topic]]))
+            if end_ns - before_ns <= self.start_ns:
+                break
+            before_ns *= 4
+        return {camera: (first, lasts.get(camera, first)) for camera, first in firsts.items()}
+
+    def keyframe_samples(self, most: int) -> dict[str, dict[int, CameraImage]]:
+        """Camera -> number -> image decoded from keyframes, of cameras that record videos; others are left out.
+
+        Each of ``most`` equal parts of the recording gives the first keyframe of a camera, with an even number, and
+        where keyframes are rare the image a second later, with the odd number after it.
+        """
+        parts: dict[str, dict[int, list[CameraImage]]] = {}
+        length_ns = max(round(1e9 * self.duration_s), 1)
+        for image in self._messages(self.cameras):
+            packet = image.content
+            if not isinstance(packet, VideoPacket):
+                continue
+            own = parts.setdefault(image.camera, {})
+            part = min(most - 1, (image.recorded_ns - self.start_ns) * most // length_ns)
+            if packet.is_key and part not in own:
+                own[part] = [image]
+            elif own and not packet.is_key:
+                latest = own[max(own)]
+                if image.recorded_ns - latest[0].recorded_ns <= _AFTER_KEY_NS:
+                    latest.append(image)
+        found: dict[str, dict[int, CameraImage]] = {}
+        for camera, own in parts.items():
+            found[camera] = {2 * part: decode_last(images[:1]) for part, images in own.items()}
+            if len(own) < _FEW_KEYFRAMES:
+                found[camera] |= {2 * part + 1: decode_last(images) for part, images in own.items() if len(images) > 1}
         return found
 
     def image_times(self) -> dict[str, NDArray[np.int64]]:

@@ -142,6 +142,7 @@ class RegistrationTask:
         turns: camera -> rotations by its gyroscope.
         keyframes: as of ``CameraFront``.
         names: of the recording's topics.
+        window_ns: first stamp of the images that are registered, and the stamp after the last [ns].
     """
 
     recording_path: Path
@@ -153,6 +154,7 @@ class RegistrationTask:
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
     keyframes: KeyframeDensity | None = None
     names: TopicNames = AS_RECORDED
+    window_ns: tuple[int, int] = (0, LAST_NS)
 
 
 def run_camera_worker(
@@ -231,7 +233,7 @@ def register_images(
         stamp_ns = 0
         for image in recording.images(cameras):
             stamp_ns = image.stamp_ns
-            if not limit.is_due(image.camera, stamp_ns):
+            if not task.window_ns[0] <= stamp_ns < task.window_ns[1] or not limit.is_due(image.camera, stamp_ns):
                 continue
             if replica is not None:
                 # By the time of recording, which goes on alike for all cameras, whichever this process has.

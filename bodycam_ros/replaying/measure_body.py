@@ -19,10 +19,12 @@ from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.replaying.camera_worker import RegistrationTask
 from bodycam_ros.replaying.front_end import registered_images
+from bodycam_ros.replaying.recorded_part import WHOLE, window_with_images
 from bodycam_ros.replaying.static_input import read_recorded_stations
 from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import MAP, map_record
@@ -117,6 +119,8 @@ def calibrate(
     on_progress: Callable[[str, float], None] = lambda step, share: None,
     imu_paths: Sequence[Path] = (),
     names: TopicNames = AS_RECORDED,
+    rest_s: tuple[float, float] | None = None,
+    span: TimeSpan = WHOLE,
 ) -> CalibratedBody:
     """Estimate the body of a recorded range of motion.
 
@@ -131,6 +135,8 @@ def calibrate(
         on_progress: called with the step, and the share of it that is done.
         imu_paths: bags with the cameras' inertial sensors, beside those in the recording itself.
         names: of the recording's topics.
+        rest_s: (from, to) when the N-pose is held, in the recording's time [s]; None to search for it.
+        span: the part of the recording that is used.
 
     Raises:
         BodycamError: anything that is wrong with the input, or a motion that does not determine the body.
@@ -143,6 +149,8 @@ def calibrate(
                 f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
             )
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
+        first_ns = recording.first_stamp_ns
+        window_ns = window_with_images(recording, rig.cameras, span)
     calibrator = BodyCalibrator(
         rig,
         models,
@@ -150,9 +158,18 @@ def calibrate(
         pipeline.evidence,
         facing_rad,
         pipeline.clock,
+        rest_s,
+        first_ns,
     )
     images = ImageSettings(min(pipeline.images.max_rate or _MAX_RATE_HZ, _MAX_RATE_HZ))
-    task = RegistrationTask(recording_path, map_path, replace(pipeline, images=images), False, names=names)
+    task = RegistrationTask(
+        recording_path,
+        map_path,
+        replace(pipeline, images=images),
+        with_messages=False,
+        window_ns=window_ns,
+        names=names,
+    )
     sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models, names))
     for image in registered_images(task, models, jobs, partial(on_progress, "registration")):
         calibrator.add(image.matches)

@@ -29,6 +29,7 @@ from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
 from bodycam_ros.replaying.extend import ExtensionRound, extend_map
 from bodycam_ros.replaying.front_end import merged_results, start_workers
+from bodycam_ros.replaying.recorded_part import part_s, published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
@@ -62,10 +63,14 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         if request.passes > 1 and map_path is not None:
             scratch = stack.enter_context(scratch_folder(Path(gettempdir())))
             map_path, rounds = _extend(request, recording, map_path, body, on_step, scratch)
-        summary = ReplaySummary(recording.duration_s, rounds=rounds)
+        clock_sigma_s = max(map(recording.clock_sigma, recording.cameras))
+        summary = ReplaySummary(recording.duration_s, rounds=rounds, clock_sigma_s=clock_sigma_s)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
         stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
+        # Static cameras observe what body cameras that are not on yet do not.
+        solves_all = request.whole or bool(stations)
+        window_ns, left_out = published_window(recording, mounted or recording.cameras, request.span, solves_all)
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
@@ -79,6 +84,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             slim=request.slim,
             turns=camera_turns(body, imus),
             names=request.names,
+            window_ns=window_ns,
         )
         workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -94,7 +100,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             )
             if not cameras and outside.start is None:
                 raise _nothing_solved(request, "")
-        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px)
+        log = CameraPoseLog(body, cameras, settings.pose_fit.inlier_px, start_ns=recording.first_stamp_ns or None)
         skeleton = SkeletonPipeline(
             person,
             cameras,
@@ -108,15 +114,16 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         )
         # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(request.output, request.force))
-        sources = request.sources(own, reference_map, recording.start_ns)
+        sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
         write_sources(writer, sources, own, recording.start_ns)
-        summary.notes = source_remarks(sources)
+        summary.notes = (*([left_out] if left_out else ()), *source_remarks(sources))
+        summary.recorded_s = part_s(window_ns, recording)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
             registered = merged_results(workers, settings.growth, reference_map)
         images_step = f"replay of {summary.recorded_s:.1f} s"
-        for item in _with_images(registered, recording, stations):
+        for item in _with_images(registered, recording, stations, window_ns):
             out.write_image(item)
             if isinstance(item, (RegisteredImage, CameraImage)):
                 out.write_states(skeleton.add(item.matches if isinstance(item, RegisteredImage) else item))
@@ -149,10 +156,14 @@ def _extend(
 
 
 def _with_images(
-    registered: Iterator[Result], recording: Recording, stations: Collection[str]
+    registered: Iterator[Result], recording: Recording, stations: Collection[str], window_ns: tuple[int, int]
 ) -> Iterator[Result | CameraImage]:
     """Registrations of worn cameras, and images of static ones, in order of their stamps; then missing ones."""
-    images = recording.images(stations) if stations else ()
+    images = (
+        (image for image in recording.images(stations) if window_ns[0] <= image.stamp_ns < window_ns[1])
+        if stations
+        else ()
+    )
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
     yield from missing_images(recording, recording.start_ns)
 

@@ -24,6 +24,7 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.static_camera_findings import StaticCameraLog
+from bodycam_ros.quality.unsolved_findings import unsolved_findings
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.readout_time import ReadoutLog
@@ -150,9 +151,14 @@ class ReplayOutput:
                 self._writer.write(f"/{camera}{TIMING}", since_ns, message)
         poses = self._log.poses()
         summary.speeds = poses.speeds()
-        findings = (*equipment_findings(summary.equipment, self._equipment), *self._static.findings(bare))
+        counts = skeleton.counts
+        findings = (
+            *equipment_findings(summary.equipment, self._equipment),
+            *self._static.findings(bare),
+            *unsolved_findings(summary.solved, counts.contradictory, counts.rejected),
+        )
         summary.verdict = judge(poses, findings)
-        text, counts = verdict_text(summary.verdict), skeleton.counts
+        text = verdict_text(summary.verdict)
         self._writer.write(VERDICT, self._latest_ns, text_message(self._make, text))
         self._writer.attach(VERDICT_FILE, "application/json", text, self._latest_ns)
         self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(counts))

@@ -13,6 +13,9 @@ from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 _WORTH_SAYING_S = 0.003
 """A limb at 3 m/s is 1 cm further by then."""
 
+_EXPECTED_SIGMAS = 3.0
+"""Clocks that are off by less than this many of the sigmas expected of them are in the report alone."""
+
 _POORLY_KNOWN_S = 0.004
 _UP_TO_SIGMAS = 2.0
 
@@ -20,23 +23,27 @@ _UP_TO_SIGMAS = 2.0
 def clock_remarks(
     timings: Mapping[str, ClockHistory],
     speeds: Mapping[str, tuple[float, float]],
+    expected_s: float = 0.0,
 ) -> tuple[str, ...]:
-    """A line for every clock that was off, was set, or stayed unknown.
+    """A line for every clock that was off by more than expected or was set, and one for those that stayed unknown.
 
     Args:
         timings: camera -> how its clock went.
         speeds: camera -> how fast it turned and moved [rad/s, m/s].
+        expected_s: standard deviation of the clocks as the recording has them [s].
     """
     lines = []
     for camera, timing in sorted(timings.items()):
-        speed = speeds.get(camera, (math.nan, math.nan))
-        lines += [f"camera {camera}: {remark}" for remark in _of_camera(timing, speed)]
-    return tuple(lines)
+        lines += [f"camera {camera}: {remark}" for remark in _of_camera(timing, expected_s)]
+    poor = {camera: timing for camera, timing in timings.items() if timing.latest.offset_sigma > _POORLY_KNOWN_S}
+    return (*lines, *_poorly_known(poor, speeds))
 
 
-def _of_camera(timing: ClockHistory, speed: tuple[float, float]) -> Iterator[str]:
+def _of_camera(timing: ClockHistory, expected_s: float) -> Iterator[str]:
     first = timing.clocks[0]
-    if timing.is_off and abs(first.offset) > max(_WORTH_SAYING_S, 2.0 * first.offset_sigma):
+    if timing.is_off and abs(first.offset) > max(
+        _WORTH_SAYING_S, _EXPECTED_SIGMAS * expected_s, 2.0 * first.offset_sigma
+    ):
         drifted = f", and drifted by {1e6 * first.drift:+.0f} ppm" if _drifts(first) else ""
         side = "ahead" if first.offset > 0 else "behind"
         size = f"{1e3 * abs(first.offset):.1f} ms {side} (+-{1e3 * first.offset_sigma:.1f})"
@@ -44,12 +51,25 @@ def _of_camera(timing: ClockHistory, speed: tuple[float, float]) -> Iterator[str
     for stamp_ns, by_s in timing.jumps:
         after_s = 1e-9 * (stamp_ns - first.since_ns)
         yield f"its clock jumped by {1e3 * by_s:+.0f} ms after {after_s:.1f} s; corrected"
-    if (sigma := timing.latest.offset_sigma) > _POORLY_KNOWN_S:
-        left = [_UP_TO_SIGMAS * sigma * each for each in speed]
-        size = ""
-        if all(math.isfinite(each) for each in left):
-            size = f": up to {1e3 * left[1]:.0f} mm and {math.degrees(left[0]):.1f} deg may be left"
-        yield f"its clock is known to {1e3 * sigma:.0f} ms only, for it hardly moved{size}"
+
+
+def _poorly_known(timings: Mapping[str, ClockHistory], speeds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
+    """One line for all cameras whose clocks stayed unknown, with the most that this may leave."""
+    if not timings:
+        return
+    sigma_s = max(timing.latest.offset_sigma for timing in timings.values())
+    left = [
+        [_UP_TO_SIGMAS * timings[camera].latest.offset_sigma * each for each in speeds[camera]]
+        for camera in timings
+        if camera in speeds
+    ]
+    size = ""
+    if left:
+        turn, shift = np.max(left, axis=0).tolist()
+        size = f": errors of up to {1e3 * shift:.0f} mm and {math.degrees(turn):.1f} deg may be left"
+    one = len(timings) == 1
+    whose = f"the clock of camera {next(iter(timings))} is" if one else f"the clocks of {len(timings)} cameras are"
+    yield f"{whose} known to {1e3 * sigma_s:.0f} ms only, because {'it' if one else 'they'} hardly moved{size}"
 
 
 def _drifts(clock: ClockState) -> bool:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.pipeline.settings import PipelineSettings
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replaying.recorded_part import WHOLE
 from bodycam_ros.results.provenance import (
     BODY,
     EQUIPMENT,
@@ -39,6 +41,8 @@ class ReplayRequest:
         passes: over the recording: all but the last extend the map by the recording itself.
         imus: bags with the cameras' inertial sensors, beside those in the recording itself.
         names: of the recording's topics.
+        span: the part of the recording that is solved.
+        whole: solve all of it, also where few of the body's cameras run.
     """
 
     recording: Path
@@ -54,18 +58,27 @@ class ReplayRequest:
     passes: int = 1
     imus: tuple[Path, ...] = ()
     names: TopicNames = AS_RECORDED
+    span: TimeSpan = WHOLE
+    whole: bool = False
 
-    def sources(self, body: BodyModel, reference_map: ReferenceMap | None, start_ns: int) -> dict[str, dict[str, str]]:
+    def sources(
+        self, body: BodyModel, reference_map: ReferenceMap | None, start_ns: int, first_stamp_ns: int
+    ) -> dict[str, dict[str, str]]:
         """What the result says it was made from.
 
         Args:
             body: of the file, as it was read.
             reference_map: that the cameras are registered in, if any.
-            start_ns: first stamp of the recording [ns].
+            start_ns: when the recording was begun [ns].
+            first_stamp_ns: of its images [ns].
         """
         sources: dict[str, dict[str, str]] = {
             BODY: body_record(body),
-            RECORDING: {"name": self.recording.resolve().name, "start_ns": str(start_ns)},
+            RECORDING: {
+                "name": self.recording.resolve().name,
+                "start_ns": str(start_ns),
+                "first_stamp_ns": str(first_stamp_ns),
+            },
             SETTINGS: settings_record(self.settings) | {"passes": str(self.passes), "slim": json.dumps(self.slim)},
         }
         if reference_map is not None and self.map is not None:

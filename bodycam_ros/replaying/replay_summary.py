@@ -39,6 +39,7 @@ class ReplaySummary:
         verdict: whether the result may be used.
         equipment: how the body was coupled to it; None without.
         rounds: by which the map was extended before.
+        clock_sigma_s: standard deviation of the least known clock, by an ingest [s]; 0 without one.
     """
 
     recorded_s: float
@@ -63,6 +64,7 @@ class ReplaySummary:
     verdict: Verdict = field(default_factory=lambda: Verdict.from_findings(()))
     equipment: EquipmentRecord | None = None
     rounds: tuple[ExtensionRound, ...] = ()
+    clock_sigma_s: float = 0.0
 
     @property
     def doubted_cameras(self) -> tuple[str, ...]:

@@ -18,8 +18,10 @@ from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE
 from bodycam_ros.messages.tracks import landmark_matches
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_records import read_bag_records
 from bodycam_ros.registration.landmark_matches import LandmarkMatches, camera_sight
 from bodycam_ros.results.body_motion import between_neighbours
+from bodycam_ros.results.provenance import RECORDING
 from bodycam_ros.results.solved_body import BodyMessages, SolvedBody, missing_topic
 from bodycam_ros.results.topics import (
     LANDMARKS,
@@ -100,11 +102,13 @@ class SolvedRecording(SolvedBody):
         cameras: body cameras, in the order of the body's mounts.
         stations: static cameras; without any there are body cameras.
         stored_verdict: of the replay; None in a bag of the live graph.
+        zero_ns: stamp of the first image of the recording [ns], where the bag has it: its first states may come later.
     """
 
     cameras: tuple[CameraRecord, ...]
     stations: tuple[StationRecord, ...] = ()
     stored_verdict: Verdict | None = None
+    zero_ns: int | None = None
 
     @property
     def image_stamps_ns(self) -> list[NDArray[np.int64]]:
@@ -159,8 +163,9 @@ class SolvedRecording(SolvedBody):
                 yield replace(matches, stamp_ns=int(record.time_of(np.array([matches.stamp_ns]))[0]))
 
     def seconds(self, stamps_ns: NDArray[np.int64]) -> Array:
-        """Stamps [ns] as times since the start of the recording [s]."""
-        return np.asarray((stamps_ns - self.start_ns) * 1e-9, dtype=np.float64)
+        """Stamps [ns] as times since the first image of the recording [s]."""
+        zero_ns = self.start_ns if self.zero_ns is None else self.zero_ns
+        return np.asarray((stamps_ns - zero_ns) * 1e-9, dtype=np.float64)
 
     def is_solved_at(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         """(N,) whether stamps (N,) [ns] lie between states, without a gap."""
@@ -229,7 +234,12 @@ def read_solved(path: Path) -> SolvedRecording:
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "
             "replay the recording again"
         )
-    return SolvedRecording(**vars(solved), cameras=tuple(cameras), stations=stations, stored_verdict=verdict)
+    record = read_bag_records(path).metadata.get(RECORDING, {})
+    first_stamp = record.get("first_stamp_ns", "")
+    zero_ns = int(first_stamp) if first_stamp.isdecimal() else None
+    return SolvedRecording(
+        **vars(solved), cameras=tuple(cameras), stations=stations, stored_verdict=verdict, zero_ns=zero_ns
+    )
 
 
 _Rows = dict[int, tuple[Any, ...]]

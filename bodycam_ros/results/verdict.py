@@ -99,8 +99,10 @@ class Verdict:
         if not self.findings:
             return "good: nothing contradicts the body"
         accused = list(dict.fromkeys(finding.subject for finding in self.findings if finding.level == self.level))
-        what = "do not use this result;" if self.level is Level.WRONG else "look twice at what depends on"
-        return f"{self.level.word}: {what} {', '.join(accused)}"
+        named = ", ".join(filter(None, accused))
+        if self.level is Level.WRONG:
+            return f"{self.level.word}: do not use this result{f'; {named}' if named else ''}"
+        return f"{self.level.word}: look twice at what depends on {named or 'it'}"
 
 
 VERDICT, VERDICT_TYPE = "/verdict", "std_msgs/msg/String"

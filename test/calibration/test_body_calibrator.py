@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.naming import naming
 from helpers.range_of_motion import (
+    STILL_S,
     joints_in_cameras,
     known_body,
     known_rig,
@@ -18,6 +19,7 @@ from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import exp_so3, rigid
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
 def calibrated(body: BodyModel, matches, facing_rad: float | None = None) -> CalibratedBody:
@@ -98,6 +100,61 @@ def test_without_the_n_pose_there_is_no_body() -> None:
     late = [one for one in registrations(motion) if one.stamp_ns > motion.stamps_ns[0] + 1_700_000_000]
     with naming(RangeOfMotionError, "N-pose"):
         calibrated(body, late)
+
+
+def played_backwards_first(body: BodyModel, seconds: float) -> list[LandmarkMatches]:
+    """A range of motion whose first seconds are played backwards before it: the N-pose is in its midst."""
+    matches = list(registrations(range_of_motion(body)))
+    start_ns, span_ns = matches[0].stamp_ns, round(1e9 * seconds)
+    before = [
+        replace(one, stamp_ns=2 * start_ns + span_ns - one.stamp_ns)
+        for one in matches
+        if start_ns < one.stamp_ns <= start_ns + span_ns
+    ]
+    return before[::-1] + [replace(one, stamp_ns=one.stamp_ns + span_ns) for one in matches]
+
+
+def test_the_n_pose_is_found_in_the_midst_of_the_motion(exact: CalibratedBody) -> None:
+    body = known_body()
+    found = calibrated(body, played_backwards_first(body, 4.0))
+    assert found.diagnosis.rest_s == pytest.approx((4.0 - STILL_S, 4.0 + STILL_S), abs=0.4)
+    assert found.diagnosis.heading_rad == pytest.approx(exact.diagnosis.heading_rad, abs=0.003)
+    assert greatest_error(found.body, body) < 0.0002
+
+
+def test_the_n_pose_can_be_given(exact: CalibratedBody) -> None:
+    body = known_body()
+    calibrator = BodyCalibrator(known_rig(body), wide_cameras(body.mounts), rest_s=(4.0, 5.0))
+    for one in played_backwards_first(body, 4.0):
+        calibrator.add(one)
+    found = calibrator.solve()
+    assert found.diagnosis.rest_s == pytest.approx((4.0, 5.0), abs=0.1)
+    for joint, true in zip(found.body.joints, exact.body.joints, strict=True):
+        np.testing.assert_allclose(joint.parent_T_joint, true.parent_T_joint, atol=1e-6)
+    calibrator = BodyCalibrator(known_rig(body), wide_cameras(body.mounts), rest_s=(40.0, 50.0))
+    for one in registrations(range_of_motion(body)):
+        calibrator.add(one)
+    with pytest.raises(RangeOfMotionError, match=r"given from 40 to 50 s.*lasts from 0.0 to 8.9 s"):
+        calibrator.solve()
+
+
+def test_sitting_still_for_longer_is_not_the_n_pose() -> None:
+    body = known_body()
+    matches = played_backwards_first(body, 4.0)
+    # The body stops for 5 s in the midst of the motion, limbs bent, and goes on.
+    at_ns = min(one.stamp_ns for one in matches) + 2_000_000_000
+    halt = max(one.stamp_ns for one in matches if one.stamp_ns <= at_ns)
+    pause_ns, step_ns = 5_000_000_000, 100_000_000
+    paused = [
+        replace(one, stamp_ns=halt + k * step_ns)
+        for k in range(1, pause_ns // step_ns)
+        for one in matches
+        if one.stamp_ns == halt
+    ]
+    before = [one for one in matches if one.stamp_ns <= halt]
+    after = [replace(one, stamp_ns=one.stamp_ns + pause_ns) for one in matches if one.stamp_ns > halt]
+    found = calibrated(body, before + paused + after)
+    assert found.diagnosis.rest_s == pytest.approx((9.0 - STILL_S, 9.0 + STILL_S), abs=0.4)
 
 
 def test_a_camera_that_was_never_registered_is_named() -> None:

@@ -50,6 +50,18 @@ def test_the_body_is_right(made: tuple[Path, str]) -> None:
     assert knee.limits is not None and knee.limits[0][1] > 1.5, "the knee was bent by 95 degrees"
 
 
+def test_cameras_exchanged_in_the_rig_are_the_first_line(sample: Path, tmp_path: Path) -> None:
+    rig = yaml.safe_load((sample / "rom" / "rig.yaml").read_text())
+    cameras = rig["cameras"]
+    cameras["thigh_left"], cameras["thigh_right"] = cameras["thigh_right"], cameras["thigh_left"]
+    (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
+    done = run(sample, tmp_path / "legs.yaml", "--rig", tmp_path / "rig.yaml")
+    assert done.returncode == 3, done.stderr
+    first = done.stdout.split("Mend the rig")[0]
+    assert first.startswith("wrong: cameras thigh_left and thigh_right are exchanged")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.yaml"]
+
+
 def test_the_file_carries_the_figures(made: tuple[Path, str]) -> None:
     report = yaml.safe_load(made[0].read_text())["report"]
     assert report["source"] == "range of motion"

@@ -36,7 +36,7 @@ def test_a_good_recording_is_good(capsys: pytest.CaptureFixture[str], sample: Pa
     code, report = doctor(capsys, bag, "--map", sample / "map")
     assert (code, report["level"], problems(report)) == (0, "good", set())
     checks = {f["check"] for f in report["findings"]}
-    assert checks == {"cameras", "rate", "gaps", "clocks", "lens", "exposure", "blur", "features", "registered"}
+    assert checks == {"cameras", "rate", "gaps", "span", "clocks", "lens", "exposure", "blur", "features", "registered"}
 
 
 def test_every_fault_is_named_and_the_exit_code_says_so(

@@ -29,7 +29,7 @@ def test_the_command_reports_against_a_bvh(
     assert set(figures["joints"]) == {"spine", "hip left", "knee left", "ankle left"}
     assert set(figures["points"]) == set(MIXAMO.values())
     shown = (tmp_path / "report" / "report.html").read_text()
-    assert "knee left, sagittal" in shown and "same motion as other.bvh: they correlate by" in shown
+    assert "knee left, sagittal" in shown and "same motion as other.bvh: the two motions correlate by" in shown
     assert shown.count("<img ") == 2 and shown.count('src="data:image/png;base64,iVBOR') == 2
     assert share_of(LEFT, tmp_path / "report" / "joints.png") > 2e-5
 

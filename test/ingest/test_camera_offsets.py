@@ -114,7 +114,7 @@ def test_noise_alone_places_nobody() -> None:
 def test_deaf_and_silent_cameras_are_named_and_the_others_placed() -> None:
     heard = sources(RECORDERS | {"silent": Recorder(0.0, 16.0, gain=0.0)}, CLAPS) | {"deaf": lambda: iter(())}
     offsets = camera_times(heard)
-    assert offsets.unplaced == {"silent": "its sound is silence", "deaf": "has no sound"}
+    assert offsets.unplaced == {"silent": "its sound is silence", "deaf": "it has no sound"}
     assert set(offsets.times) == set(RECORDERS)
 
 
@@ -199,3 +199,18 @@ def test_who_is_placed_by_a_rough_clock_alone_is_named() -> None:
     starts = {name: recorder.start_s for name, recorder in RECORDERS.items()} | {"deaf": 1.7}
     offsets = camera_times(heard, sources=known({"deaf": starts["deaf"]} | starts, sigma_s=1.0))
     assert "deaf: its clock cannot be found by sound; found by motion to 1 s only: record a clap" in offsets.remarks
+
+
+def test_images_are_known_less_well_than_the_sound_beside_them() -> None:
+    """The first image is exposed up to a frame after the first sound, and no file tells when."""
+    sounds = sources(RECORDERS, CLAPS)
+    alone = camera_offsets.camera_times(sounds, None, {}, Unshown())
+    beside = camera_offsets.camera_times(sounds, None, {}, Unshown(), dict.fromkeys(RECORDERS, 1.0 / 24.0))
+    for name, time in beside.times.items():
+        if name == beside.reference:
+            assert time.start_sigma_s == 0.0
+            continue
+        assert time.start_s == alone.times[name].start_s
+        # Late by a uniform share of a frame each: their difference has a sigma of a frame over the root of six.
+        expected_s = np.hypot(alone.times[name].start_sigma_s, 1.0 / 24.0 / np.sqrt(6.0))
+        assert time.start_sigma_s == pytest.approx(expected_s)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.long
 
 LEFT_LEG = ("waist_front", "thigh_left", "shin_left", "foot_left")
 ARMS = ("torso_front", "upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right")
-FRAMES = 21
+FRAMES = 51
 WRONG_RESULT = 3
 
 

@@ -63,17 +63,19 @@ def test_a_joint_that_nobody_saw_is_doubtful() -> None:
     assert levels(list(found)) == {"knee_left": Level.DOUBTFUL}
 
 
-def test_standing_still_at_first_is_good_and_setting_out_is_wrong() -> None:
+def test_the_n_pose_may_be_held_later() -> None:
     registered = moved(swing, bend)
     assert levels(list(check_rest(registered, RIG.cameras))) == {}
     kicked = {**registered.poses["shin"], 2: rigid(exp_so3(np.array([0.3, 0.0, 0.0])), np.zeros(3))}
     found = check_rest(RegisteredSamples(SECONDS, {**registered.poses, "shin": kicked}), RIG.cameras)
-    assert levels(list(found)) == {"shin": Level.WRONG}
+    (finding,) = found
+    assert finding.level is Level.GOOD and "searches all of the recording" in finding.what
 
 
-def test_nobody_seen_at_first_is_wrong() -> None:
+def test_nobody_seen_at_first_is_no_fault() -> None:
     blind = RegisteredSamples(SECONDS, {"waist": dict.fromkeys(range(len(SECONDS)))})
-    assert levels(list(check_rest(blind, ["waist"]))) == {"": Level.WRONG}
+    (finding,) = check_rest(blind, ["waist"])
+    assert finding.level is Level.GOOD and "no camera is registered" in finding.what
 
 
 def test_the_share_that_finds_itself_is_judged_by_camera() -> None:

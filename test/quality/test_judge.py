@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.known_motion import BODY, DURATION_S, KnownMotion, exchanged, moved
+from helpers.known_motion import BODY, DURATION_S, Alter, KnownMotion, exchanged, moved, segment_poses
 from helpers.naming import names, numbers
 
 from bodycam_ros.geometry import Array, exp_se3, rigid
@@ -155,6 +155,38 @@ def test_a_map_of_another_scale(scale: float) -> None:
     assert {finding.cause for finding in verdict.findings} == {"scale"}
     for finding in verdict.findings:
         assert numbers(finding.why) == [pytest.approx(scale, rel=0.01)]
+
+
+def test_the_body_of_another_day_is_one_finding() -> None:
+    random = np.random.default_rng(5)
+    shifts = {camera: random.normal(size=3) for camera in BODY.mounts}
+    anew = {camera: moved(tuple(0.03 * shift / np.linalg.norm(shift))) for camera, shift in shifts.items()}
+    finding = only(KnownMotion(altered=anew).verdict(), Level.WRONG)
+    assert finding.what.startswith(f"this is not the body of this recording: {len(anew)} of {len(anew)} cameras")
+    assert "range of motion" in finding.remedy
+
+
+def test_the_body_of_a_taller_person_is_one_finding() -> None:
+    """Cameras sit where the recorded person's smaller body has them; those of the trunk are the least off."""
+
+    def smaller(camera: str) -> Alter:
+        segment = BODY.segment_index[BODY.mounts[camera].segment]
+
+        def alter(time: float, pose: Array) -> Array:
+            pelvis, own = segment_poses(time)[0], segment_poses(time)[segment]
+            shrunk = pelvis[:3, 3] + (own[:3, 3] - pelvis[:3, 3]) / 1.12 + (pose[:3, 3] - own[:3, 3]) / 1.12
+            return rigid(pose[:3, :3], shrunk)
+
+        return alter
+
+    finding = only(KnownMotion(altered={camera: smaller(camera) for camera in BODY.mounts}).verdict(), Level.WRONG)
+    assert finding.what.startswith("this is not the body of this recording")
+
+
+def test_two_wrong_mounts_are_not_another_body() -> None:
+    altered = {"forearm_left": moved((0.0, 0.1, 0.1)), "head": moved((0.1, 0.0, 0.1))}
+    verdict = KnownMotion(altered=altered).verdict()
+    assert {finding.subject for finding in verdict.findings} == {"forearm_left", "head"}
 
 
 def test_a_short_spell_of_wrong_registrations_is_no_finding() -> None:
