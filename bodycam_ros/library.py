@@ -21,7 +21,6 @@ from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.pipeline.camera import CameraPipeline, camera_turns
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
@@ -91,7 +90,6 @@ def replay(
         cameras, imus, settings = cameras or {}, imus or {}, settings or PipelineSettings()
         if not set(cameras) & set(body.mounts):
             raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")
-        prepare_kernels()
         skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
         turns = camera_turns(body, imus) if settings.inertial.enabled else {}
         source = replica = None
