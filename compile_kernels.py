@@ -16,6 +16,7 @@ from unittest import mock
 
 from setuptools import Extension
 from setuptools.command.build_ext import build_ext
+from setuptools.errors import CompileError, LinkError
 
 SOURCES = Path(__file__).resolve().parent
 PACKAGE = SOURCES / "bodycam_ros"
@@ -60,7 +61,7 @@ def compile_kernels(file):
 
     try:
         library = CC(file.name.partition(".")[0], source_module=sys.modules[__name__])
-    except RuntimeError as error:
+    except RuntimeError as error:  # no compiler
         _refuse(error)
     library.target_cpu = "host" if cpu == "native" else cpu
 
@@ -87,7 +88,7 @@ def compile_kernels(file):
             library.output_dir, library.output_file = folder, file.name
             try:
                 library.compile()
-            except Exception as error:  # whatever distutils raises
+            except (CompileError, LinkError) as error:
                 _refuse(error)
             (Path(folder) / file.name).replace(file)
 

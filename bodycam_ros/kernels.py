@@ -16,16 +16,12 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.errors import BodycamError
+from bodycam_ros.errors import KernelError
 
 F = TypeVar("F", bound=Callable[..., Any])
 LIBRARY = "bodycam_ros.compiled_kernels"
 _REMEDY = "install bodycam_ros (docs/install.md), or run `make kernels` in its sources"
 _ARGUMENT = re.compile(r"([biuf]\d)(\[[:, ]*::1\])?")
-
-
-class KernelError(BodycamError):
-    """The compiled kernels are missing or cannot be loaded."""
 
 
 def kernel(signature: str | None = None) -> Callable[[F], F]:

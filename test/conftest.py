@@ -14,6 +14,7 @@ from helpers.tiny_bag import write_tiny_bag
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import KernelError
 from bodycam_ros.files.bounded_inputs import bound_inputs
 from bodycam_ros.kernels import load_kernels
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -36,7 +37,10 @@ def pytest_configure() -> None:
 
 def _refuse_old_kernels() -> None:
     """End where a kernel was changed and not compiled: tests would pass or fail by the old one."""
-    compiled_s = Path(str(load_kernels().__file__)).stat().st_mtime
+    try:
+        compiled_s = Path(str(load_kernels().__file__)).stat().st_mtime
+    except KernelError as error:
+        pytest.exit(str(error), returncode=4)
     changed = [file for file in (REPOSITORY / "bodycam_ros").rglob("*_kernels.py") if file.stat().st_mtime > compiled_s]
     if changed:
         pytest.exit(f"{', '.join(map(str, changed))}: changed, and not compiled; run `make kernels`", returncode=4)

@@ -110,6 +110,14 @@ def test_a_build_that_cannot_compile_names_what_is_missing(
     assert not libraries(sources)
 
 
+def test_a_kernel_that_numba_cannot_compile_is_named(sources: Path) -> None:
+    (sources / "bodycam_ros/outer_kernels.py").write_text(OUTER.replace("2.0 * inner(x)", "inner('x')"))
+    built = run(sources, *BUILD)
+    assert built.returncode != 0
+    assert "outer_kernels.py" in built.stderr and "build-essential" not in built.stderr
+    assert not libraries(sources)
+
+
 @pytest.mark.parametrize("content", [None, b"not a library"])
 def test_without_a_usable_library_the_command_to_make_it_is_named(sources: Path, content: bytes | None) -> None:
     if content is not None:

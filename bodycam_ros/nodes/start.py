@@ -35,10 +35,9 @@ def _run(name: str) -> NoReturn:
         os.environ.setdefault(variable, "1")
     wanted = import_module("bodycam_ros.graph.declared_graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
     if name != "player":
-        kernels = import_module("bodycam_ros.kernels")
         try:
-            kernels.load_kernels()
-        except kernels.KernelError as error:
+            import_module("bodycam_ros.kernels").load_kernels()
+        except import_module("bodycam_ros.errors").KernelError as error:
             sys.exit(str(error))
     run: Any = import_module("bodycam_ros.nodes.process").run
     if name == GRAPH:
