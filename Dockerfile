@@ -11,7 +11,7 @@ SHELL ["/bin/bash", "-o", "pipefail", "-c"]
 WORKDIR /opt/bodycam
 COPY package.xml src/bodycam_ros/
 RUN apt-get update \
- && apt-get install -y --no-install-recommends build-essential python3-colcon-common-extensions python3-venv \
+ && apt-get install -y --no-install-recommends build-essential python3-colcon-common-extensions python3-dev python3-venv \
  && rosdep update --rosdistro jazzy \
  && rosdep install --from-paths src --ignore-src -y \
  && rm -rf /var/lib/apt/lists/* ~/.ros
@@ -23,17 +23,17 @@ RUN python3 -m venv --system-site-packages venv \
  && venv/bin/python -m pip install --no-cache-dir "pip>=25.1" \
  && venv/bin/python -m pip install --no-cache-dir --group src/bodycam_ros/pyproject.toml:ubuntu "numpy<2"
 
+# Kernels are compiled for every processor with AVX2. colcon is started by /usr/bin/python3, which does not know the
+# virtual environment with numba.
+ARG BODYCAM_KERNELS_CPU=x86-64-v3
 COPY . src/bodycam_ros/
 RUN . /opt/ros/jazzy/setup.bash \
  && . venv/bin/activate \
+ && export PYTHONPATH="/opt/bodycam/venv/lib/python3.12/site-packages:$PYTHONPATH" \
+ && export BODYCAM_KERNELS_CPU="$BODYCAM_KERNELS_CPU" \
  && colcon build \
  && rm -rf build log
-
-# Kernels are compiled now, for every processor with AVX2; those that are compiled at the first run are for that machine.
-ARG NUMBA_CPU_NAME=x86-64-v3
-ENV NUMBA_CPU_NAME=${NUMBA_CPU_NAME} NUMBA_CPU_FEATURES="" NUMBA_CACHE_DIR=/opt/bodycam_kernels
 COPY docker/entrypoint.sh /bodycam_entrypoint.sh
-RUN /bodycam_entrypoint.sh python3 -m bodycam_ros.kernels
 
 RUN useradd --uid 1001 --create-home --shell /bin/bash bodycam && install -d -o bodycam -g bodycam /data
 USER 1001

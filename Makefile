@@ -6,6 +6,7 @@
 #   make readers   exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults    everything that a user can give is damaged; what comes of it is counted
 #   make lint      ruff, mypy, and hadolint for the Dockerfile
+#   make kernels  compile the numerical kernels anew after a change of one; the targets above do it by themselves
 #   make docs      the pages of docs/ as a site: out/site/index.html
 #   make figures   the table that nothing may worsen: accuracy, speed, memory; QUICK=1 for its main rows in 3 minutes
 #   make bench     CPU time of each stage of the pipeline
@@ -23,6 +24,9 @@ FOR_ROS = VIRTUAL_ENV="$(CURDIR)/$(VENV)" AMENT_PREFIX_PATH="$(CURDIR)/$(VENV)" 
 	PATH="$(CURDIR)/$(BIN):$$PATH"
 DEMO := out/demo
 READERS := .venv-readers
+KERNELS := $(shell find bodycam_ros -name "*_kernels.py") bodycam_ros/camera/readout.py compile_kernels.py
+# For this machine's processor; a wheel is for all since 2013.
+export BODYCAM_KERNELS_CPU ?= native
 
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH VIRTUAL_ENV
@@ -30,7 +34,7 @@ export PYTHONNOUSERSITE := 1
 # A company's proxy signs with a certificate that is in the system's store alone.
 export UV_SYSTEM_CERTS ?= 1
 
-.PHONY: help demo test test-all test-ros figures readers faults lint docs bench latency endure clean
+.PHONY: help demo test test-all test-ros figures readers faults lint kernels docs bench latency endure clean
 .DELETE_ON_ERROR:
 
 help:
@@ -71,6 +75,8 @@ lint: $(VENV)/ros.stamp
 	$(BIN)/mypy
 	$(BIN)/hadolint --config .hadolint.yaml Dockerfile
 
+kernels: $(VENV)/runtime.stamp
+
 docs: $(VENV)/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
@@ -87,7 +93,7 @@ endure: $(VENV)/runtime.stamp
 	$(BIN)/python -m benchmarks.endurance bags/sample/bag --map bags/map --body bags/body.yaml
 
 clean:
-	rm -rf $(VENV) .venv-ros $(READERS) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
+	rm -rf bodycam_ros/compiled_kernels.* $(VENV) .venv-ros $(READERS) build install log out *.egg-info msg_defs/build .mypy_cache .pytest_cache .ruff_cache
 
 # A stamp says that the step before it is done for the present state of the files it depends on.
 $(VENV)/python.stamp:
@@ -100,10 +106,11 @@ $(VENV)/python.stamp:
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV)
 	@touch $@
 
-$(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py
-	$(SYNC)
+$(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py $(KERNELS)
+	@command -v cc >/dev/null && $(BIN)/python -c 'import os, sysconfig; os.stat(sysconfig.get_path("include") + "/Python.h")' 2>/dev/null || \
+		{ echo "compiling the kernels needs a C compiler and Python's headers: sudo apt install build-essential python3-dev" >&2; exit 1; }
+	$(SYNC) --reinstall-package bodycam_ros
 	$(BIN)/python -m compileall -q bodycam_ros
-	$(BIN)/python -m bodycam_ros.kernels
 	@touch $@
 
 # The site needs nothing of ours.

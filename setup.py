@@ -1,4 +1,4 @@
-"""Builds under ament and colcon; name, version, dependencies and scripts are in pyproject.toml.
+"""Builds the kernels, and what ament and colcon want; name, version, dependencies and scripts are in pyproject.toml.
 
 colcon and rosdep look for no package beneath a package, so they never see msg_defs/, the package bodycam_msgs. Under
 colcon this file builds it too, into the same prefix; pip installs it on its own.
@@ -18,6 +18,9 @@ NAME = "bodycam_ros"
 # Beneath `colcon build --symlink-install` this file is a link in the build space.
 SOURCES = Path(__file__).resolve().parent
 INTERFACES = SOURCES / "msg_defs"
+sys.path.insert(0, str(SOURCES))  # which builds from pyproject.toml leave out
+
+from compile_kernels import LIBRARY, CompileKernels  # noqa: E402
 
 
 class InstallWithInterfaces(install):
@@ -80,7 +83,8 @@ built = setup(
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
     ],
     zip_safe=False,
-    cmdclass={"install": InstallWithInterfaces, "develop": DevelopWithInterfaces},
+    ext_modules=[LIBRARY],
+    cmdclass={"build_ext": CompileKernels, "install": InstallWithInterfaces, "develop": DevelopWithInterfaces},
 )
 # colcon evaluates what the distribution prints, and setuptools makes an object of requires-python.
 built.python_requires = built.metadata.python_requires = str(built.python_requires)

@@ -20,7 +20,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array, inverse, log_so3, rigid, umeyama
-from bodycam_ros.kernels import load_kernels, prepare_kernels
+from bodycam_ros.kernels import load_kernels
 from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
@@ -129,7 +129,6 @@ def main() -> None:
     parser.add_argument("recording", type=Path)
     parser.add_argument("--map", type=Path, required=True)
     arguments = parser.parse_args()
-    prepare_kernels()
     load_kernels()
     cv2.setNumThreads(1)
     ours, theirs, images, begun = compare(arguments.recording, arguments.map)

@@ -12,7 +12,7 @@ from types import FrameType
 import bodycam_ros
 from bodycam_ros import Body, Map
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.kernels import load_kernels, prepare_kernels
+from bodycam_ros.kernels import load_kernels
 from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
@@ -69,7 +69,6 @@ def main() -> None:
     parser.add_argument("--map", type=Path, default=Path("bags/map"))
     parser.add_argument("--body", type=Path, default=Path("bags/body.yaml"))
     arguments = parser.parse_args()
-    prepare_kernels()
     load_kernels()
     path = image_path(arguments.bag, Map.load(arguments.map), Body.load(arguments.body))
     for file, functions in path.items():

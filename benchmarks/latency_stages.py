@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.graph.declared_graph import GraphArguments, GraphNode, graph
-from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.nodes.moments import COLUMNS, Instant, Moment
 
 
@@ -226,7 +225,6 @@ def play_live(
     for package in ("rclpy", "bodycam_msgs"):
         if find_spec(package) is None:
             raise BodycamError(f"this needs ROS 2, but {package} is not installed; 'make latency' installs it")
-    prepare_kernels()
     arguments = GraphArguments(
         map=str(reference_map),
         body=str(body),

@@ -16,11 +16,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import exp_so3, inverse
-from bodycam_ros.kernels import as_rows, kernel
+from bodycam_ros.kernels import as_rows
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
@@ -141,7 +142,7 @@ def clothes(people: int, rng: np.random.Generator, pictures: Path | None) -> NDA
     return np.asarray(worn, np.uint8)
 
 
-@kernel("(f8[:, ::1], f8[::1], f8[:, :, ::1], f8[:, ::1], f8, u1[:, :, ::1], u1[::1], u1[::1])")
+@njit
 def _look(
     rays: Array,
     origin: Array,

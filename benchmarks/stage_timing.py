@@ -15,7 +15,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.kernels import load_kernels, prepare_kernels
+from bodycam_ros.kernels import load_kernels
 from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
@@ -58,7 +58,6 @@ def time_stages(recording_path: Path, map_path: Path, body_path: Path, settings:
     Raises:
         BodycamError: recording, map or body cannot be read.
     """
-    prepare_kernels()
     load_kernels()
     body, reference_map, timing = read_body(body_path), ReferenceMap.load(map_path), StageTiming()
     registered: list[LandmarkMatches] = []

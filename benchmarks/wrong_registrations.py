@@ -17,7 +17,6 @@ from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3, rigid
-from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 STEP_NS = 33_333_333
@@ -118,7 +117,6 @@ def main() -> None:
     """Print a row for each case."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--body", type=Path, default=Path("bags/body.yaml"))
-    prepare_kernels()
     body = with_third_root_camera(read_body(parser.parse_args().body))
     for name, wrong in cases(body).items():
         bad, said, total, p99_cm = count_wrong(body, wrong)

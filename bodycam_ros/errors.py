@@ -13,6 +13,10 @@ class SettingsError(BodycamError):
     """A setting is unknown, of the wrong type or out of its range."""
 
 
+class KernelError(BodycamError):
+    """The compiled kernels are missing, older than the package, or cannot be loaded."""
+
+
 class LensError(BodycamError):
     """A camera's intrinsics are missing, malformed or of an unsupported model."""
 

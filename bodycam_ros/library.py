@@ -28,7 +28,6 @@ from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.formats.stations_file import read_stations
 from bodycam_ros.inertial.imu_samples import ImuSamples
-from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.sensors import camera_turns
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -119,7 +118,6 @@ class Replay(Iterator[BodyOutput]):
             images = self._open(opened)
             if not (set(self._cameras) & set(self._body.mounts) or self._stations):
                 raise BodyError(f"none of the cameras that have models is on the body ({', '.join(self._body.mounts)})")
-            prepare_kernels()
             skeleton = self._skeleton = SkeletonPipeline(
                 self._body,
                 self._cameras,

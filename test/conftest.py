@@ -14,7 +14,9 @@ from helpers.tiny_bag import write_tiny_bag
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import KernelError
 from bodycam_ros.files.bounded_inputs import bound_inputs
+from bodycam_ros.kernels import load_kernels
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.replaying.replay import replay
 from bodycam_ros.replaying.replay_request import ReplayRequest
@@ -24,6 +26,7 @@ REPOSITORY = Path(__file__).parent.parent
 
 def pytest_configure() -> None:
     """Let signals reach the tests of them, and let workers that test side by side not get in each other's way."""
+    _refuse_old_kernels()
     # What a shell started in the background ignores Ctrl-C, what nohup started a closed terminal; so do their children.
     bound_inputs()
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -31,6 +34,17 @@ def pytest_configure() -> None:
     # Small matrices: threads cost more than they bring, most of all where every core has a worker already.
     threadpool_limits(1)
     cv2.setNumThreads(1)
+
+
+def _refuse_old_kernels() -> None:
+    """End where a kernel was changed and not compiled: tests would pass or fail by the old one."""
+    try:
+        compiled_s = Path(str(load_kernels().__file__)).stat().st_mtime
+    except KernelError as error:
+        pytest.exit(str(error), returncode=4)
+    changed = [file for file in (REPOSITORY / "bodycam_ros").rglob("*_kernels.py") if file.stat().st_mtime > compiled_s]
+    if changed:
+        pytest.exit(f"{', '.join(map(str, changed))}: changed, and not compiled; run `make kernels`", returncode=4)
 
 
 @pytest.fixture(scope="session")

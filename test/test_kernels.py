@@ -1,23 +1,26 @@
-"""Kernels are compiled once, into the user's cache: real processes, an installation with two small kernels."""
+"""Kernels are compiled when the package is built: real processes, a package with two small kernels."""
 
+import ast
 import os
 import re
+import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numba.core.errors import TypingError
 
 import bodycam_ros.kernels
 from bodycam_ros import geometry_kernels
-from bodycam_ros.kernels import KERNEL_FILES, argument_checks, prepare_kernels
+from bodycam_ros.body import surface
+from bodycam_ros.kernels import argument_checks
 from bodycam_ros.registration import descriptor_kernels
+from bodycam_ros.static_cameras import contour_kernels
 
 PACKAGE = Path(bodycam_ros.kernels.__file__).parent
+ROOT = PACKAGE.parent
 INNER = """
 from bodycam_ros.kernels import kernel
 @kernel()
@@ -26,105 +29,120 @@ def inner(x: float) -> float:
 """
 OUTER = """
 from bodycam_ros.kernels import kernel
-from bodycam_ros.inner import inner
+from bodycam_ros.folder.inner_kernels import inner
 @kernel("(f8,)")
 def outer(x: float) -> float:
     return 2.0 * inner(x)
 """
+SETUP = """
+from setuptools import setup
+from compile_kernels import LIBRARY, CompileKernels
+setup(name="small", packages=["bodycam_ros"], ext_modules=[LIBRARY], cmdclass={"build_ext": CompileKernels})
+"""
+BUILD = ("setup.py", "--quiet", "build_ext", "--inplace")
 PROGRAM = """
-import logging
-logging.basicConfig(format="%(message)s")
-from bodycam_ros.kernels import prepare_kernels
-prepare_kernels()
-from bodycam_ros.outer import outer
 import sys
-print(outer(3.0), "compiled" if "numba.pycc" in sys.modules else "with numba" if "numba" in sys.modules else "loaded")
+from bodycam_ros.outer_kernels import outer
+print(outer(3.0), "numba" in sys.modules)
 """
 
 
 @pytest.fixture
-def installation(tmp_path: Path) -> Path:
+def sources(tmp_path: Path) -> Path:
     """A package of its own with the real ``kernels.py``, and two kernels in two files."""
-    package = tmp_path / "site" / "bodycam_ros"
-    package.mkdir(parents=True)
-    source = (PACKAGE / "kernels.py").read_text()
-    for name, files in (("KERNEL_FILES", '"inner.py", "outer.py"'), ("_CONSTANT_FILES", '"kernels.py",')):
-        source, count = re.subn(rf"^{name} = \(.*?\)$", f"{name} = ({files})", source, flags=re.S | re.M)
-        assert count == 1
-    (package / "kernels.py").write_text(source)
+    package = tmp_path / "bodycam_ros"
+    (package / "folder").mkdir(parents=True)
+    for name in ("errors.py", "kernels.py", "camera/readout.py"):
+        (package / name).parent.mkdir(exist_ok=True)
+        shutil.copy(PACKAGE / name, package / name)
+    shutil.copy(ROOT / "compile_kernels.py", tmp_path)
+    (tmp_path / "setup.py").write_text(SETUP)
     (package / "__init__.py").touch()
-    (package / "inner.py").write_text(INNER)
-    (package / "outer.py").write_text(OUTER)
-    return package
+    (package / "folder/__init__.py").touch()
+    (package / "folder/inner_kernels.py").write_text(INNER)
+    (package / "outer_kernels.py").write_text(OUTER)
+    return tmp_path
 
 
-def run(installation: Path, command: Sequence[str] = (), **environment: str) -> tuple[str, str]:
-    """What the program printed, and what it logged."""
-    place = installation.parent.parent
-    surroundings = {name: text for name, text in os.environ.items() if not name.startswith(("NUMBA_", "XDG_"))}
-    surroundings |= {"PYTHONPATH": str(installation.parent), "HOME": str(place / "home")}
-    surroundings |= {"PYTHONDONTWRITEBYTECODE": "1", **environment}
-    command = command or [sys.executable, "-c", PROGRAM]
-    process = subprocess.run(command, cwd=place, env=surroundings, capture_output=True, text=True, timeout=120)
-    assert process.returncode == 0, process.stderr
-    return process.stdout.strip(), process.stderr
+def run(sources: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run Python among the sources."""
+    surroundings = {name: text for name, text in os.environ.items() if not name.startswith(("NUMBA_", "BODYCAM_"))}
+    surroundings |= {"PYTHONPATH": str(sources), "PYTHONDONTWRITEBYTECODE": "1", **environment}
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=sources, env=surroundings, capture_output=True, text=True, timeout=240
+    )
 
 
-def test_the_first_run_compiles_into_the_users_cache_and_the_next_loads(installation: Path) -> None:
-    before = sorted(installation.rglob("*"))
-    out, logged = run(installation)
-    assert out == "8.0 compiled"
-    assert logged.startswith("compiling the numerical kernels for this machine, once") and logged.count("\n") == 1
-    assert len(list((installation.parent.parent / "home" / ".cache" / "bodycam_ros").glob("*.so"))) == 1
-    assert sorted(installation.rglob("*")) == before
-    assert run(installation) == ("8.0 loaded", "")
-    (installation / "inner.py").write_text(INNER.replace("1.0", "2.0"))
-    assert run(installation)[0] == "10.0 compiled"
+def libraries(sources: Path) -> list[Path]:
+    return [file for file in sources.rglob("compiled_kernels*") if "build" not in file.parts]
 
 
-@pytest.mark.parametrize("kept", [0.5, 0.99, 0.0])
-def test_a_library_that_was_cut_is_made_anew(installation: Path, kept: float) -> None:
-    assert run(installation)[0] == "8.0 compiled"
-    (library,) = (installation.parent.parent / "home" / ".cache" / "bodycam_ros").glob("*.so")
-    whole = library.read_bytes()
-    os.truncate(library, int(kept * len(whole)))
-    assert run(installation)[0] == "8.0 compiled"
-    library.write_bytes(whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2))
-    assert run(installation)[0] == "8.0 compiled"
-    assert run(installation) == ("8.0 loaded", "")
+def test_the_build_compiles_what_changed_and_processes_run_without_numba(sources: Path) -> None:
+    assert run(sources, *BUILD).returncode == 0
+    assert run(sources, "-c", PROGRAM).stdout == "8.0 False\n"
+    (library,) = libraries(sources)
+    compiled_ns = library.stat().st_mtime_ns
+    assert run(sources, *BUILD).returncode == 0
+    assert libraries(sources)[0].stat().st_mtime_ns == compiled_ns
+    (sources / "bodycam_ros/folder/inner_kernels.py").write_text(INNER.replace("1.0", "2.0"))
+    assert run(sources, *BUILD).returncode == 0
+    assert run(sources, "-c", PROGRAM).stdout == "10.0 False\n"
 
 
-FORBIDDEN = """
-import sys
-sys.path.insert(0, sys.argv.pop(1))
-from faults.limits import obey_permissions
-obey_permissions()
-"""
+def test_the_build_imports_kernels_alone(sources: Path) -> None:
+    (sources / "bodycam_ros/folder/__init__.py").write_text("raise ImportError('a library that is not installed yet')")
+    built = run(sources, *BUILD)
+    assert built.returncode == 0, built.stderr
+    assert libraries(sources)
 
 
-def test_a_home_that_may_not_be_entered_is_done_without(installation: Path, tmp_path: Path) -> None:
-    """As after ``sudo -E``."""
-    (home := tmp_path / "forbidden").mkdir(mode=0)
-    command = [sys.executable, "-c", FORBIDDEN + PROGRAM, str(Path(__file__).parent)]
-    out, logged = run(installation, command, HOME=str(home))
-    home.chmod(0o700)
-    assert out == "8.0 compiled" and "numba's cache" in logged
+@pytest.mark.parametrize(
+    ("environment", "named"), [({"CC": "false", "CXX": "false"}, "build-essential"), ({"NO_NUMBA": "1"}, "needs numba")]
+)
+def test_a_build_that_cannot_compile_names_what_is_missing(
+    sources: Path, environment: dict[str, str], named: str
+) -> None:
+    if "NO_NUMBA" in environment:
+        (sources / "numba.py").write_text("raise ImportError('none')")
+    built = run(sources, *BUILD, **environment)
+    assert built.returncode != 0
+    assert named in built.stderr
+    assert not libraries(sources)
 
 
-def test_without_a_compiler_they_are_kept_in_numbas_cache(installation: Path) -> None:
-    out, logged = run(installation, CC="false", CXX="false")
-    assert out == "8.0 compiled" and "numba's cache" in logged
-    assert list(installation.rglob("*.nbc"))
+def test_a_kernel_that_numba_cannot_compile_is_named(sources: Path) -> None:
+    (sources / "bodycam_ros/outer_kernels.py").write_text(OUTER.replace("2.0 * inner(x)", "inner('x')"))
+    built = run(sources, *BUILD)
+    assert built.returncode != 0
+    assert "outer_kernels.py" in built.stderr and "build-essential" not in built.stderr
+    assert not libraries(sources)
 
 
-def test_without_a_place_they_are_compiled_at_every_start(installation: Path) -> None:
-    out, logged = run(installation, NUMBA_CACHE_DIR=os.devnull)
-    assert out == "8.0 compiled" and os.devnull in logged
+@pytest.mark.parametrize("content", [None, b"not a library"])
+def test_without_a_usable_library_the_command_to_make_it_is_named(sources: Path, content: bytes | None) -> None:
+    if content is not None:
+        (sources / "bodycam_ros/compiled_kernels.so").write_bytes(content)
+    failed = run(sources, "-c", PROGRAM)
+    assert failed.returncode == 1
+    assert re.search(r"KernelError: .*make kernels", failed.stderr.splitlines()[-1])
 
 
-def test_every_file_with_kernels_is_known() -> None:
-    holding = {str(file.relative_to(PACKAGE)) for file in PACKAGE.rglob("*.py") if "\n@kernel(" in file.read_text()}
-    assert holding == set(KERNEL_FILES)
+def test_files_with_kernels_import_one_another_alone() -> None:
+    """Such as the build can import, where nothing is installed but numba."""
+    allowed = {"math", "typing", "numpy", "numpy.typing", "bodycam_ros.kernels", "bodycam_ros.camera.readout"}
+    for file in PACKAGE.rglob("*.py"):
+        if "\n@kernel(" in (text := file.read_text()):
+            assert file.name.endswith("_kernels.py"), file
+            found = {
+                node.module if isinstance(node, ast.ImportFrom) else node.names[0].name
+                for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.Import | ast.ImportFrom)
+            }
+            assert {str(name) for name in found if not str(name).endswith("_kernels")} <= allowed, file
+
+
+def test_the_label_of_nobody_is_that_of_surfaces() -> None:
+    assert contour_kernels.NOBODY == surface.NOBODY
 
 
 REGISTRATION = """
@@ -142,15 +160,13 @@ print([image.matches.world_T_camera is not None for image in images], "numba" in
 """
 
 
-def test_no_kernel_of_an_image_is_compiled_while_it_waits(sample: Path) -> None:
-    """An array that is not as a kernel states it would go to numba, which takes seconds."""
+def test_images_are_registered_without_numba(sample: Path) -> None:
     command = [sys.executable, "-c", REGISTRATION, str(sample)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert run.stdout.split("\n")[0] == f"{[True] * 6} False"
 
 
-def test_what_the_library_does_not_take_goes_to_numba() -> None:
-    prepare_kernels()
+def test_arrays_that_are_not_as_stated_are_copied() -> None:
     xi = np.array([0.1, -0.2, 0.3, 1.0, 2.0, 3.0])
     expected = geometry_kernels.exp_se3(xi)
     strided = np.column_stack([xi, xi])[:, 0]
@@ -159,22 +175,25 @@ def test_what_the_library_does_not_take_goes_to_numba() -> None:
     for other in (strided, read_only):
         np.testing.assert_array_equal(geometry_kernels.exp_se3(other), expected)
     np.testing.assert_allclose(geometry_kernels.exp_se3(xi.astype(np.float32)), expected, atol=1e-6)
-    for wrong in (None, 1.0, "x"):
-        with pytest.raises((TypeError, TypingError)):
+    for wrong in (None, 1.0, "x", xi[None], xi.astype(complex)):
+        with pytest.raises(TypeError):
             geometry_kernels.exp_se3(wrong)
+    with pytest.raises(ValueError, match="zip"):
+        geometry_kernels.exp_se3(xi, xi)
 
 
 def test_checks_of_a_signature() -> None:
     array, real, whole = argument_checks("(u2[:, ::1], f8, i8)")
     image = np.zeros((2, 3), np.uint16)
     assert array(image) is image and real(2) == 2.0 and whole(np.int64(3)) == 3
-    for check, wrong in ((array, image.T), (array, image[0]), (array, image.astype("u1")), (whole, 1.5)):
+    turned = array(image.T)
+    assert turned.flags.carray and turned.shape == (3, 2)
+    for check, wrong in ((array, image[0]), (array, image.astype(float)), (whole, 1.5)):
         with pytest.raises(TypeError):
             check(wrong)
 
 
 def test_other_threads_run_meanwhile() -> None:
-    prepare_kernels()
     table, landmarks = np.zeros((2000, 128), np.uint8), np.arange(2000, dtype=np.uint32)
     one_list = np.zeros((2000, 1), np.int64), np.array([0, 2000]), np.arange(2000)
     kernel = threading.Thread(target=descriptor_kernels.search_lists, args=(table, *one_list, table, landmarks))

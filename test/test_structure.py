@@ -2,15 +2,28 @@
 
 import ast
 import re
+import sys
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from xml.etree import ElementTree
 
 PACKAGE = Path(__file__).parent.parent / "bodycam_ros"
 ROS = {"rclpy", "builtin_interfaces", "bodycam_msgs", "ament_index_python", "launch", "launch_ros", "tf2_ros"}
 MESSAGES = re.compile(r"\w+_(msgs|srvs|interfaces)")
+
+
+OTHER_NAMES = {"pinocchio": "pin", "coal": "coal"}
+"""Modules -> distributions of which Python's records do not say it: they are in a folder of their own."""
+
+USED_BY_OTHERS = {
+    "daqp": "the solver that pin-pink is given by name",
+    "fast-simplification": "trimesh decimates scans with it",
+    "networkx": "trimesh turns the faces of scans outward with it",
+}
+"""Dependencies that no file imports, and why."""
 
 
 def files() -> list[Path]:
@@ -103,17 +116,47 @@ def test_ros_is_imported_by_nodes_alone() -> None:
     assert found["nodes"] <= {each.text for each in manifest if each.tag.endswith("depend")} | {"bodycam_msgs"}
 
 
+def declared(section: list[str]) -> set[str]:
+    """Names of distributions in a list of requirements."""
+    return {re.split("[<>=; ]", each)[0].lower() for each in section}
+
+
+def project() -> dict[str, dict[str, list[str]]]:
+    """Dependencies as pyproject.toml has them: of the package, of its extras and of groups, and those of its build."""
+    read = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())
+    return {
+        "extras": {"": read["project"]["dependencies"], **read["project"]["optional-dependencies"]},
+        "groups": {**read["dependency-groups"], "build": read["build-system"]["requires"]},
+    }
+
+
+def test_what_is_imported_is_declared_and_what_is_declared_is_imported() -> None:
+    dependencies = {name for section in project()["extras"].values() for name in declared(section)}
+    distributions = {module: {name.lower() for name in names} for module, names in packages_distributions().items()}
+    imported, undeclared = set(), set()
+    for file in files():
+        for top in {module.split(".")[0] for module in imports(file)}:
+            if top in sys.stdlib_module_names | ROS | {PACKAGE.name} or MESSAGES.fullmatch(top):
+                continue
+            known = distributions.get(top, {OTHER_NAMES.get(top, top)}) & dependencies
+            imported |= known
+            undeclared |= set() if known else {f"{file.relative_to(PACKAGE)} imports {top}"}
+    assert undeclared == set()
+    assert dependencies - imported == set(USED_BY_OTHERS)
+
+
 def test_ubuntu_has_every_package_from_apt_or_from_pypi() -> None:
     """As docs/install.md and the Dockerfile install them: by package.xml, and by the group ``ubuntu``."""
-    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())
-    needed = {re.split("[<>=]", each)[0].lower() for each in project["project"]["dependencies"]} - {"setuptools"}
+    needed = declared(project()["extras"][""]) | declared(project()["groups"]["build"]) - {"setuptools"}
     manifest = ElementTree.parse(PACKAGE.parent / "package.xml").getroot()
     other_names = {"yaml": "pyyaml", "opencv": "opencv-python-headless"}
     of_apt = {str(each.text).removeprefix("python3-") for each in manifest if str(each.text).startswith("python3-")}
-    of_pypi = {*project["dependency-groups"]["ubuntu"]}
+    of_pypi = declared(project()["groups"]["ubuntu"])
     assert needed == ({other_names.get(each, each) for each in of_apt} - {"pytest"}) | of_pypi
     page = (PACKAGE.parent / "docs/install.md").read_text()
     assert {each for each in of_pypi if f"`{each}`" not in page} == set()
+    build = project()["groups"]["build"]
+    assert {each for each in build if each.startswith("numba")} <= {*project()["groups"]["ubuntu"]}
 
 
 def test_the_pipeline_knows_nothing_of_verdicts_and_messages_nothing_of_the_estimator() -> None:

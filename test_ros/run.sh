@@ -14,7 +14,8 @@ elif [ -e "$maker" ]; then
         bash "$maker" "$venv"
         make .venv/python.stamp
         .venv/bin/uv export --quiet --frozen --no-hashes --no-emit-project > "$venv/runtime.txt"
-        .venv/bin/uv pip install --quiet --python "$venv" -r "$venv/runtime.txt" pytest colcon-bash colcon-core colcon-ros
+        .venv/bin/uv pip install --quiet --python "$venv" -r "$venv/runtime.txt" pytest colcon-bash colcon-core colcon-ros \
+            "numba>=0.68,<0.69"
         touch "$stamp"
     fi
 else
@@ -31,5 +32,4 @@ colcon --log-base "$out/log" build --base-paths . --build-base "$out/build" --in
 set +u
 . "$out/install/setup.bash"
 set -u
-python3 -m bodycam_ros.kernels  # compiled once, before nodes wait for them
 python3 -m pytest test_ros -p no:cacheprovider "$@"

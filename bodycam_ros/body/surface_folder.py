@@ -2,6 +2,7 @@
 
 import io
 import logging
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,9 @@ KEPT_FACES = 2000
 """Faces of a segment: neighbouring contour points are then a centimetre apart."""
 
 _MOST_BYTES = 100_000_000
+_LIBRARIES = {"networkx": "networkx", "fast_simplification": "fast-simplification"}
+"""Modules with which trimesh turns faces outward and decimates meshes, and their distributions."""
+
 _SEAM_DIGITS = 5  # vertices that agree to so many decimals of a metre are one: files round to micrometres
 _LEAST_AREA_M2 = 1e-12  # a face of less has no normal
 _LARGEST_M, _SMALLEST_M = 3.0, 0.01
@@ -35,7 +39,7 @@ def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
 
     Raises:
         BodyError: there is no such folder, it has no mesh of any segment, or one that is no mesh of a segment in
-            metres and its frame; the message names the file.
+            metres and its frame; the message names the file. Or a library for meshes is not installed.
     """
     files = _mesh_files(folder)
     segments = [segment for segment in body.segments if segment in files]
@@ -47,6 +51,11 @@ def read_surfaces(folder: Path, body: BodyModel) -> dict[str, Surface]:
         )
     if others := sorted(set(files) - set(segments)):
         logger.warning("%s: leaves out %s, which body %s does not have", folder, ", ".join(others), body.name)
+    if missing := [name for module, name in _LIBRARIES.items() if find_spec(module) is None]:
+        raise BodyError(
+            f"{folder}: reading meshes needs {' and '.join(missing)}; install {'it' if len(missing) == 1 else 'them'}: "
+            f"pip install {' '.join(missing)}"
+        )
     surfaces = {}
     for segment in segments:
         path = files[segment]

@@ -35,9 +35,10 @@ def _run(name: str) -> NoReturn:
         os.environ.setdefault(variable, "1")
     wanted = import_module("bodycam_ros.graph.declared_graph").from_command_line(sys.argv[1:]) if name == GRAPH else ()
     if name != "player":
-        preparation = import_module("bodycam_ros.kernels")
-        preparation.prepare_kernels()
-        preparation.load_kernels()
+        try:
+            import_module("bodycam_ros.kernels").load_kernels()
+        except import_module("bodycam_ros.errors").KernelError as error:
+            sys.exit(str(error))
     run: Any = import_module("bodycam_ros.nodes.process").run
     if name == GRAPH:
         _end(run(name, *(partial(_node(node.executable), node.arguments()) for node in wanted)))

@@ -10,7 +10,6 @@ from bodycam_ros.boards.board import read_board
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.geometry import Array
-from bodycam_ros.kernels import prepare_kernels
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.progress import Progress
 from bodycam_ros.quality.place_checks import (
@@ -119,7 +118,6 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         # The middle first: a recording that begins in a dark pocket is not hopeless.
         order = chosen[np.argsort(np.abs(chosen - chosen[len(chosen) // 2]), kind="stable")].tolist()
         names = wanted or tuple(camera.name for camera in recording.cameras)
-        prepare_kernels()
         with progress.step("registering", len(order)) as advance:
             registered = register_samples(recording, names, order, reference_map, jobs, advance)
         findings += check_registration(registered)

@@ -16,7 +16,7 @@ from bodycam_ros import __version__
 PROGRAM = "bodycam_ros"
 """Record of every bag that we write: command, version, and versions of the libraries that compute."""
 
-_LIBRARIES = ("gtsam", "numba", "numpy", "opencv-python-headless", "pycolmap", "scipy")
+_LIBRARIES = ("gtsam", "numpy", "opencv-python-headless", "pycolmap", "scipy")
 
 
 @dataclass(frozen=True)

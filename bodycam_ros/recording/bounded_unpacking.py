@@ -3,21 +3,16 @@
 rosbags compares a part's size with the one that is stated only once all of it is unpacked.
 """
 
-import sys
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from backports import zstd
 from lz4.frame import LZ4FrameDecompressor
 from rosbags.rosbag2 import storage_mcap
 
 from bodycam_ros.errors import RecordingError
-
-if sys.version_info >= (3, 14):
-    from compression import zstd
-else:
-    from backports import zstd
 
 _MOST_RATIO = 100
 """Ratio of sizes after and before; raw images of a covered lens have more, which the next allows for."""

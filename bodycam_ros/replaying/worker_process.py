@@ -13,7 +13,7 @@ from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import ForkServerContext
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.kernels import prepare_kernels
+from bodycam_ros.kernels import load_kernels
 
 _WARM = "bodycam_ros.replaying.warm_worker"
 
@@ -33,12 +33,13 @@ _SHARED_MEMORY = "processes share memory in /dev/shm: is it there, writable, and
 
 
 def warm_up() -> None:
-    """Start to load what the processes need, in the background; compile missing kernels first.
+    """Start to load what the processes need, in the background.
 
     Raises:
+        KernelError: the compiled kernels cannot be loaded.
         RecordingError: the system refuses a process.
     """
-    prepare_kernels()
+    load_kernels()
     with refusal_named(), ready_to_start() as context, _short_temporary_folder():
         if 0 <= resource.getrlimit(resource.RLIMIT_NOFILE)[0] < _FEWEST_FILES:
             raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))  # the forking process would print a traceback

@@ -10,7 +10,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.surface import NOBODY
 from bodycam_ros.camera.lens_kernels import project_point, project_point_with_jacobian
 from bodycam_ros.kernels import kernel
 
@@ -18,7 +17,7 @@ Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
 
-
+NOBODY = 255  # as in ``body.surface``, which the build of the kernels cannot import
 _NEAREST_M = 0.1  # of a vertex before the camera
 _LONGEST_PX = 200.0  # an edge, or a face, that is longer is too near to be a body's
 _INWARD, _OUTWARD = 1.0, 1.5  # [pixels of the labels] from the contour, where its own segment, and nobody, must be

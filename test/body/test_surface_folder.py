@@ -38,6 +38,16 @@ def test_what_trimesh_wrote_is_read(tmp_path: Path, body: BodyModel, suffix: str
     assert read.is_watertight and read.volume == pytest.approx(mesh.volume, rel=1e-4)
 
 
+def test_a_library_that_is_not_installed_is_named(
+    tmp_path: Path, body: BodyModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    thigh().export(tmp_path / "thigh.obj")
+    libraries = {"fast_simplification_that_nobody_has": "fast-simplification", "networkx": "networkx"}
+    monkeypatch.setattr("bodycam_ros.body.surface_folder._LIBRARIES", libraries)
+    with pytest.raises(BodyError, match="pip install fast-simplification$"):
+        read_surfaces(tmp_path, body)
+
+
 def test_hands_that_the_body_does_not_have_are_left_out_and_named(
     tmp_path: Path, body: BodyModel, caplog: pytest.LogCaptureFixture
 ) -> None:
