@@ -65,7 +65,7 @@ def install_interfaces(command):
 
 
 def is_built_beside(prefix, own):
-    """Whether the workspace has bodycam_msgs as a package of its own (a link to msg_defs/), installed beside this one."""
+    """Whether the workspace has bodycam_msgs as a package of its own, by a link to msg_defs/, installed beside this."""
     return Path(prefix).resolve() == own.parent / "bodycam_msgs"
 
 
