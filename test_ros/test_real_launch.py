@@ -358,7 +358,6 @@ def test_sixteen_cameras_with_drivers_in_processes_of_their_own(tmp_path: Path) 
                 graph.until(
                     lambda: float(graph.statuses["skeleton_solver: body"]["cameras used per frame"]) > 14.0, _PLAYED_S
                 )
-                assert len([name for name in nodes_there() if name.startswith("/driver_")]) == len(cameras)
                 assert graph.end() in (0, 130)
             finally:
                 for driver in drivers:
