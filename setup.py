@@ -1,7 +1,8 @@
 """Builds the kernels, and what ament and colcon want; name, version, dependencies and scripts are in pyproject.toml.
 
-colcon and rosdep look for no package beneath a package, so they never see msg_defs/, the package bodycam_msgs. Under
-colcon this file builds it too, into the same prefix; pip installs it on its own.
+colcon and rosdep look for no package beneath a package, so they see msg_defs/, the package bodycam_msgs, only by a link
+beside this one (docs/install.md). Without the link this file builds it too under colcon, into the same prefix; pip
+installs it on its own.
 """
 
 import os
@@ -46,10 +47,12 @@ def install_interfaces(command):
     """Configure, build and install bodycam_msgs where colcon installs this package; without colcon do nothing."""
     if "COLCON" not in os.environ:
         return
+    own = Path(command.get_finalized_command("install").install_data).resolve()
+    if any(is_built_beside(prefix, own) for prefix in ament_prefixes()):
+        return
     build = Path(command.get_finalized_command("build").build_base).resolve() / INTERFACES.name
     # Beneath it are the marker and the share folder of this package: the data files below.
-    prefix = Path(command.get_finalized_command("install").install_data).resolve()
-    configure = ["cmake", "-S", str(INTERFACES), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={prefix}"]
+    configure = ["cmake", "-S", str(INTERFACES), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={own}"]
     configure += ["-DBUILD_TESTING=OFF", f"-DCMAKE_PREFIX_PATH={';'.join(ament_prefixes())}"]
     for step in (
         configure,
@@ -62,6 +65,11 @@ def install_interfaces(command):
             sys.exit("building bodycam_msgs needs CMake and a C++ compiler: sudo apt install cmake g++")
         except subprocess.CalledProcessError as error:
             sys.exit(f"bodycam_msgs could not be built ({' '.join(step[:2])} ended with {error.returncode}); see above")
+
+
+def is_built_beside(prefix, own):
+    """Whether the workspace has bodycam_msgs as a package of its own, by a link to msg_defs/, installed beside this."""
+    return Path(prefix).resolve() == own.parent / "bodycam_msgs"
 
 
 def ament_prefixes():

@@ -28,7 +28,12 @@ set +u
 set -u
 python3 -c 'import colcon_ros, pytest' || { echo "missing: sudo apt install colcon python3-pytest" >&2; exit 1; }
 out=$PWD/out/ros
-colcon --log-base "$out/log" build --base-paths . --build-base "$out/build" --install-base "$out/install"
+# As docs/install.md makes a workspace, with a package of somebody else's that depends on the messages.
+mkdir -p "$out/src"
+ln -sfn "$PWD" "$out/src/bodycam_ros"
+ln -sfn bodycam_ros/msg_defs "$out/src/bodycam_msgs"
+ln -sfn bodycam_ros/test_ros/message_consumer "$out/src/message_consumer"
+colcon --log-base "$out/log" build --base-paths "$out/src" --build-base "$out/build" --install-base "$out/install"
 set +u
 . "$out/install/setup.bash"
 set -u

@@ -331,3 +331,35 @@ def test_nodes_are_managed_and_their_parameters_changed(tmp_path: Path) -> None:
 
 def test_a_node_prints_its_parameters() -> None:
     assert "most_ahead" in ros2("run", "bodycam_ros", "tracker", "--help")
+
+
+def test_a_package_that_depends_on_the_messages_is_built() -> None:
+    """In the same workspace, where msg_defs/ is linked beside this package."""
+    assert ros2("run", "message_consumer", "message_consumer").strip() == "9f86d081884c7d65"
+    assert "string map_identity" in ros2("interface", "show", "bodycam_msgs/msg/LandmarkMatches")
+
+
+def test_sixteen_cameras_with_drivers_in_processes_of_their_own(tmp_path: Path) -> None:
+    """22 processes of the graph, 16 of drivers, a listener and a tool: more than Fast DDS finds by itself."""
+    cameras = [*read_body(SAMPLE["body"]).mounts]
+    profile = {"FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).parents[1] / "config/fastdds-shm.xml")}
+    drivers = []
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in profile.items():
+            patch.setenv(name, value)
+        with launched(tmp_path, **SAMPLE) as graph:
+            try:
+                for camera in cameras:
+                    given = {"bagfile": BAG, "cameras": f"[{camera}]", "rate": 0.05, "readers": 3, "reader_wait": 240.0}
+                    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+                    node = ["--ros-args", "-r", f"__node:=driver_{camera}", *words]
+                    drivers.append(subprocess.Popen(["ros2", "run", "bodycam_ros", "player", *node]))
+                graph.until(lambda: len(graph.received) > 5, 2 * _PLAYED_S)
+                graph.until(
+                    lambda: float(graph.statuses["skeleton_solver: body"]["cameras used per frame"]) > 14.0, _PLAYED_S
+                )
+                assert graph.end() in (0, 130)
+            finally:
+                for driver in drivers:
+                    driver.terminate()
+                    driver.wait()

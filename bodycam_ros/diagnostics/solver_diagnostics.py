@@ -56,6 +56,7 @@ class SolverDiagnostics:
         self._arrivals: deque[tuple[int, float]] = deque(maxlen=_ARRIVALS)
         self._contradictory_reported = 0
         self._image_ns: dict[str, int] = {}
+        self._image_s: dict[str, float] = {}
         self._latest_ns: dict[str, int] = {}
 
     @property
@@ -65,7 +66,7 @@ class SolverDiagnostics:
 
     def add_image(self, camera: str, stamp_ns: int) -> None:
         """Note that a camera has taken an image, whose registration is still to come."""
-        self._image_ns[camera] = stamp_ns
+        self._image_ns[camera], self._image_s[camera] = stamp_ns, time.monotonic()
 
     def add_registration(self, camera: str, stamp_ns: int, is_registered: bool) -> None:
         """Count a registration, or an image of a static camera."""
@@ -126,7 +127,10 @@ class SolverDiagnostics:
     @property
     def _late_s(self) -> dict[str, float]:
         """Camera -> time from the image that was registered last to the one that was taken last [s]."""
-        both = self._image_ns.keys() & self._latest_ns.keys()
+        now_s = time.monotonic()
+        # Of drivers that publish a camera_info with each image: others' have an old stamp.
+        recent = {camera for camera, arrived_s in self._image_s.items() if now_s - arrived_s < _PATIENCE_S}
+        both = recent & self._latest_ns.keys()
         return {camera: 1e-9 * (self._image_ns[camera] - self._latest_ns[camera]) for camera in both}
 
     def _judge(

@@ -159,6 +159,8 @@ class SolverSession:
             self._dropped.add("changes of the map", reason)
             self.flush()
             self.start()
+            if self.calibration is not None:
+                self.calibration.restart()  # what was collected is of the other map
         if self.calibration is not None:
             self.calibration.add(matches)
         self._add(matches)

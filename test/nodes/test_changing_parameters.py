@@ -157,13 +157,13 @@ def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
     camera = DrivenCamera(graph, "left", latched(), latched())
     camera.inform()
     deadline_s = time.monotonic() + _START_S
-    while not stage.registrars:
+    while not stage.fronts:
         assert time.monotonic() < deadline_s, "the camera_info does not come"
         rclpy.spin_once(node, timeout_sec=0.05)
-    (registrar,) = stage.registrars.values()
-    assert registrar.settings.min_inliers == 15
+    (front,) = stage.fronts.values()
+    assert front._registrar.settings.min_inliers == 15
     assert not _set(node, "registrar.min_inliers", 25)
-    assert registrar.settings.min_inliers == 25
+    assert front._registrar.settings.min_inliers == 25
     refusal = _set(node, "registrar.min_inliers", 1)
     assert "min_inliers" in refusal
-    assert (registrar.settings, registrar.settings.min_inliers) == (stage.settings.registrar, 25)
+    assert (front._registrar.settings, front._registrar.settings.min_inliers) == (stage.settings.registrar, 25)
