@@ -16,7 +16,8 @@ def _judged(views):
     start = initial_fit(views, 640, 480)
     fit = fit_lens(as_model("plumb_bob", start), start.views, start.poses)
     area = board_coverage(fit, _LIT)
-    lens = validate(fit, ray_grid(_LIT, min(0.9, area.reach)))
+    reach = min(0.9, area.reach)
+    lens = validate(fit, ray_grid(_LIT, reach), ray_grid(_LIT, 1.0, beyond=reach))
     return area, objections(lens), warnings(lens, area, must_be_whole=False)
 
 
