@@ -4,6 +4,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from bodycam_ros.boards.board_design import read_layout
 from bodycam_ros.boards.board_detector import LensBoard
 from bodycam_ros.camera.camera_info import camera_info_yaml
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model",
         choices=("auto", *_MODELS),
         default="auto",
-        help="camera model; auto: the simplest within chance of the one that explains pictures left out best (%(default)s)",
+        help="camera model; auto: the simplest that explains pictures left out as well as any (%(default)s)",
     )
     parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
 
@@ -99,7 +101,7 @@ def _text(calibration: LensCalibration, name: str, board: str) -> str:
     lines = [
         f"{_MARK} by {len(lens.fit.views)} pictures of {Path(board).name}; those left out are off by",
         f"# {lens.median_px:.3f} px (median), rays where the board was seen by up to {lens.worst_ray_px:.2f} px,",
-        f"# in the corners by up to {lens.corner_px:.1f} px;",
+        f"# in the corners {f'by up to {lens.corner_px:.1f} px' if np.isfinite(lens.corner_px) else 'without a ray'};",
         f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",
         *(f"# warning: {warning}" for warning in calibration.warnings),
     ]

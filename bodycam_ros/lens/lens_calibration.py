@@ -20,6 +20,7 @@ from bodycam_ros.lens.lens_quality import (
     BoardCoverage,
     ValidatedLens,
     board_coverage,
+    image_radius,
     objections,
     ray_grid,
     validate,
@@ -34,7 +35,7 @@ _FLAT = 0.9  # share of the points that lie in a plane, from which on no other w
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
 _TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
-_ORDINARY_RAD = 0.9  # image radius over focal length, about the angle to the corners; more is a wide lens
+_ORDINARY_RAD = 1.1  # image radius over focal length, about the angle to the corners; more is a wide lens
 _SIMPLEST_FIRST = {
     True: ("plumb_bob", "fov", "equidistant", "rational_polynomial"),
     False: ("equidistant", "fov", "plumb_bob", "rational_polynomial"),
@@ -106,11 +107,9 @@ def calibrate_lens(
     fit = fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows])
     reach = min(TRUSTED_RADIUS, board_coverage(fit, is_lit).reach)
     corners = ray_grid(is_lit, 1.0, beyond=reach)
-    radius_px = board_coverage(fit, is_lit).radius_px
-    is_ordinary = radius_px < _ORDINARY_RAD * 0.5 * (fit.camera.fx + fit.camera.fy)
     trials = []
     with progress.step("fitting lenses", len(models)) as advance:
-        for model in sorted(models, key=_SIMPLEST_FIRST[is_ordinary].index):
+        for model in sorted(models, key=simplest_first(fit, is_lit).index):
             trial = fit_lens(as_model(model, fit), fit.views, fit.poses)
             trials.append(validate(trial, ray_grid(is_lit, reach), corners))
             advance()
@@ -128,6 +127,11 @@ def calibrate_lens(
         tuple(warnings(best, area, board.layout.kind == CHECKERBOARD)),
         board.remark,
     )
+
+
+def simplest_first(fit: LensFit, is_lit: NDArray[np.bool_]) -> tuple[str, ...]:
+    """The models in order of preference, by a fitted lens and the pixels (H, W) that it shows anything in."""
+    return _SIMPLEST_FIRST[image_radius(is_lit) < _ORDINARY_RAD * 0.5 * (fit.camera.fx + fit.camera.fy)]
 
 
 def _chosen_variant(pictures: Sequence[LensImage], board: LensBoard, progress: Progress) -> LensBoard:

@@ -122,7 +122,7 @@ def validate(fit: LensFit, grid: Array, corners: Array) -> ValidatedLens:
 
 
 def ray_difference_px(camera: CameraModel, other: CameraModel, grid: Array, beyond: Array | None = None) -> Array:
-    """(G + C,) by how many pixels two lenses differ, once one is turned to fit the other at the pixels (G, 2) of a grid.
+    """(G + C,) by how many pixels two lenses differ, once one is turned to fit the other at pixels (G, 2) of a grid.
 
     Infinite where one of them has no ray. The last C are pixels (C, 2) beyond the grid.
     """
@@ -232,8 +232,9 @@ def warnings(lens: ValidatedLens, area: BoardCoverage, must_be_whole: bool) -> l
         )
     if lens.corner_px > max(_MAX_CORNER_ERROR_PX, lens.worst_ray_px):
         found.append(
-            f"rays in the corners, where no board was seen, are uncertain by up to {_pixels(lens.corner_px)}; use "
-            "nothing of the corners, or film the board there"
+            "rays in the corners, where no board was seen, are uncertain "
+            f"({_pixels(lens.corner_px)}, more than {_MAX_CORNER_ERROR_PX:g} px); film the board there, or use nothing "
+            "of the corners"
         )
     return found
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from helpers.known_lenses import LENSES, held
 
+from bodycam_ros.lens.lens_calibration import simplest_first
 from bodycam_ros.lens.lens_fit import as_model, fit_lens, initial_fit
 from bodycam_ros.lens.lens_quality import ray_difference_px, ray_grid
 
@@ -31,3 +32,10 @@ def test_every_model_is_found_again_without_knowing_anything(model, first):
     seen, valid = fit.camera.project(LENSES[model].unproject(grid)[0])
     assert valid.all()
     assert np.linalg.norm(seen - grid, axis=1).max() < 0.3
+
+
+@pytest.mark.parametrize(("model", "simplest"), [("equidistant", "equidistant"), ("plumb_bob", "plumb_bob")])
+def test_the_simplest_lens_for_its_angle_is_tried_first(model, simplest, first):
+    """On an ordinary lens an equidistant one of huge coefficients came first."""
+    fit = first(model)
+    assert simplest_first(fit, np.ones((480, 640), bool))[0] == simplest
