@@ -11,8 +11,13 @@ from bodycam_ros.formats.bvh import read_bvh
 from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.csv import read_csv
+from bodycam_ros.formats.gltf_motion import read_gltf
+from bodycam_ros.formats.motive import is_motive, read_motive
+from bodycam_ros.formats.mvnx import read_mvnx
+from bodycam_ros.formats.qualisys_tsv import read_qualisys
 from bodycam_ros.formats.start_points import place_points
 from bodycam_ros.formats.stations_file import world_T_file
+from bodycam_ros.formats.storage import read_storage
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
@@ -22,11 +27,21 @@ from bodycam_ros.static_cameras.station import Station
 _READERS: Mapping[str, Callable[[Path], CapturedMotion]] = {
     ".bvh": read_bvh,
     ".c3d": read_c3d,
+    ".csv": read_motive,
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".mot": read_storage,
+    ".mvnx": read_mvnx,
+    ".sto": read_storage,
     ".trc": read_trc,
+    ".tsv": read_qualisys,
     ".tum": read_captured_tum,
     ".txt": read_captured_tum,
 }
 """Suffix of a file -> its reader, which raises ValueError of what is damaged."""
+
+_NAMES = {".csv": "CSV of Motive", ".mot": "MOT", ".sto": "STO", ".tsv": "TSV of Qualisys", ".txt": "TUM"}
+"""Suffix -> what else than the suffix a file of it has to be."""
 
 
 def is_captured(path: Path) -> bool:
@@ -47,26 +62,27 @@ def read_captured(path: Path) -> CapturedMotion:
     read = _READERS.get(path.suffix.lower())
     if read is None:
         raise RecordingError(
-            f"{path}: unknown format; known are {', '.join(_READERS)} (.txt: TUM), a folder of *.tum, and a "
-            "recording's folder with ground truth"
+            f"{path}: unknown format; known are {', '.join(_READERS)} (.txt: TUM, .csv: Motive, .tsv: Qualisys), a "
+            "folder of *.tum, and a recording's folder with ground truth"
         )
     try:
         return read(path)
     except ValueError as error:
-        raise RecordingError(f"{path}: cannot be read as {path.suffix[1:].upper()}: {error}") from error
+        kind = _NAMES.get(path.suffix.lower(), path.suffix[1:].upper())
+        raise RecordingError(f"{path}: cannot be read as {kind}: {error}") from error
 
 
 def read_joint_points(path: Path) -> Mapping[str, Array] | None:
-    """Name -> points (K, 3) of TRC, C3D or CSV in the file's axes and unit, NaN where missing; None of other suffixes.
+    """Name -> points (K, 3) of a motion's file in its axes and unit, NaN where missing; None of other suffixes.
 
     Raises:
         BodyError: the file cannot be read.
     """
     suffix = path.suffix.lower()
-    if suffix not in (".trc", ".c3d", ".csv"):
+    if suffix not in _READERS or suffix in (".tum", ".txt"):
         return None
     try:
-        return read_csv(path) if suffix == ".csv" else read_captured(path).points
+        return read_csv(path) if suffix == ".csv" and not is_motive(path) else read_captured(path).points
     except RecordingError as error:
         raise BodyError(str(error)) from error
 
