@@ -24,8 +24,8 @@ def read_mvnx(path: Path) -> CapturedMotion:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it has more than {MOST_BYTES // 1_000_000} MB")
         with path.open("rb") as file:
-            if b"<!DOCTYPE" in file.read(_PROLOG):
-                raise ValueError("it has a <!DOCTYPE>, and so may have entities; remove that")
+            if b"<!ENTITY" in file.read(_PROLOG):
+                raise ValueError("its <!DOCTYPE> has entities, which could stand for any length; remove them")
         labels, rate, positions, quaternions = _content(path)
     except (OSError, ElementTree.ParseError) as error:
         raise ValueError(str(error)) from error

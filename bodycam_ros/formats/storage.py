@@ -1,8 +1,8 @@
 """OpenSim's STO and MOT as truth: positions of bodies or markers over time, of a world with y up, in metres.
 
-Points are columns NAME_X, NAME_Y, NAME_Z (BodyKinematics, with rotations NAME_Ox to NAME_Oz), NAME_tx to NAME_tz, or
-NAME_1 to NAME_3 (flattened markers), or a column NAME of ``DataType=Vec3``. Joint angles alone place nothing: that
-takes their model.
+Points are columns NAME_X, NAME_Y, NAME_Z (BodyKinematics, with rotations NAME_Ox to NAME_Oz), or NAME_tx to NAME_tz
+(markers of inverse kinematics), or a column NAME of ``DataType=Vec3``. Joint angles alone place nothing: that takes
+their model.
 """
 
 import logging
@@ -22,10 +22,12 @@ from bodycam_ros.geometry import Array
 logger = logging.getLogger(__name__)
 
 _END = "endheader"
-_ENDINGS = (("_X", "_Y", "_Z"), ("_x", "_y", "_z"), ("_tx", "_ty", "_tz"), ("_1", "_2", "_3"))
+_ENDINGS = (("_X", "_Y", "_Z"), ("_tx", "_ty", "_tz"))
 _TURNS = ("_Ox", "_Oy", "_Oz")
-_FORCES = re.compile(r"(?i)(^|_)(force|torque|moment|grf|vel|acc|velocity|acceleration)(_|$)|_v$")
-_LEAST_POINTS = 2
+_OTHER = re.compile(r"(?i)\b(accelerations?|velocit(y|ies)|forces?|moment(um|a)s?)\b")
+"""Words of a header above numbers that are no positions."""
+
+_LEAST_POINTS = 3  # a model may have coordinates tx, ty, tz of one or two joints
 _LONGEST_HEADER = 200
 
 
@@ -42,8 +44,10 @@ def read_storage(path: Path) -> CapturedMotion:
         raise ValueError("expected a line 'endheader', and below it names of columns and rows")
     header = {key.strip().lower(): value.strip() for key, _, value in (line.partition("=") for line in lines[:end])}
     listed = [(number, line) for number, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
-    if not listed:
-        raise ValueError("it ends after its header")
+    if len(listed) < 2 or len(_cells(listed[0][1])) < 2:
+        raise ValueError("it has no columns or no rows below its header")
+    if found := next((found for line in lines[:end] if (found := _OTHER.search(line))), None):
+        raise ValueError(f"by its header it has {found[0].lower()}, and not positions")
     names, rows = _cells(listed[0][1]), listed[1:]
     if not names or names[0].lower() != "time" or len(set(names)) < len(names):
         raise ValueError(f"line {listed[0][0]}: expected 'time' and names of columns, each its own")
@@ -99,7 +103,7 @@ def _points(names: Sequence[str]) -> dict[str, list[int]]:
     for first, second, third in _ENDINGS:
         for name in names:
             stem = name.removesuffix(first)
-            if stem != name and stem + second in columns and stem + third in columns and not _FORCES.search(stem):
+            if stem != name and stem + second in columns and stem + third in columns:
                 found.setdefault(stem, [columns[stem + ending] for ending in (first, second, third)])
     return found
 

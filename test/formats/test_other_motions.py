@@ -87,7 +87,7 @@ def mvnx(path: Path, walk: Walk) -> Path:
         )
     segments = "".join(f'<segment label="{name}" id="{k}"/>' for k, name in enumerate(points, 1))
     path.write_text(
-        '<?xml version="1.0"?><mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4"><subject label="a" '
+        '<?xml version="1.0"?><!DOCTYPE mvnx><mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4"><subject label="a" '
         f'frameRate="30" segmentCount="{len(points)}"><segments>{segments}</segments>'
         f'<frames segmentCount="{len(points)}">{"".join(frames)}</frames></subject></mvnx>'
     )
@@ -177,9 +177,11 @@ STO = "a\nendheader\n"
         ("a.tsv", "NO_OF_FRAMES\t2\nFREQUENCY\tx\nMARKER_NAMES\tA\n1\t2\t3\n", "FREQUENCY: expected a number"),
         ("a.tsv", "NO_OF_FRAMES\t2\nFREQUENCY\t9\nMARKER_NAMES\tA\tB\n1\t2\t3\t4\t5\n", "2 names and 5 columns"),
         ("a.mvnx", "<mvnx><subject", "MVNX:"),
-        ("a.mvnx", '<!DOCTYPE a [<!ENTITY b "c">]><mvnx/>', "<!DOCTYPE>"),
+        ("a.mvnx", '<!DOCTYPE a [<!ENTITY b "c">]><mvnx/>', "has entities"),
         ("a.mvnx", "<mvnx/>", "expected <subject frameRate"),
         ("a.sto", "time a\n", "expected a line 'endheader'"),
+        ("a.sto", "endheader\ntime\n", "it has no columns or no rows"),
+        ("a.sto", "Of accelerations.\nendheader\ntime\ta_X\n0\t1\n", "it has accelerations, and not positions"),
         ("a.sto", STO + "time\tpelvis_tilt\n0\t1\n1\t2\n", "joint angles or forces alone place nothing"),
         ("a.mot", STO + "time\tg_force_vx\tg_force_vy\tg_force_vz\n0\t1\t2\t3\n1\t1\t2\t3\n", "alone place nothing"),
         ("a.sto", "DataType=Quaternion\nendheader\ntime\ta\n0\t1,0,0,0\n", "orientations alone place nothing"),
