@@ -87,8 +87,8 @@ def mvnx(path: Path, walk: Walk) -> Path:
         )
     segments = "".join(f'<segment label="{name}" id="{k}"/>' for k, name in enumerate(points, 1))
     path.write_text(
-        '<?xml version="1.0"?><!DOCTYPE mvnx><mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4"><subject label="a" '
-        f'frameRate="30" segmentCount="{len(points)}"><segments>{segments}</segments>'
+        '<?xml version="1.0"?><!DOCTYPE mvnx><mvnx xmlns="http://www.xsens.com/mvn/mvnx" version="4">'
+        f'<subject label="a" frameRate="30" segmentCount="{len(points)}"><segments>{segments}</segments>'
         f'<frames segmentCount="{len(points)}">{"".join(frames)}</frames></subject></mvnx>'
     )
     return path
