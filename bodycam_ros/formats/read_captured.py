@@ -1,5 +1,6 @@
 """Readers of other systems' motions and joint points in all formats."""
 
+import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -12,10 +13,11 @@ from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.csv import read_csv
 from bodycam_ros.formats.gltf_motion import read_gltf
+from bodycam_ros.formats.keypoints import JOINTS, is_keypoints, read_keypoints
 from bodycam_ros.formats.motive import is_motive, read_motive
 from bodycam_ros.formats.mvnx import read_mvnx
 from bodycam_ros.formats.qualisys_tsv import read_qualisys
-from bodycam_ros.formats.start_points import place_points
+from bodycam_ros.formats.start_points import place_points, place_world_points
 from bodycam_ros.formats.stations_file import world_T_file
 from bodycam_ros.formats.storage import read_storage
 from bodycam_ros.formats.trc import read_trc
@@ -23,6 +25,12 @@ from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_body
 from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.triangulated_joints import triangulate_person
+
+logger = logging.getLogger(__name__)
+
+_START_FRAMES = 5
+"""Images from the first one on, of which the one with the most joints is the start: people move little meanwhile."""
 
 _READERS: Mapping[str, Callable[[Path], CapturedMotion]] = {
     ".bvh": read_bvh,
@@ -91,7 +99,7 @@ def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: B
     """The body in the first image, by a start file in any format.
 
     Args:
-        start: poses of segments, or points of joints.
+        start: poses of segments, points of joints, or a folder of the cameras' keypoints.
         file: the stations' file, whose frame a start file of poses has.
         stations: of that file, in the world; one or more.
         body: segments and joints.
@@ -100,6 +108,25 @@ def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: B
         BodyError: the start cannot be used.
         StationError: the stations cannot be read any more.
     """
+    if is_keypoints(start):
+        places = place_world_points(start, _triangulated(start, stations), body)
+        return PlacedBody(places, np.zeros(len(body.segments), bool))
     if (points := read_joint_points(start)) is None:
         return placed_body(start, world_T_file(file, stations), body)
     return PlacedBody(place_points(start, points, body, stations.values()), np.zeros(len(body.segments), bool))
+
+
+def _triangulated(folder: Path, stations: Mapping[str, Station]) -> dict[str, Array]:
+    """Joint -> its place (1, 3) in the world, by the keypoints of the first images."""
+    frames = read_keypoints(folder, stations, _START_FRAMES)
+    best, counts = np.full((len(JOINTS), 3), np.nan), np.zeros(len(JOINTS), np.int64)
+    for row in range(_START_FRAMES):
+        people = {camera: read[row] for camera, read in frames.items() if row < len(read)}
+        points, views = triangulate_person(stations, people)
+        if np.isfinite(points[:, 0]).sum() > np.isfinite(best[:, 0]).sum():
+            best, counts = points, views
+    found = np.flatnonzero(np.isfinite(best[:, 0]))
+    logger.info(
+        "%s: %d of %d joints, by %s cameras each", folder, len(found), len(JOINTS), sorted(counts[found].tolist())
+    )
+    return {JOINTS[row]: best[row : row + 1] for row in found.tolist()}

@@ -68,6 +68,15 @@ def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stati
     return _fit_points(body, dict(zip(joints, places @ _AXES[best].T, strict=True)))
 
 
+def place_world_points(path: Path, points: Mapping[str, Array], body: BodyModel) -> Array:
+    """Poses (S, 4, 4) of a body whose joints are at points (K, 3) that are in the world already [m].
+
+    Raises:
+        BodyError: too few joints are known.
+    """
+    return _fit_points(body, _named_joints(path, points, body))
+
+
 def _named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> dict[str, Array]:
     """Segment -> its origin (3,), at the first row with both hips and three other points."""
     named: dict[str, Array] = {}
