@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError, RecordingError
@@ -109,24 +110,28 @@ def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: B
         StationError: the stations cannot be read any more.
     """
     if is_keypoints(start):
-        places = place_world_points(start, _triangulated(start, stations), body)
-        return PlacedBody(places, np.zeros(len(body.segments), bool))
+        return place_world_points(start, _triangulated(start, stations), body)
     if (points := read_joint_points(start)) is None:
         return placed_body(start, world_T_file(file, stations), body)
     return PlacedBody(place_points(start, points, body, stations.values()), np.zeros(len(body.segments), bool))
 
 
 def _triangulated(folder: Path, stations: Mapping[str, Station]) -> dict[str, Array]:
-    """Joint -> its place (1, 3) in the world, by the keypoints of the first images."""
+    """Joint -> its place (1, 3) in the world, by the keypoints of the first images.
+
+    Raises:
+        BodyError: the keypoints cannot be used.
+    """
     frames = read_keypoints(folder, stations, _START_FRAMES)
-    best, counts = np.full((len(JOINTS), 3), np.nan), np.zeros(len(JOINTS), np.int64)
+    best = np.full((len(JOINTS), 3), np.nan)
+    counts: NDArray[np.int64] = np.zeros(len(JOINTS), np.int64)
     for row in range(_START_FRAMES):
         people = {camera: read[row] for camera, read in frames.items() if row < len(read)}
         points, views = triangulate_person(stations, people)
         if np.isfinite(points[:, 0]).sum() > np.isfinite(best[:, 0]).sum():
             best, counts = points, views
     found = np.flatnonzero(np.isfinite(best[:, 0]))
-    logger.info(
-        "%s: %d of %d joints, by %s cameras each", folder, len(found), len(JOINTS), sorted(counts[found].tolist())
-    )
+    if not len(found):
+        raise BodyError(f"{folder}: no two cameras agree on five joints of one person in the first images")
+    logger.info("%s: %d of %d joints, by %g cameras each", folder, len(found), len(JOINTS), counts[found].mean())
     return {JOINTS[row]: best[row : row + 1] for row in found.tolist()}

@@ -1,16 +1,19 @@
 """Joints of one person by keypoints of several static cameras: who is who, and points where rays meet.
 
-The person is found in the two cameras whose keypoints agree in the most joints, then in the others. A joint is the point
-that the most cameras agree on; keypoints that are elsewhere (left for right, another person's) are rejected.
+The person is found in the two cameras whose keypoints agree in the most joints, then in the others. A joint is the
+point that the most cameras agree on; keypoints that are elsewhere (left for right, another person's) are rejected.
 """
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.static_cameras.station import Station
+
+Counts = NDArray[np.int64]
 
 _LEAST_SCORE = 0.3
 _INLIER = 0.015  # of the image's larger side, from a keypoint to where the point projects
@@ -18,7 +21,7 @@ _LEAST_JOINTS = 5  # that two cameras agree on, to be of one person
 _LEAST_PARALLAX = np.sin(np.radians(3.0))
 
 
-def triangulate_person(stations: Mapping[str, Station], people: Mapping[str, Sequence[Array]]) -> tuple[Array, Array]:
+def triangulate_person(stations: Mapping[str, Station], people: Mapping[str, Sequence[Array]]) -> tuple[Array, Counts]:
     """Joints (J, 3) of the person that cameras agree on best [m], NaN where fewer than two do; and how many do (J,).
 
     Args:
@@ -74,10 +77,11 @@ class _View:
         return np.where(known & valid, np.nan_to_num(errors, nan=np.inf), np.inf)
 
 
-def _triangulate(views: Sequence[_View]) -> tuple[Array, Array]:
+def _triangulate(views: Sequence[_View]) -> tuple[Array, Counts]:
     """Points (J, 3) that the most views agree on, and how many do (J,)."""
     joints = len(views[0].pixels)
-    points, counts, errors = np.full((joints, 3), np.nan), np.zeros(joints, np.int64), np.full(joints, np.inf)
+    points, errors = np.full((joints, 3), np.nan), np.full(joints, np.inf)
+    counts: Counts = np.zeros(joints, np.int64)
     for pair in combinations(views, 2):
         candidates = _meeting(pair, np.ones((2, joints), bool))
         off = np.stack([view.errors(candidates) for view in views])
@@ -89,7 +93,7 @@ def _triangulate(views: Sequence[_View]) -> tuple[Array, Array]:
     return points, counts
 
 
-def _meeting(views: Sequence[_View], used: Array) -> Array:
+def _meeting(views: Sequence[_View], used: NDArray[np.bool_]) -> Array:
     """Points (J, 3) nearest to the rays of those views that are used (V, J); NaN where they are nearly parallel."""
     used = used & np.stack([view.usable for view in views])
     rays = np.stack([view.rays for view in views])

@@ -84,6 +84,14 @@ def test_one_of_two_people_is_found_although_cameras_list_them_in_other_orders(b
     assert min(off) < 0.05
 
 
+def test_a_limb_without_keypoints_is_searched_for(body: BodyModel, tmp_path: Path) -> None:
+    layout = [name if name not in ("LElbow", "LWrist") else "" for name in LAYOUTS["COCO-17"]]
+    stations = write(tmp_path / "pose", body, [pose_of(body, 0.3, 0.7)], layout)
+    placed = read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body)
+    named = {name for name, out in zip(body.segments, placed.unplaced, strict=True) if out}
+    assert named == {"forearm_left", "hand_left"}
+
+
 def test_a_camera_that_takes_left_for_right_is_rejected(body: BodyModel, tmp_path: Path) -> None:
     true = pose_of(body, 0.3, 0.7)
     liar = [*stations_around(4)][1]
@@ -107,5 +115,5 @@ def test_what_is_wrong_is_named(body: BodyModel, tmp_path: Path) -> None:
 
 def test_nobody_in_the_images_is_named(body: BodyModel, tmp_path: Path) -> None:
     stations = write(tmp_path / "pose", body, [], LAYOUTS["COCO-17"])
-    with pytest.raises(BodyError, match="expected points of both hips"):
+    with pytest.raises(BodyError, match="no two cameras agree on five joints of one person"):
         read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body)
