@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--truth",
         type=Path,
         metavar="X",
-        help="folder of a recording with ground truth, or what another system captured: .trc, .c3d, .bvh, .tum, or a "
-        "folder of .tum",
+        help="folder of a recording with ground truth, or what another system captured: .trc, .c3d, .csv (Motive), "
+        ".tsv (Qualisys), .mvnx, .sto, .mot, .glb, .gltf, .bvh, .tum, or a folder of .tum",
     )
     truth.add_argument(
         "--align", choices=("similarity", "rigid"), help="how worlds are aligned (default: similarity, as in the paper)"

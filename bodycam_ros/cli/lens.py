@@ -4,6 +4,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from bodycam_ros.boards.board_design import read_layout
 from bodycam_ros.boards.board_detector import LensBoard
 from bodycam_ros.camera.camera_info import camera_info_yaml
@@ -18,12 +20,12 @@ from bodycam_ros.lens.lens_images import lens_images
 from bodycam_ros.results.verdict import WRONG_RESULT
 
 _MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
-"""In order of preference: a later one has to explain pictures better by more than chance."""
 
 _COLUMNS = (
     ("fx [px]", "fit.camera.fx", ".1f"), ("fy [px]", "fit.camera.fy", ".1f"), ("cx [px]", "fit.camera.cx", ".1f"),
     ("cy [px]", "fit.camera.cy", ".1f"), ("fitted [px]", "fit.median_px", ".3f"),
     ("left out [px]", "median_px", ".3f"), ("rays [px]", "worst_ray_px", ".2f"),
+    ("corners [px]", "corner_px", ".1f"),
 )  # fmt: skip
 
 _MARK = "# lens measured by bodycam"
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model",
         choices=("auto", *_MODELS),
         default="auto",
-        help="camera model; auto: the one that explains pictures left out best (%(default)s)",
+        help="camera model; auto: the simplest that explains pictures left out as well as any (%(default)s)",
     )
     parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
 
@@ -97,7 +99,8 @@ def _text(calibration: LensCalibration, name: str, board: str) -> str:
     fx, fy, cx, cy = lens.lens_sigma[:4]
     lines = [
         f"{_MARK} by {len(lens.fit.views)} pictures of {Path(board).name}; those left out are off by",
-        f"# {lens.median_px:.3f} px (median), rays where the board was seen by up to {lens.worst_ray_px:.2f} px;",
+        f"# {lens.median_px:.3f} px (median), rays where the board was seen by up to {lens.worst_ray_px:.2f} px,",
+        f"# in the corners {f'by up to {lens.corner_px:.1f} px' if np.isfinite(lens.corner_px) else 'without a ray'};",
         f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",
         *(f"# warning: {warning}" for warning in calibration.warnings),
     ]

@@ -70,7 +70,7 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
         "help": "with --stations: a mesh (OBJ or PLY) per segment (default: the folder that the body file names, else "
         "capsules along the bones)",
     },
-    "--start": {"metavar": "START.YAML", "needs": "stations"},
+    "--start": {"metavar": "START", "needs": "stations"},
     "--height": {"type": float, "metavar": "METRES"},
     "--lenses": {
         "metavar": "DIR_OR_FILE",

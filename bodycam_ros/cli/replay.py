@@ -41,7 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(parser, "--stations", help=stations_help)
     add_option(parser, "--surface")
-    start_help = "with --stations: where the segments are in the first image; body cameras measure it as well"
+    start_help = (
+        "with --stations: where the segments are in the first image, or a folder with 2-D keypoints of each camera; "
+        "body cameras measure it as well"
+    )
     add_option(parser, "--start", help=start_help)
     add_span(parser)
     parser.add_argument(

@@ -1,7 +1,7 @@
 """bodycam stations: poses of a recording's static cameras in a map, by the landmarks that they see.
 
 A calibration file in place of the recording is converted: anipose, FreeMoCap, Pose2Sim or Caliscope TOML, Qualisys
-.qca.txt, OpenCV YAML, or a file of this command.
+.qca.txt, OpenCV YAML, Kalibr camchain, or a file of this command. A camera of it that cannot be used is left out.
 """
 
 import argparse

@@ -4,6 +4,7 @@ In a gap markers are missing. Written and read by ezc3d.
 """
 
 import io
+import logging
 import subprocess
 import sys
 import tempfile
@@ -20,7 +21,10 @@ from bodycam_ros.files.shown import printable, shown
 from bodycam_ros.formats import c3d_worker
 from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.markers import marker_positions, place_markers
+from bodycam_ros.formats.missing_values import without_missing
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion
+
+logger = logging.getLogger(__name__)
 
 SOFTWARE = "bodycam_ros"
 
@@ -82,8 +86,8 @@ _MOST_BYTES, _MOST_TIMES = 4 * 1024**3, 60
 def read_c3d(path: Path) -> CapturedMotion:
     """Markers by label, at the rate of the file; time counts from its first frame.
 
-    A marker is missing where its residual is negative, or where it lies exactly at the origin, as many programs write
-    missing values.
+    A marker is missing where its residual is negative, and as ``missing_values`` has it. A file that is longer than its
+    header can count is read to its end.
 
     Raises:
         ValueError: it cannot be read, or has no markers.
@@ -97,8 +101,14 @@ def read_c3d(path: Path) -> CapturedMotion:
         raise ValueError(
             f"it has {len(positions)} markers, {positions.shape[1]} frames, {rate:g} a second; a motion has more"
         )
-    positions = positions * metres
-    positions[~np.isfinite(positions).all(axis=2) | (positions == 0.0).all(axis=2)] = np.nan
+    if unread := int(content["unread"]):
+        logger.warning(
+            "%s: its data have %d frames more than its header says, which are not read; if they are of this motion, "
+            "write it anew with TRIAL:ACTUAL_END_FIELD, or as TRC",
+            path,
+            unread,
+        )
+    positions = metres * without_missing(positions)
     # Few files have the axis that is up; the others mean z.
     if str(content["up"]).endswith("Y"):
         positions = positions @ Y_UP_TO_Z_UP.T

@@ -1,4 +1,4 @@
-"""Calibrations of static cameras by other programs: anipose, FreeMoCap, Pose2Sim and Caliscope TOML, Qualisys, OpenCV.
+"""Calibrations of static cameras by other programs: anipose, FreeMoCap, Pose2Sim, Caliscope, Qualisys, OpenCV, Kalibr.
 
 All are brought to metres and to world_T_camera of the optical frame (x right, y down, z forward). The world stays that
 of the file.
@@ -8,12 +8,16 @@ of the file.
 - ``.qca.txt``: XML of Qualisys Track Manager; millimetres, pixels in 64ths, camera axes x right, y up, z backward.
 - OpenCV's ``%YAML:1.0``: K_NAME, dist_NAME, Rot_NAME or R_NAME, T_NAME, W_NAME, H_NAME as of EasyMocap, in one file or
   in intri.yml and extri.yml beside each other.
+- Kalibr's camchain, by ``kalibr``.
+
+A camera that cannot be used is left out and named; a size that the file lacks is that of the images beside it.
 """
 
 import logging
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -26,7 +30,9 @@ from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import BodyError, LensError, StationError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_bytes
-from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, nearest_rotation, rigid
+from bodycam_ros.formats.calibration_fields import numbers_of_shape, rotation_of, size_of_images
+from bodycam_ros.formats.kalibr import MARKS, kalibr_cameras, read_kalibr
+from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, rigid
 from bodycam_ros.static_cameras.station import Station
 
 logger = logging.getLogger(__name__)
@@ -52,13 +58,12 @@ def read_calibration(path: Path) -> dict[str, Station]:
     """
     content = read_bytes(path, "calibration of cameras", StationError, _MOST_BYTES)
     if path.name.endswith(".toml"):
-        stations, unit = _read_toml(path, content)
+        cameras, unit = _read_toml(path, content)
     elif path.name.endswith(".qca.txt"):
-        stations, unit = list(_read_qualisys(path, content)), "mm"
+        cameras, unit = list(_read_qualisys(path, content)), "mm"
     else:
-        stations, unit = list(_read_opencv(path)), ""
-    if not stations:
-        raise StationError(f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each")
+        cameras, unit = _read_yaml(path, content)
+    stations = _usable(path, cameras)
     places = np.array([station.world_T_camera[:3, 3] for station in stations])
     apart = float(np.linalg.norm(places[:, None] - places, axis=2).max())
     by = "as the file says" if unit else "by their distances"
@@ -73,6 +78,36 @@ def read_calibration(path: Path) -> dict[str, Station]:
         raise StationError(f"{path}: two cameras have the same name; names must differ")
     poses = [rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]) for station in stations]
     return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
+
+
+_Camera = tuple[str, Callable[[], Station]]
+"""A camera's name, and what makes its station, or raises StationError or LensError."""
+
+
+def _usable(path: Path, cameras: Sequence[_Camera]) -> list[Station]:
+    """The stations that can be used; a warning names the others.
+
+    Raises:
+        StationError, LensError: there is none.
+    """
+    stations, faults, left_out = list[Station](), list[StationError | LensError](), list[str]()
+    for name, make in cameras:
+        try:
+            stations.append(make())
+        except (StationError, LensError) as error:
+            faults.append(error if str(path) in str(error) else type(error)(f"{path}: {error}"))
+            left_out.append(name)
+    if not stations:
+        raise (
+            faults[0]
+            if faults
+            else StationError(
+                f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each"
+            )
+        )
+    for name, fault in zip(left_out, faults, strict=True):
+        logger.warning("camera %s is left out: %s", shown(name), fault)
+    return stations
 
 
 def toml_text(stations: Iterable[Station]) -> str:
@@ -101,7 +136,7 @@ def toml_text(stations: Iterable[Station]) -> str:
     return "\n".join([*lines, "[metadata]", "adjusted = false", "error = 0.0", 'units = "m"', ""])
 
 
-def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
+def _read_toml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
     """Cameras, and the unit of the file; empty where it has none. Caliscope has cameras one level down."""
     try:
         document = tomllib.loads(content.decode())
@@ -112,50 +147,65 @@ def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
     if unit and unit not in _UNITS_M:
         raise StationError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
     tables += [inner for _, table in tables for inner in _tables(table)]
-    stations = []
+    cameras = list[_Camera]()
     for key, table in tables:
         if "matrix" in table:
             name = str(table.get("name") or (f"cam_{key}" if key.isdigit() else key))
-            where = f"{path}: camera {name}"
-            D = numbers_of_shape(table.get("distortions", [0.0] * 4), (-1,), f"{where}: distortions")
-            pose, fisheye = (table.get("rotation"), table.get("translation")), bool(table.get("fisheye", False))
-            stations.append(_station(where, name, table.get("size"), table["matrix"], D, *pose, fisheye))
-    return stations, unit
+            cameras.append((name, partial(_toml_station, path, name, table)))
+    return cameras, unit
+
+
+def _toml_station(path: Path, name: str, table: Mapping[str, Any]) -> Station:
+    where = f"{path}: camera {name}"
+    D = numbers_of_shape(table.get("distortions", [0.0] * 4), (-1,), f"{where}: distortions")
+    pose, size = (table.get("rotation"), table.get("translation")), table.get("size") or size_of_images(path, name)
+    numbers_of_shape(table["matrix"], (3, 3), f"{where}: matrix")
+    if any(value in (None, "null", ["null"]) for value in pose):
+        raise StationError(f"{where}: has no rotation and translation; its program could not place it")
+    return _station(where, name, size, table["matrix"], D, *pose, bool(table.get("fisheye", False)))
 
 
 def _tables(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
     return [(key, value) for key, value in table.items() if isinstance(value, Mapping)]
 
 
-def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
+def _read_qualisys(path: Path, content: bytes) -> Iterator[_Camera]:
     """Cameras of Qualisys."""
     try:
         root = xml_elements(content.decode("utf-8-sig"))
     except (BodyError, UnicodeDecodeError) as error:
         raise StationError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
     for element in root.iter("camera"):
-        name = element.get("serial", "")
-        where = f"{path}: camera {name}"
+        yield element.get("serial", ""), partial(_qualisys_station, path, element)
 
-        def field(part: str, key: str, element: ElementTree.Element = element, where: str = where) -> float:
-            found = element.find(part)
-            try:
-                return float("" if found is None else found.get(key, ""))
-            except ValueError as error:
-                raise StationError(f"{where}: {part} lacks {key}; expected a number") from error
 
-        if int(float(element.get("viewrotation", "0"))) % 360:
-            raise StationError(f"{where}: its view is rotated in Qualisys; export the calibration without rotation")
-        width, height = (field("fov_video", high) - field("fov_video", low) + 1.0 for low, high in _FIELDS_OF_VIEW)
-        fx, fy, cx, cy, k1, k2, p1, p2 = (_QUALISYS_PIXEL * field("intrinsic", key) for key in _INTRINSICS)
-        cx, cy = cx - field("fov_video", "left"), cy - field("fov_video", "top")
-        # Rows of the file are the axes of Qualisys' camera (x right, y up, z backward) in the world.
-        axes = np.array([[field("transform", f"r{row}{column}") for column in "123"] for row in "123"])
-        place = np.array([field("transform", axis) for axis in "xyz"])
-        camera_R_world = axes * [[1.0], [-1.0], [-1.0]]
-        K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
-        D = np.array([k1, k2, p1, p2])
-        yield _station(where, name, [width, height], K, D, camera_R_world, -camera_R_world @ place)
+def _qualisys_station(path: Path, element: ElementTree.Element) -> Station:
+    name = element.get("serial", "")
+    where = f"{path}: camera {name}"
+
+    def field(part: str, key: str) -> float:
+        found = element.find(part)
+        try:
+            return float("" if found is None else found.get(key, ""))
+        except ValueError as error:
+            raise StationError(f"{where}: {part} lacks {key}; expected a number") from error
+
+    try:
+        is_rotated = float(element.get("viewrotation", "0")) % 360.0 != 0.0
+    except ValueError as error:
+        raise StationError(f"{where}: viewrotation is no number") from error
+    if is_rotated:
+        raise StationError(f"{where}: its view is rotated in Qualisys; export the calibration without rotation")
+    width, height = (field("fov_video", high) - field("fov_video", low) + 1.0 for low, high in _FIELDS_OF_VIEW)
+    fx, fy, cx, cy, k1, k2, p1, p2 = (_QUALISYS_PIXEL * field("intrinsic", key) for key in _INTRINSICS)
+    cx, cy = cx - field("fov_video", "left"), cy - field("fov_video", "top")
+    # Rows of the file are the axes of Qualisys' camera (x right, y up, z backward) in the world.
+    axes = np.array([[field("transform", f"r{row}{column}") for column in "123"] for row in "123"])
+    place = np.array([field("transform", axis) for axis in "xyz"])
+    camera_R_world = axes * [[1.0], [-1.0], [-1.0]]
+    K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
+    D = np.array([k1, k2, p1, p2])
+    return _station(where, name, [width, height], K, D, camera_R_world, -camera_R_world @ place)
 
 
 _FIELDS_OF_VIEW = (("left", "right"), ("top", "bottom"))
@@ -165,7 +215,19 @@ _INTRINSICS = (
 )  # fmt: skip
 
 
-def _read_opencv(path: Path) -> Iterator[Station]:
+def _read_yaml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
+    """Cameras of Kalibr, whose unit is the metre, or of OpenCV, and the unit."""
+    if all(mark.encode() in content for mark in MARKS):
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise StationError(f"{path}: is not UTF-8") from error
+        if tables := kalibr_cameras(path, text):
+            return list(read_kalibr(path, tables)), "m"
+    return list(_read_opencv(path)), ""
+
+
+def _read_opencv(path: Path) -> Iterator[_Camera]:
     paths = [path]
     if path.stem in ("intri", "extri"):
         paths = [path.with_stem("intri"), path.with_stem("extri")]
@@ -176,28 +238,43 @@ def _read_opencv(path: Path) -> Iterator[Station]:
     names = [key.removeprefix("K_") for key in values if key.startswith("K_")]
     if not names:
         raise StationError(
-            f"{path}: has no K_NAME; expected K_, dist_, Rot_ (or R_), T_, W_ and H_ of each camera, as of EasyMocap"
+            f"{path}: has no K_NAME; expected K_, dist_, Rot_ (or R_), T_, W_ and H_ of each camera, as of EasyMocap, "
+            "or a camchain of Kalibr; a lens alone (camera_info) does not say where a camera stands"
         )
     for name in names:
-        rotation = values.get(f"Rot_{name}", values.get(f"R_{name}"))
-        D = np.ravel(values.get(f"dist_{name}", values.get(f"D_{name}", np.zeros(4))))
-        size = [values.get(f"W_{name}"), values.get(f"H_{name}")]
-        yield _station(f"{path}: camera {name}", name, size, values[f"K_{name}"], D, rotation, values.get(f"T_{name}"))
+        yield name, partial(_opencv_station, path, name, values)
+
+
+def _opencv_station(path: Path, name: str, values: Mapping[str, Any]) -> Station:
+    where = f"{path}: camera {name}"
+    rotation = values.get(f"Rot_{name}", values.get(f"R_{name}"))
+    D = numbers_of_shape(np.ravel(values.get(f"dist_{name}", values.get(f"D_{name}", np.zeros(4)))), (-1,), where)
+    size: list[Any] | None = [values.get(f"W_{name}"), values.get(f"H_{name}")]
+    if None in (size or ()) and (size := size_of_images(path, name)) is None:
+        raise StationError(
+            f"{where}: has no size; expected W_{name} and H_{name} [px], or its images in images/{name}, or its video "
+            f"videos/{name}.mp4, beside the file"
+        )
+    return _station(where, name, size, values[f"K_{name}"], D, rotation, values.get(f"T_{name}"))
 
 
 def _opencv_values(path: Path) -> dict[str, Any]:
-    """Matrices and numbers of a file of OpenCV."""
+    """Matrices and numbers of a file of OpenCV; None of what is neither."""
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+        nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
     except (cv2.error, SystemError) as error:
         raise StationError(f"{path}: cannot be read as YAML of OpenCV") from error
-    nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
-    values = {
-        key: node.mat() if node.isMap() else node.real() if node.isInt() or node.isReal() else None
-        for key, node in nodes.items()
-    }
+    values = {key: _opencv_value(node) for key, node in nodes.items()}
     storage.release()
     return values
+
+
+def _opencv_value(node: cv2.FileNode) -> Any:
+    try:
+        return node.mat() if node.isMap() else node.real() if node.isInt() or node.isReal() else None
+    except (cv2.error, SystemError):  # a table that is no matrix
+        return None
 
 
 def _station(
@@ -218,33 +295,3 @@ def _station(
     D = np.concatenate([D, np.zeros(max(0, least - len(D)))])[: 4 if fisheye else None]
     camera: CameraModel = camera_from_info(name, round(size[0]), round(size[1]), model, D.tolist(), K.ravel().tolist())
     return Station(name, inverse(rigid(R, t)), camera)
-
-
-def rotation_of(value: Any, where: str, tolerance: float) -> Array:
-    """The rotation (3, 3) of nine numbers, whose columns may be off by a tolerance.
-
-    Raises:
-        StationError: it is none.
-    """
-    R = numbers_of_shape(value, (3, 3), where)
-    off = float(np.abs(R.T @ R - np.eye(3)).max())
-    if off > tolerance or np.linalg.det(R) < 0.0:
-        what = "it mirrors" if off <= tolerance else f"its columns are off by {off:.2g}"
-        raise StationError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
-    return nearest_rotation(R)
-
-
-def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
-    """Finite numbers of a shape.
-
-    Raises:
-        StationError: they are missing, or something else.
-    """
-    try:
-        numbers = np.array(value, np.float64).reshape(shape)
-    except (TypeError, ValueError, OverflowError):
-        numbers = np.full(1, np.nan)
-    if not np.isfinite(numbers).all():
-        expected = " x ".join(map(str, shape)) if tuple(shape) != (-1,) else "some"
-        raise StationError(f"{where}: expected {expected} numbers, not {shown(value)}")
-    return numbers

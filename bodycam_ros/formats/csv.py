@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.formats.missing_values import without_missing
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw
 
@@ -45,7 +46,7 @@ def write_csv(motion: SampledMotion, options: MotionOptions) -> str:
 
 
 def read_csv(path: Path) -> dict[str, Array]:
-    """Name -> points (K, 3) of columns NAME_x, NAME_y, NAME_z; NaN where a cell is no number.
+    """Name -> points (K, 3) of columns NAME_x, NAME_y, NAME_z; NaN where missing (``missing_values``).
 
     Raises:
         RecordingError: it cannot be read.
@@ -60,7 +61,8 @@ def read_csv(path: Path) -> dict[str, Array]:
     for name in map(str.strip, header):
         axes = [columns.get(f"{name[:-1]}{axis}".lower()) for axis in "xyz"]
         if name[-1:].lower() == "x" and None not in axes:
-            points[name[:-2]] = np.array([[_number(line, axis) for axis in axes] for line in lines]).reshape(-1, 3)
+            values = np.array([[_number(line, axis) for axis in axes] for line in lines]).reshape(-1, 3)
+            points[name[:-2]] = without_missing(values)
     return points
 
 

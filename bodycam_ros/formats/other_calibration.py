@@ -2,13 +2,22 @@
 
 from pathlib import Path
 
+_MOST_BYTES = 100_000
+_MARKS = (b"camera_model:", b"intrinsics:")
+_OURS = (b"T_map_cam", b"T_board_cam")
+
 
 def is_other_calibration(path: Path) -> bool:
-    """Whether a file is one of another program, by its name or its first line."""
+    """Whether a file is one of another program: by its name, its first line, or the fields of Kalibr's camchain."""
     if path.name.endswith((".toml", ".qca.txt")):
         return True
     try:
+        if not path.is_file():
+            return False
         with path.open("rb") as file:
-            return file.read(5) == b"%YAML"
+            start = file.read(_MOST_BYTES)
     except OSError:
         return False
+    return start.startswith(b"%YAML") or (
+        all(mark in start for mark in _MARKS) and not any(mark in start for mark in _OURS)
+    )

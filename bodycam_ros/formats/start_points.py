@@ -19,6 +19,7 @@ from bodycam_ros.formats.point_sites import known_site
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
+from bodycam_ros.static_cameras.start_file import PlacedBody
 from bodycam_ros.static_cameras.station import Station
 
 logger = logging.getLogger(__name__)
@@ -37,6 +38,8 @@ _TRUNK = {
     "hips": "pelvis",
 }  # fmt: skip
 """Point of the trunk -> the segment that begins near it, as far as a start needs it; a head's point is its middle."""
+
+_LIMBS = ("shin", "foot", "upper_arm", "forearm", "hand")
 
 _POINT_SIGMA_M = 0.03
 _EXPECTED = np.repeat([1.0, 1.0], 3)
@@ -66,6 +69,22 @@ def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stati
         raise BodyError(f"{path}: no static camera has its points in view, whichever of its axes is up")
     logger.info("%s: %d points, 1 unit = %g m, axes %s", path, len(joints), scale, best)
     return _fit_points(body, dict(zip(joints, places @ _AXES[best].T, strict=True)))
+
+
+def place_world_points(path: Path, points: Mapping[str, Array], body: BodyModel) -> PlacedBody:
+    """The body whose joints are at points (K, 3) that are in the world already [m].
+
+    Limbs whose joint to their parent is not among them are unplaced.
+
+    Raises:
+        BodyError: too few joints are known.
+    """
+    joints = _named_joints(path, points, body)
+    unplaced = np.array([SegmentName(s).kind in _LIMBS and s not in joints for s in body.segments])
+    if unplaced.any():
+        names = ", ".join(np.array(body.segments)[unplaced])
+        logger.warning("%s: does not place %s; they are searched for in the first images", path, names)
+    return PlacedBody(_fit_points(body, joints), unplaced)
 
 
 def _named_joints(path: Path, points: Mapping[str, Array], body: BodyModel) -> dict[str, Array]:

@@ -25,12 +25,8 @@ from bodycam_ros.errors import LensError, MapError, StationError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.files.yaml_file import read_yaml
-from bodycam_ros.formats.calibration_files import (
-    numbers_of_shape,
-    read_calibration,
-    rotation_of,
-    toml_text,
-)
+from bodycam_ros.formats.calibration_fields import numbers_of_shape, rotation_of
+from bodycam_ros.formats.calibration_files import read_calibration, toml_text
 from bodycam_ros.formats.other_calibration import is_other_calibration
 from bodycam_ros.geometry import Array, inverse, rigid
 from bodycam_ros.recording.bag_file import BagFile

@@ -3,8 +3,11 @@
 A gap is interpolated, as in MOT: OpenSim's inverse kinematics fails at a frame without any marker. C3D leaves it empty.
 """
 
+import logging
 import math
+import warnings
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +17,11 @@ from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.formats.markers import marker_positions, place_markers
+from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
+
+logger = logging.getLogger(__name__)
 
 MARK = "PathFileType"
 _TO_MM = 1000.0
@@ -41,15 +47,20 @@ def write_trc(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
     return {"": "\n".join(lines) + "\n", MODEL_SUFFIX: model_text(motion, markers)}
 
 
-_UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inches": 0.0254}
+_UNITS_M = {"m": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001, "millimeters": 0.001, "in": 0.0254, "inches": 0.0254}
 _TYPE, _KEYS, _VALUES, _NAMES, _FIRST_ROW = 0, 1, 2, 3, 5
-_AXES = 3
+_AXES, _FIXED = 3, 2
 _MOST_CELLS, _SMALL = 20, 1_000_000
 """Most cells per character of the file: cells missing at the end of a row take memory too. Small tables are exempt."""
+_RATE_DIFFERS = 0.02
+_LEAST_M, _MOST_M = 0.02, 100.0  # between the farthest markers of a frame, where the unit is right
 
 
 def read_trc(path: Path) -> CapturedMotion:
-    """Markers by name; the world of a TRC has y up. Empty cells are missing values.
+    """Markers by name; the world of a TRC has y up. Missing values are those of ``missing_values``.
+
+    The k-th name has the columns 2 + 3 k to 4 + 3 k, wherever its own tabs put it. A header that contradicts the rows
+    is refused where the columns of a marker are in doubt, and named in a warning where they are not.
 
     Raises:
         RecordingError: it cannot be read.
@@ -62,35 +73,101 @@ def read_trc(path: Path) -> CapturedMotion:
     unit = _UNITS_M.get(header.get("Units", "mm").lower())
     if unit is None:
         raise ValueError(f"line 3: unknown unit {shown(header['Units'])}; known are {', '.join(_UNITS_M)}")
-    names = [name.strip() for name in lines[_NAMES].split("\t")[2:]]
-    columns = {name: 2 + column for column, name in enumerate(names) if name}
-    if not columns:
-        raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
-    if twice := next((name for name, count in Counter(filter(None, names)).items() if count > 1), ""):
-        raise ValueError(f"line 4: two markers have the same name, {shown(twice)}")
-    listed = [(number, line) for number, line in enumerate(lines[_FIRST_ROW:], _FIRST_ROW + 1) if line.strip()]
-    width = max(columns.values()) + _AXES
-    if len(listed) * width > _SMALL + _MOST_CELLS * sum(map(len, lines)):
+    # The line of X1 Y1 Z1 may lack: rows begin where a line begins with a number.
+    first = next((row for row in (_FIRST_ROW - 1, _FIRST_ROW) if _cells(lines[row])[0].strip().isdigit()), _FIRST_ROW)
+    listed = [(number, line) for number, line in enumerate(lines[first:], first + 1) if line.strip()]
+    width = max((len(_cells(line.rstrip())) for _, line in listed), default=0)
+    columns = _columns(lines[_NAMES], width, header.get("NumMarkers", ""))
+    if width == _FIXED + _AXES * len(columns) + 1:
+        # Rows may have a tab too many after the time, as the names.
+        if not any(cell.strip() for _, line in listed for cell in _cells(line)[_FIXED : _FIXED + 1]):
+            columns = {name: column + 1 for name, column in columns.items()}
+    wanted = max(columns.values()) + _AXES
+    if len(listed) * wanted > _SMALL + _MOST_CELLS * sum(map(len, lines)):
         raise ValueError(f"line 4 names {len(columns)} markers, of which almost none is in the {len(listed)} rows")
-    table = np.array([_numbers(line, number, width) for number, line in listed])
+    table = np.array([_numbers(line, number, wanted) for number, line in listed])
     stamps_ns = checked_stamps(table[:, 1] if len(table) else np.zeros(0))
-    points = {
-        name: unit * table[:, column : column + _AXES] @ Y_UP_TO_Z_UP.T
-        for name, column in columns.items()
-        if np.isfinite(table[:, column : column + _AXES]).any()
-    }
-    return CapturedMotion(path, "TRC", stamps_ns, points)
+    found = {name: without_missing(table[:, column : column + _AXES]) for name, column in columns.items()}
+    points = {name: unit * values @ Y_UP_TO_Z_UP.T for name, values in found.items() if np.isfinite(values).any()}
+    captured = CapturedMotion(path, "TRC", stamps_ns, points)
+    for contradiction in _contradictions(header, captured, len(columns)):
+        logger.warning("%s: %s", path, contradiction)
+    return captured
+
+
+def _cells(line: str) -> list[str]:
+    """The cells of a line: between tabs, or words where it has none."""
+    return line.rstrip("\r\n").split("\t") if "\t" in line else line.split() or [""]
+
+
+def _columns(line: str, width: int, count: str) -> dict[str, int]:
+    """Marker -> its first column, by the line of names, the columns of the widest row and NumMarkers.
+
+    Raises:
+        ValueError: names and columns contradict each other.
+    """
+    cells = [cell.strip() for cell in _cells(line)]
+    titles = [row for row, cell in enumerate(cells) if cell][:_FIXED]
+    named = [(row, cell) for row, cell in enumerate(cells) if cell and row not in titles]
+    if not named:
+        raise ValueError("line 4: expected Frame#, Time and the markers' names, separated by tabs")
+    names = [name for _, name in named]
+    if twice := next((name for name, times in Counter(names).items() if times > 1), ""):
+        raise ValueError(f"line 4: two markers have the same name, {shown(twice)}")
+    if width > _FIXED + _AXES * len(names) + 1:
+        # Markers without a name: the tabs alone tell which, and only where they leave three columns to each.
+        at = [row for row, _ in named]
+        if any((row - _FIXED) % _AXES for row in at) or at[-1] + _AXES > width:
+            raise ValueError(
+                f"line 4 names {len(names)} markers, which have {_FIXED + _AXES * len(names)} columns, but rows have "
+                f"{width}; name all markers"
+            )
+        return {name: row for row, name in named}
+    declared = int(count) if count.isdecimal() else len(names)
+    if declared != len(names) and width > _FIXED and abs(width - _FIXED - _AXES * declared) <= 1:
+        raise ValueError(
+            f"line 4 names {len(names)} markers, but NumMarkers is {declared}, and rows have {width} columns for "
+            "as many; mend the names"
+        )
+    return {name: _FIXED + _AXES * k for k, name in enumerate(names)}
+
+
+def _contradictions(header: Mapping[str, str], captured: CapturedMotion, markers: int) -> Iterator[str]:
+    """What the header says of the rows that is not so, each with what is taken."""
+    frames, names = len(captured.stamps_ns), len(captured.points)
+    expected = header.get("NumFrames", "")
+    if expected.isdecimal() and int(expected) != frames:
+        yield f"its header says {expected} frames, it has {frames}; these are read"
+    declared = header.get("NumMarkers", "")
+    if declared.isdecimal() and int(declared) != markers:
+        yield f"its header says {declared} markers, it names {markers}; these are read"
+    try:
+        rate = float(header.get("DataRate", "nan"))
+    except ValueError:
+        rate = math.nan
+    timed = 1e9 / captured.frame_ns
+    if rate > 0.0 and abs(timed / rate - 1.0) > _RATE_DIFFERS:
+        yield f"its header says {rate:g} frames a second, its times {timed:.6g}; the times are taken"
+    if names < 2:
+        return
+    places = np.stack([*captured.points.values()])[:, :: max(1, frames // 50)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a frame without any marker
+        spans = np.linalg.norm(np.nanmax(places, axis=0) - np.nanmin(places, axis=0), axis=1)
+        span = float(np.nanmedian(spans))
+    if span and not _LEAST_M < span < _MOST_M:
+        unit = header.get("Units", "mm")
+        yield f"by its unit ({unit}) its markers are {span:.3g} m apart, which no person is; mend Units in line 3"
 
 
 def _numbers(line: str, number: int, columns: int) -> list[float]:
-    """The cells of a row; NaN for empty ones and those that are missing at its end.
+    """The cells of a row; NaN for missing ones and those that are not there at its end.
 
     Raises:
         ValueError: a cell that is no number.
     """
-    cells = line.rstrip("\r\n").split("\t")[:columns]
     try:
-        values = [float(cell) if cell.strip() else math.nan for cell in cells]
+        values = [cell_value(cell) for cell in _cells(line)[:columns]]
     except ValueError as error:
         raise ValueError(f"line {number}: {error}") from error
     return [*values, *[math.nan] * (columns - len(values))]

@@ -20,6 +20,7 @@ from bodycam_ros.lens.lens_quality import (
     BoardCoverage,
     ValidatedLens,
     board_coverage,
+    image_radius,
     objections,
     ray_grid,
     validate,
@@ -34,6 +35,14 @@ _FLAT = 0.9  # share of the points that lie in a plane, from which on no other w
 _MIN_SHARPNESS, _SHARP = 0.5, 75.0  # share of the better pictures' steepest edges; their percentile
 _TAIL = 2.0  # times the median error; what is farther off counts little
 _BEYOND_CHANCE = 2.0  # standard deviations
+_ORDINARY_RAD = 1.1  # image radius over focal length, about the angle to the corners; more is a wide lens
+_SIMPLEST_FIRST = {
+    True: ("plumb_bob", "fov", "equidistant", "rational_polynomial"),
+    False: ("equidistant", "fov", "plumb_bob", "rational_polynomial"),
+}
+"""Whether a lens is ordinary -> models in order of preference: a later one has to explain pictures better by more than
+chance. On a narrow view a fisheye's four powers of the angle are near to each other, and cancel with huge numbers."""
+
 _TWO_CAMERAS = 3.5  # standard deviations, by which groups of pictures have lenses of their own; alike lenses: -2 to 2.6
 _LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 _LEAST_GROUP = 4
@@ -73,7 +82,7 @@ def calibrate_lens(
     Args:
         pictures: of the board, all of one size.
         board: what they show.
-        models: to try; the best is chosen.
+        models: to try; the simplest that is within chance of the best is chosen.
         progress: of its steps.
 
     Raises:
@@ -97,11 +106,12 @@ def calibrate_lens(
     rows = _sharp_views(fit)
     fit = fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows])
     reach = min(TRUSTED_RADIUS, board_coverage(fit, is_lit).reach)
+    corners = ray_grid(is_lit, 1.0, beyond=reach)
     trials = []
     with progress.step("fitting lenses", len(models)) as advance:
-        for model in models:
+        for model in sorted(models, key=simplest_first(fit, is_lit).index):
             trial = fit_lens(as_model(model, fit), fit.views, fit.poses)
-            trials.append(validate(trial, ray_grid(is_lit, reach)))
+            trials.append(validate(trial, ray_grid(is_lit, reach), corners))
             advance()
     best = _best(trials, ray_grid(is_lit))
     _check_one_camera(best, ray_grid(is_lit))
@@ -117,6 +127,11 @@ def calibrate_lens(
         tuple(warnings(best, area, board.layout.kind == CHECKERBOARD)),
         board.remark,
     )
+
+
+def simplest_first(fit: LensFit, is_lit: NDArray[np.bool_]) -> tuple[str, ...]:
+    """The models in order of preference, by a fitted lens and the pixels (H, W) that it shows anything in."""
+    return _SIMPLEST_FIRST[image_radius(is_lit) < _ORDINARY_RAD * 0.5 * (fit.camera.fx + fit.camera.fy)]
 
 
 def _chosen_variant(pictures: Sequence[LensImage], board: LensBoard, progress: Progress) -> LensBoard:
@@ -146,7 +161,7 @@ def _check_one_camera(together: ValidatedLens, grid: Array) -> None:
         return
     gains, errors = [], []
     for rows in large.values():
-        own = validate(fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]), grid)
+        own = validate(fit_lens(fit.camera, [fit.views[row] for row in rows], fit.poses[rows]), grid, grid[:0])
         gains.append(_gains(own, together.errors_px[np.isin(fit.rows, rows)]))
         errors.append(own.median_px)
     if _is_beyond_chance(np.concatenate(gains), _TWO_CAMERAS):

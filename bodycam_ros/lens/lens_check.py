@@ -50,6 +50,7 @@ _MIN_RAYS, _MIN_SHARE = 30, 0.8  # points of a pair with a ray, and their share
 _MIN_TURN_DEG = 4.0  # between two images; translation alone does not constrain the focal length
 _MISMATCH = 1.06  # scale of the focal length, or its inverse; lens modes differ by more
 _CLEAR_SHARE = 0.75  # largest error with the best scale, as a share of the error with the given lens
+_LEAST_GAIN_PX = 0.1  # decrease of the error; less is the tracker's, and a plane that shifts tells no focal length
 _CLEAR_PAIRS = 0.75  # smallest share of the pairs whose error decreases
 _INLIER_ANGLE_DEG, _HYPOTHESES = 2.0, 64
 _SPREADS_PX = np.geomspace(10.0, 0.7, 16)  # Geman-McClure scale per iteration; points on the wearer are outliers
@@ -113,7 +114,8 @@ def match_lens(camera: CameraModel, pairs: Iterable[PointPair]) -> LensMatch:
         return LensMatch(camera.name, 1.0, 0.0, 0.0, 0)
     errors, best = np.array(errors_pairs), int(np.argmin(median))
     decreased = np.mean(errors[:, best] < errors[:, _GIVEN])
-    is_clear = median[best] < _CLEAR_SHARE * median[_GIVEN] and decreased >= _CLEAR_PAIRS
+    gain_px = median[_GIVEN] - median[best]
+    is_clear = gain_px > max(_LEAST_GAIN_PX, (1.0 - _CLEAR_SHARE) * median[_GIVEN]) and decreased >= _CLEAR_PAIRS
     if not is_clear or 1.0 / _MISMATCH < _SCALES[best] < _MISMATCH:
         best = _GIVEN
     scale = 1.0 if best == _GIVEN else float(_SCALES[best])

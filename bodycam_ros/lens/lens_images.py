@@ -1,5 +1,6 @@
 """Pictures of a board: images, or of a video the sharpest frame of each part."""
 
+import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,11 +17,14 @@ from bodycam_ros.mapping.frame_choice import sharpness
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import DecodedFrame
 
+logger = logging.getLogger(__name__)
+
 Grey = NDArray[np.uint8]
 
 _IMAGES = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".pgm"}
 _MOST_PICTURES = 120  # of a video, the sharpest of as many equal parts of it
 _LIT = 24  # grey level of what a lens shows; a fisheye has black around it
+_MOST_NAMED = 8
 _MOST_BYTES = 700_000_000  # of pictures in memory at a time
 
 
@@ -35,8 +39,10 @@ class LensImage:
 def lens_images(sources: Sequence[Path]) -> list[LensImage]:
     """Pictures of videos, of images and of folders with images, all of one size, each with a name of its own.
 
+    Where sizes differ, those of the size that most have are taken, and a warning names the others.
+
     Raises:
-        LensError: there is none, or they differ in size.
+        LensError: there is none, or as many have one size as another.
         RecordingError: one cannot be read.
     """
     images: list[Path] = []
@@ -63,14 +69,31 @@ def lens_images(sources: Sequence[Path]) -> list[LensImage]:
         ]
     if not pictures:
         raise LensError(f"{', '.join(map(str, sources))}: no pictures; give a video, images (jpg, png) or their folder")
-    first = pictures[0]
-    for picture in pictures:
-        if picture.grey.shape != first.grey.shape:
-            raise LensError(
-                f"{picture.name} has {_describe(picture)} pixels, but {first.name} has {_describe(first)}; a lens is "
-                "measured in one mode of a camera: give pictures of one size"
-            )
-    return pictures
+    return _of_one_size(pictures)
+
+
+def _of_one_size(pictures: list[LensImage]) -> list[LensImage]:
+    """The pictures of the size that most have."""
+    sizes = Counter(_describe(picture) for picture in pictures)
+    (most, count), *others = sizes.most_common()
+    if not others:
+        return pictures
+    first, other = (next(p.name for p in pictures if _describe(p) == size) for size in (most, others[0][0]))
+    if others[0][1] == count:
+        raise LensError(
+            f"{first} has {most} pixels, but {other} has {others[0][0]}, and {count} pictures each are so; a lens is "
+            "measured in one mode of a camera: give pictures of one size"
+        )
+    left_out = [picture for picture in pictures if _describe(picture) != most]
+    logger.warning(
+        "%d of %d pictures are left out, since most have %s pixels: %s",
+        len(left_out),
+        len(pictures),
+        most,
+        ", ".join(f"{picture.name} ({_describe(picture)})" for picture in left_out[:_MOST_NAMED])
+        + (", ..." if len(left_out) > _MOST_NAMED else ""),
+    )
+    return [picture for picture in pictures if _describe(picture) == most]
 
 
 def illuminated_pixels(pictures: Sequence[LensImage]) -> NDArray[np.bool_]:

@@ -26,6 +26,7 @@ _LIT_SHARE, _LEAST_POINTS = 0.5, 2  # of a cell that the lens shows; points in a
 
 _MAX_ERROR_PX = 1.0  # median of pictures left out; more is a wrong model or board
 _MAX_RAY_ERROR_PX, _REFUSED_RAY_PX = 1.0, 5.0  # by how much lenses of fewer pictures differ where the board was seen
+_MAX_CORNER_ERROR_PX = 5.0  # the same in the corners, which no board was seen in
 _MIN_PICTURES, _MIN_COVERAGE, _MIN_TILTS = 8, 0.5, 3
 _MIN_REACH, _MIN_REACH_WHOLE = 0.8, 0.6  # of the image radius; of a board that must be whole in the picture
 
@@ -39,12 +40,14 @@ class ValidatedLens:
         errors_px: (N,) of all points of the fit, each by the lens that was fitted without its picture, where that
             places it.
         ray_errors_px: (G,) expected error of the ray of each pixel of the grid; infinite where the lens has none.
+        corner_errors_px: (C,) the same of pixels beyond the grid, out to the corners.
         lens_sigma: standard deviations of fx, fy, cx, cy [px] and the distortion.
     """
 
     fit: LensFit
     errors_px: Array
     ray_errors_px: Array
+    corner_errors_px: Array
     lens_sigma: Array
 
     @property
@@ -61,6 +64,11 @@ class ValidatedLens:
     def worst_ray_px(self) -> float:
         """Largest expected error of a ray of the grid [px]."""
         return float(self.ray_errors_px.max())
+
+    @property
+    def corner_px(self) -> float:
+        """Largest expected error of a ray in the corners [px]."""
+        return float(self.corner_errors_px.max(initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -86,7 +94,7 @@ class BoardCoverage:
         return float((self.is_covered & self.is_lit).sum() / max(1, self.is_lit.sum()))
 
 
-def validate(fit: LensFit, grid: Array) -> ValidatedLens:
+def validate(fit: LensFit, grid: Array, corners: Array) -> ValidatedLens:
     """Fit again without each fifth of the pictures, and measure the errors of those with that lens.
 
     The lenses of four fifths differ from the whole's by as much as that is off (delete-d jackknife). A rotation of the
@@ -95,36 +103,40 @@ def validate(fit: LensFit, grid: Array) -> ValidatedLens:
     Args:
         fit: the whole.
         grid: (G, 2) pixels at which rays are compared.
+        corners: (C, 2) pixels beyond, at which they are compared too.
     """
     folds = min(_FOLDS, len(fit.views))
     errors_px = np.empty(len(fit.rows))
-    squares, lens_squares = np.zeros(len(grid)), np.zeros(len(lens_numbers(fit.camera)))
+    squares, lens_squares = np.zeros(len(grid) + len(corners)), np.zeros(len(lens_numbers(fit.camera)))
     for fold in range(folds):
         is_out = np.arange(len(fit.views)) % folds == fold
         used, left_out = (list(compress(fit.views, rows)) for rows in (~is_out, is_out))
         part = fit_lens(fit.camera, used, fit.poses[~is_out], rounds=_FOLD_ROUNDS)
         test = fit_lens(part.camera, left_out, fit.poses[is_out], True, _FOLD_ROUNDS)
         errors_px[is_out[fit.rows]] = test.errors_px
-        squares += ray_difference_px(fit.camera, part.camera, grid) ** 2
+        squares += ray_difference_px(fit.camera, part.camera, grid, corners) ** 2
         lens_squares += (lens_numbers(part.camera) - lens_numbers(fit.camera)) ** 2
     share = (folds - 1) / folds
-    return ValidatedLens(fit, errors_px, np.sqrt(share * squares), np.sqrt(share * lens_squares))
+    rays_px, corners_px = np.split(np.sqrt(share * squares), [len(grid)])
+    return ValidatedLens(fit, errors_px, rays_px, corners_px, np.sqrt(share * lens_squares))
 
 
-def ray_difference_px(camera: CameraModel, other: CameraModel, grid: Array) -> Array:
-    """(G,) by how many pixels two lenses differ at the pixels (G, 2) of a grid, once one is turned to fit the other.
+def ray_difference_px(camera: CameraModel, other: CameraModel, grid: Array, beyond: Array | None = None) -> Array:
+    """(G + C,) by how many pixels two lenses differ, once one is turned to fit the other at pixels (G, 2) of a grid.
 
-    Infinite where one of them has no ray.
+    Infinite where one of them has no ray. The last C are pixels (C, 2) beyond the grid.
     """
-    rays, valid = camera.unproject(grid)
-    others, other_valid = other.unproject(grid)
+    pixels = grid if beyond is None else np.concatenate([grid, beyond])
+    rays, valid = camera.unproject(pixels)
+    others, other_valid = other.unproject(pixels)
     both = valid & other_valid
-    difference = np.full(len(grid), np.inf)
-    if both.sum() < 3:
+    within = both & (np.arange(len(pixels)) < len(grid))
+    difference = np.full(len(pixels), np.inf)
+    if within.sum() < 3:
         return difference
-    camera_R_other = nearest_rotation(rays[both].T @ others[both])
+    camera_R_other = nearest_rotation(rays[within].T @ others[within])
     seen, in_view = camera.project(others[both] @ camera_R_other.T)
-    difference[both] = np.where(in_view, np.linalg.norm(seen - grid[both], axis=1), np.inf)
+    difference[both] = np.where(in_view, np.linalg.norm(seen - pixels[both], axis=1), np.inf)
     return difference
 
 
@@ -136,14 +148,16 @@ def image_radius(is_lit: NDArray[np.bool_]) -> float:
     return float(np.percentile(distances, 99.9)) if len(distances) else 0.0
 
 
-def ray_grid(is_lit: NDArray[np.bool_], share: float = TRUSTED_RADIUS) -> Array:
-    """Lit pixels (G, 2) up to a share of the image radius."""
+def ray_grid(is_lit: NDArray[np.bool_], share: float = TRUSTED_RADIUS, beyond: float = -1.0) -> Array:
+    """Lit pixels (G, 2) up to a share of the image radius, and beyond another."""
     height, width = is_lit.shape
     rows, columns = np.linspace(0, height - 1, _GRID[0]), np.linspace(0, width - 1, _GRID[1])
     grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     at = grid.round().astype(int)
     distances = np.linalg.norm(grid - 0.5 * np.array([width - 1, height - 1]), axis=1)
-    inside: Array = grid[is_lit[at[:, 1], at[:, 0]] & (distances <= share * image_radius(is_lit))]
+    radius = image_radius(is_lit)
+    is_inside = (distances <= share * radius) & (distances > beyond * radius)
+    inside: Array = grid[is_lit[at[:, 1], at[:, 0]] & is_inside]
     return inside
 
 
@@ -215,6 +229,12 @@ def warnings(lens: ValidatedLens, area: BoardCoverage, must_be_whole: bool) -> l
         found.append(
             f"rays where the board was seen are uncertain by up to {_pixels(lens.worst_ray_px)}, more than "
             f"{_MAX_RAY_ERROR_PX:g} px; film the board larger, nearer, tilted, and in the corners"
+        )
+    if lens.corner_px > max(_MAX_CORNER_ERROR_PX, lens.worst_ray_px):
+        found.append(
+            "rays in the corners, where no board was seen, are uncertain "
+            f"({_pixels(lens.corner_px)}, more than {_MAX_CORNER_ERROR_PX:g} px); film the board there, or use nothing "
+            "of the corners"
         )
     return found
 

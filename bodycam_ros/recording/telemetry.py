@@ -29,6 +29,7 @@ _EXCHANGES = (-1.0, 0.0, 1.0)  # elements of a matrix that exchanges or reverses
 _STABILISED_RAD = np.radians(0.5)  # turn of an image against the camera
 _LEAST_RATE_HZ = 90.0  # of a gyroscope; in time-lapse videos samples are averages, about one a frame
 _LEAST_SAMPLES = 50
+_UNFILLED = 1.25  # times the usual interval of samples, from which on a payload is not filled
 
 Records = Mapping[bytes, tuple[bytes, bytes]]
 """Name -> type and content."""
@@ -171,12 +172,18 @@ def _vectors(stream: Records, name: bytes) -> Array | None:
 
 
 def _timed(parts: list[tuple[float, float, Array]]) -> tuple[Array, Array]:
-    """Media times (N,) [s], even within each run of payloads without a gap, and samples (N, 3)."""
-    times = []
-    for number, (start_s, end_s, values) in enumerate(parts):
-        following_s = parts[number + 1][0] if number + 1 < len(parts) else end_s
-        length_s = following_s - start_s if following_s > start_s else 1.0
-        times.append(start_s + length_s * np.arange(len(values)) / len(values))
+    """Media times (N,) [s], even within each run of payloads without a gap, and samples (N, 3).
+
+    The last payload, and one before a gap, is not filled: its samples have the interval of the others', whatever its
+    duration in the container.
+    """
+    starts_s, counts = np.array([start_s for start_s, _, _ in parts]), np.array([len(values) for _, _, values in parts])
+    lengths_s = np.diff(starts_s, append=parts[-1][1])
+    lengths_s[lengths_s <= 0.0] = 1.0
+    intervals_s = lengths_s / counts
+    usual_s = float(np.median(intervals_s))
+    intervals_s[intervals_s > _UNFILLED * usual_s] = usual_s
+    times = [start + step * np.arange(count) for start, step, count in zip(starts_s, intervals_s, counts, strict=True)]
     rough, samples = np.concatenate(times), np.concatenate([values for _, _, values in parts])
     # Payloads have one sample more or less than others: the sensor's own clock is even.
     index = np.arange(len(rough))

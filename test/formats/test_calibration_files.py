@@ -1,5 +1,6 @@
 """Calibrations of other programs: the same cameras by every format, and what is wrong is named."""
 
+import logging
 import re
 from pathlib import Path
 
@@ -107,17 +108,122 @@ def test_the_command_converts_in_both_directions(tmp_path: Path) -> None:
     assert_same(read_stations(back))
 
 
+KALIBR = """{head}cam0:
+  {pose0}
+  camera_model: pinhole
+  distortion_coeffs: {D}
+  distortion_model: {model}
+  intrinsics: [900.0, 905.0, 530.5, 961.25]
+  resolution: [1088, 1920]
+cam1:
+  {pose1}
+  camera_model: pinhole
+  distortion_coeffs: {D}
+  distortion_model: {model}
+  intrinsics: [900.0, 905.0, 530.5, 961.25]
+  resolution: [1088, 1920]
+"""
+FIRST, SECOND = (station.world_T_camera for station in STATIONS.values())
+
+
+@pytest.mark.parametrize("head", ["", "%YAML:1.0\n", "%YAML:1.0 # as OpenCV wants it\n\n---\n"])
+@pytest.mark.parametrize(
+    ("poses", "expected"),
+    [
+        (("T_imu_cam", FIRST, "T_imu_cam", SECOND), (FIRST, SECOND)),
+        (("T_cam_imu", inverse(FIRST), "T_cam_imu", inverse(SECOND)), (FIRST, SECOND)),
+        (("T_imu_cam", FIRST, "T_cn_cnm1", inverse(SECOND) @ FIRST), (FIRST, SECOND)),
+        (("cam_overlaps", np.ones(1), "T_cn_cnm1", inverse(SECOND) @ FIRST), (np.eye(4), inverse(FIRST) @ SECOND)),
+    ],
+    ids=["OpenVINS", "imu", "imu and chain", "chain"],
+)
+def test_kalibr_has_cameras_by_a_sensor_or_by_each_other(
+    tmp_path: Path, head: str, poses: tuple[str, np.ndarray, str, np.ndarray], expected: tuple[np.ndarray, np.ndarray]
+) -> None:
+    places = [f"{key}: {value.tolist()}" for key, value in zip(poses[::2], poses[1::2], strict=True)]
+    path = tmp_path / "camchain.yaml"
+    path.write_text(KALIBR.format(head=head, pose0=places[0], pose1=places[1], D=D[:4], model="radtan"))
+    found = read_stations(path)
+    assert [*found] == ["cam0", "cam1"]
+    for station, pose in zip(found.values(), expected, strict=True):
+        np.testing.assert_allclose(station.world_T_camera, pose, atol=1e-9)
+        np.testing.assert_allclose(station.camera.k, K)
+        assert station.camera.distortion[:4] == tuple(D[:4])
+        assert station.camera.distortion_model == "plumb_bob"
+
+
+def test_kalibr_s_equi_is_equidistant(tmp_path: Path) -> None:
+    path = tmp_path / "camchain.yaml"
+    poses = {f"pose{k}": f"T_imu_cam: {pose.tolist()}" for k, pose in enumerate((FIRST, SECOND))}
+    path.write_text(KALIBR.format(head="", **poses, D=D[:4], model="equi"))
+    assert {station.camera.distortion_model for station in read_stations(path).values()} == {"equidistant"}
+
+
+@pytest.mark.parametrize("form", ["toml", "kalibr", "qca", "opencv"])
+def test_a_camera_that_cannot_be_used_is_left_out_and_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, form: str
+) -> None:
+    """Caliscope keeps cameras that it could not link, with "null" for a pose."""
+    if form == "toml":
+        path = tmp_path / "c.toml"
+        pose = r"(?s)(cam02.*?rotation = )\[.*?\]\ntranslation = \[.*?\]"
+        path.write_text(re.sub(pose, r'\1"null"\ntranslation = "null"', toml_text(STATIONS.values())))
+    elif form == "kalibr":
+        path = tmp_path / "c.yaml"
+        text = KALIBR.format(head="", pose0=f"T_imu_cam: {FIRST.tolist()}", pose1="a: 1", D=D[:4], model="radtan")
+        path.write_text(text.replace("cam0", "cam01").replace("cam1:", "cam02:"))
+    elif form == "qca":
+        path = tmp_path / "c.qca.txt"
+        numbers = " ".join(f'r{i}{j}="{float(i == j)}"' for i in (1, 2, 3) for j in (1, 2, 3))
+        keys = ("radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2")
+        lens = " ".join(f'{key}="64000"' for key in ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV"))
+        lens = " ".join([lens, *(f'{key}="0"' for key in keys)])
+        view = '<fov_video left="0" top="0" right="1999" bottom="1999"/>'
+        whole = f'<camera serial="cam01">{view}<transform {numbers} x="1" y="2" z="3"/><intrinsic {lens}/></camera>'
+        path.write_text(f'<calibration>{whole}<camera serial="cam02">{view}<intrinsic {lens}/></camera></calibration>')
+    else:
+        path = tmp_path / "c.yml"
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+        for name in STATIONS:
+            storage.write(f"K_{name}", np.reshape(K, (3, 3)))
+            storage.write(f"W_{name}", 1088)
+            storage.write(f"H_{name}", 1920)
+        storage.write("R_cam01", np.zeros((3, 1)))
+        storage.write("T_cam01", np.ones((3, 1)))
+        storage.release()
+    caplog.set_level(logging.WARNING)
+    assert [*read_stations(path)] == ["cam01"]
+    assert "camera 'cam02' is left out" in caplog.text
+
+
+@pytest.mark.parametrize("place", ["images/cam01/000000.png", "cam01/a.png"])
+def test_a_size_that_lacks_is_that_of_the_images_beside_the_file(tmp_path: Path, place: str) -> None:
+    storage = cv2.FileStorage(str(tmp_path / "intri.yml"), cv2.FILE_STORAGE_WRITE)
+    for key, value in {"K": np.reshape(K, (3, 3)), "R": np.zeros((3, 1)), "T": np.ones((3, 1))}.items():
+        storage.write(f"{key}_cam01", value)
+    storage.release()
+    with pytest.raises(StationError, match="camera cam01: has no size; expected W_cam01"):
+        read_stations(tmp_path / "intri.yml")
+    (tmp_path / place).parent.mkdir(parents=True)
+    cv2.imwrite(str(tmp_path / place), np.zeros((1920, 1088), np.uint8))
+    camera = read_stations(tmp_path / "intri.yml")["cam01"].camera
+    assert (camera.width, camera.height) == (1088, 1920)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "named"),
     [
         ("c.toml", "a = ", ("TOML",)),
         ("c.toml", "[metadata]\nerror = 0.0", ()),
         ("c.toml", "[c]\nmatrix = [[1, 0], [0, 1]]\nsize = [4, 4]", ("camera c", "matrix", "3 x 3")),
-        ("c.toml", f"[c]\nmatrix = {np.eye(3).tolist()}\nsize = [4, 4]", ("camera c", "rotation", "3")),
+        ("c.toml", f"[c]\nmatrix = {np.eye(3).tolist()}\nsize = [4, 4]", ("camera c", "rotation", "translation")),
         ("c.qca.txt", "<calibration", ("XML",)),
         ("c.qca.txt", '<!DOCTYPE a [<!ENTITY b "c">]><calibration/>', ("<!DOCTYPE>",)),
         ("c.qca.txt", '<calibration><camera serial="1"/></calibration>', ("camera 1", "fov_video", "right")),
         ("c.yml", "%YAML:1.0\n---\nA: 1\n", ("K_NAME",)),
+        ("c.yml", "%YAML:1.0\n---\nA:\n  b: [1, 2]\n", ("K_NAME",)),
+        ("c.yml", "%YAML:1.0\n---\nK_a:\n  b: [1, 2]\nW_a: 4\nH_a: 4\n", ("camera a", "matrix", "3 x 3")),
+        ("c.yml", "%YAML:1.0\ncam0:\n  camera_model: omni\n  intrinsics: [1]\n", ("camera_model", "omni")),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, name: str, text: str, named: tuple[str, ...]) -> None:

@@ -41,6 +41,16 @@ def test_samples_of_a_gopro_have_the_optical_frame_s_axes(tmp_path: Path) -> Non
     np.testing.assert_allclose(samples.acceleration, optical(ACCELEROMETER), atol=5e-3)
 
 
+def test_a_last_payload_that_is_not_full_is_as_quick_as_the_others(tmp_path: Path) -> None:
+    """The container gives it the length of the others; a HERO5's last 28 samples came out over a second."""
+    plain = make_video(tmp_path / "plain.mp4", frames=90)
+    payloads = inertial_payloads(GYROSCOPE[:520], ACCELEROMETER[:520], RATE_HZ)
+    samples = inertial_samples(add_telemetry(plain, tmp_path / "head.mp4", payloads))
+    assert samples is not None
+    np.testing.assert_allclose(1e-9 * samples.stamps_ns, TIMES_S[:520], atol=3e-3)
+    np.testing.assert_allclose(1e-9 * np.diff(samples.stamps_ns), 1.0 / RATE_HZ, rtol=1e-3)
+
+
 @pytest.mark.parametrize("turned_rad", [0.0, 0.1])
 def test_the_axes_of_a_matrix_come_before_those_of_the_channels(tmp_path: Path, turned_rad: float) -> None:
     """A sensor that lies in the camera turned by some degrees. A matrix that only exchanges axes is left to ORIN."""

@@ -1,5 +1,6 @@
 """Pictures of a lens from real files: images, folders, videos; of one size, each with a name of its own."""
 
+import logging
 from pathlib import Path
 
 import cv2
@@ -55,12 +56,6 @@ def test_of_a_video_the_sharpest_frame_of_each_part_is_taken(tmp_path: Path, mon
     assert pictures[0].grey.shape == (HEIGHT, WIDTH)
 
 
-def test_pictures_of_two_sizes_are_refused_by_name_and_size(tmp_path: Path) -> None:
-    paths = [_write(tmp_path / "a.png"), _write(tmp_path / "b.png", size=(64, 48))]
-    with naming(LensError, "a.png", "b.png", "64 x 48", "48 x 64"):
-        lens_images(paths)
-
-
 def test_what_is_no_picture_is_named(tmp_path: Path) -> None:
     with naming(LensError, tmp_path / "none.png"):
         lens_images([tmp_path / "none.png"])
@@ -85,3 +80,23 @@ def test_the_disc_of_a_fisheye_is_what_is_ever_lit() -> None:
     assert lit.shape == (height, width)
     border = np.abs(np.hypot(across - 319.5, down - 239.5) - 200.0) < 12.0  # seen by cells of eight pixels
     np.testing.assert_array_equal(lit[~border], disc[~border])
+
+
+def _write_sizes(folder: Path, sizes: list[tuple[int, int]]) -> Path:
+    for number, (width, height) in enumerate(sizes):
+        _write(folder / f"{number}.png", 90, (height, width))
+    return folder
+
+
+def test_pictures_of_the_size_that_most_have_are_taken(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A first picture of another size refused the folder."""
+    caplog.set_level(logging.WARNING)
+    pictures = lens_images([_write_sizes(tmp_path, [(81, 61), (80, 60), (80, 60), (81, 61), (80, 60)])])
+    assert [picture.name for picture in pictures] == ["1.png", "2.png", "4.png"]
+    assert "2 of 5 pictures are left out" in caplog.text
+    assert "0.png (81 x 61), 3.png (81 x 61)" in caplog.text
+
+
+def test_as_many_of_one_size_as_of_another_are_refused(tmp_path: Path) -> None:
+    with naming(LensError, "81", "80"):
+        lens_images([_write_sizes(tmp_path, [(81, 61), (80, 60)])])

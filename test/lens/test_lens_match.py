@@ -1,9 +1,11 @@
+import cv2
 import numpy as np
 import pytest
 from helpers.known_lenses import LENSES
 
+from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_so3
-from bodycam_ros.lens.lens_check import match_lens
+from bodycam_ros.lens.lens_check import match_images, match_lens
 from bodycam_ros.lens.lens_fit import lens_numbers, with_lens
 
 
@@ -53,3 +55,19 @@ def test_the_mode_of_another_lens_is_named(model, scale, mode):
     assert match.scale == pytest.approx(scale, rel=0.06)
     assert match.best_px < 0.75 * match.error_px
     assert mode in match.text
+
+
+def _shifting_plane(seed):
+    """Images (240, 320) of a texture that shifts by whole pixels, as of a wall that is filmed sideways."""
+    cells = np.random.default_rng(seed).integers(30, 230, (120, 280), np.uint8)
+    texture = cv2.resize(cells, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
+    return [np.ascontiguousarray(texture[:240, 6 * k : 6 * k + 320]) for k in range(40)]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_plane_that_shifts_tells_nothing_of_the_lens(seed):
+    """It errs by hundredths of a pixel whatever the focal length; it was told to have half of it."""
+    camera = camera_from_info("head", 320, 240, "plumb_bob", [0.0] * 5, [200, 0, 160, 0, 200, 120, 0, 0, 1])
+    match = match_images(camera, _shifting_plane(seed))
+    assert match.pairs >= 4
+    assert match.matches

@@ -26,7 +26,8 @@ def _judged(views):
     start = initial_fit(views, 640, 480)
     fit = fit_lens(as_model("plumb_bob", start), start.views, start.poses)
     area = board_coverage(fit, _LIT)
-    lens = validate(fit, ray_grid(_LIT, min(0.9, area.reach)))
+    reach = min(0.9, area.reach)
+    lens = validate(fit, ray_grid(_LIT, reach), ray_grid(_LIT, 1.0, beyond=reach))
     return area, objections(lens), warnings(lens, area, must_be_whole=False)
 
 
@@ -110,7 +111,7 @@ def test_expected_errors_grow_with_the_noise_of_the_pictures() -> None:
     for noise_px in (0.1, 0.4):
         views = views_of(camera, poses, CHARUCO.inner_corners, noise_px)
         fit = fit_lens(camera, views, np.array([poses[int(view.name)] for view in views]))
-        lenses.append(validate(fit, ray_grid(_LIT, 0.8)))
+        lenses.append(validate(fit, ray_grid(_LIT, 0.8), ray_grid(_LIT, 0.8)[:0]))
     assert lenses[1].median_px / lenses[0].median_px == pytest.approx(4.0, rel=0.1)
     ratio = lenses[1].lens_sigma[:4] / lenses[0].lens_sigma[:4]
     np.testing.assert_allclose(ratio, 4.0, rtol=0.3)

@@ -1,0 +1,120 @@
+"""OpenSim's STO and MOT as truth: positions of bodies or markers over time, of a world with y up, in metres.
+
+Points are columns NAME_X, NAME_Y, NAME_Z (BodyKinematics, with rotations NAME_Ox to NAME_Oz), or NAME_tx to NAME_tz
+(markers of inverse kinematics), or a column NAME of ``DataType=Vec3``. Joint angles alone place nothing: that takes
+their model.
+"""
+
+import logging
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.yaml_file import read_text
+from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.missing_values import cell_value, without_missing
+from bodycam_ros.geometry import Array
+
+logger = logging.getLogger(__name__)
+
+_END = "endheader"
+_ENDINGS = (("_X", "_Y", "_Z"), ("_tx", "_ty", "_tz"))
+_TURNS = ("_Ox", "_Oy", "_Oz")
+_OTHER = re.compile(r"(?i)\b(accelerations?|velocit(y|ies)|forces?|moment(um|a)s?)\b")
+"""Words of a header above numbers that are no positions."""
+
+_LEAST_POINTS = 3  # a model may have coordinates tx, ty, tz of one or two joints
+_LONGEST_HEADER = 200
+
+
+def read_storage(path: Path) -> CapturedMotion:
+    """Points by name, and rotations of bodies that have them.
+
+    Raises:
+        RecordingError: it cannot be read.
+        ValueError: it is no such file, or has no points.
+    """
+    lines = read_text(path, "file of OpenSim", RecordingError, MOST_BYTES).splitlines()
+    end = next((k for k, line in enumerate(lines[:_LONGEST_HEADER]) if line.strip().lower() == _END), None)
+    if end is None:
+        raise ValueError("expected a line 'endheader', and below it names of columns and rows")
+    header = {key.strip().lower(): value.strip() for key, _, value in (line.partition("=") for line in lines[:end])}
+    listed = [(number, line) for number, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
+    if len(listed) < 2 or len(_cells(listed[0][1])) < 2:
+        raise ValueError("it has no columns or no rows below its header")
+    if found := next((found for line in lines[:end] if (found := _OTHER.search(line))), None):
+        raise ValueError(f"by its header it has {found[0].lower()}, and not positions")
+    names, rows = _cells(listed[0][1]), listed[1:]
+    if not names or names[0].lower() != "time" or len(set(names)) < len(names):
+        raise ValueError(f"line {listed[0][0]}: expected 'time' and names of columns, each its own")
+    data_type = header.get("datatype", "double").lower()
+    if data_type not in ("double", "vec3"):
+        raise ValueError(f"its data are {header['datatype']}: orientations alone place nothing; give positions")
+    depth = 3 if data_type == "vec3" else 1
+    table = np.array([_numbers(line, number, len(names), depth) for number, line in rows]).reshape(len(rows), -1)
+    if header.get("nrows", "").isdecimal() and int(header["nrows"]) != len(rows):
+        logger.warning("%s: its header says %s rows, it has %d; these are read", path, header["nrows"], len(rows))
+    stamps_ns = checked_stamps(table[:, 0])
+    columns = (
+        {name: [1 + 3 * k, 2 + 3 * k, 3 + 3 * k] for k, name in enumerate(names[1:])} if depth == 3 else _points(names)
+    )
+    points = {
+        name: values @ Y_UP_TO_Z_UP.T
+        for name, at in columns.items()
+        if np.isfinite(values := without_missing(table[:, at])).any()
+    }
+    if len(points) < _LEAST_POINTS:
+        raise ValueError(
+            f"it has {len(points)} points; joint angles or forces alone place nothing. Let OpenSim write positions "
+            "(Analyze, BodyKinematics: ..._pos_global.sto)"
+        )
+    rotations = _rotations(names, table, points, header.get("indegrees", "no").lower() == "yes") if depth == 1 else {}
+    return CapturedMotion(path, "STO", stamps_ns, points, rotations)
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in (line.rstrip().split("\t") if "\t" in line else line.split())]
+
+
+def _numbers(line: str, number: int, columns: int, depth: int) -> list[float]:
+    """The numbers of a row: the time, and ``depth`` of each other column."""
+    cells = _cells(line)
+    if len(cells) != columns:
+        raise ValueError(f"line {number}: {len(cells)} columns, expected {columns}: one per name")
+    try:
+        first, *others = cells
+        parts = [part for cell in others for part in (cell.split(",") if depth > 1 else [cell])]
+        values = [cell_value(cell) for cell in (first, *parts)]
+    except ValueError as error:
+        raise ValueError(f"line {number}: {error}") from error
+    if len(values) != 1 + depth * (columns - 1):
+        raise ValueError(f"line {number}: expected {depth} numbers in each column, separated by commas")
+    return values
+
+
+def _points(names: Sequence[str]) -> dict[str, list[int]]:
+    """Point -> its three columns."""
+    columns = {name: column for column, name in enumerate(names)}
+    found: dict[str, list[int]] = {}
+    for first, second, third in _ENDINGS:
+        for name in names:
+            stem = name.removesuffix(first)
+            if stem != name and stem + second in columns and stem + third in columns:
+                found.setdefault(stem, [columns[stem + ending] for ending in (first, second, third)])
+    return found
+
+
+def _rotations(names: Sequence[str], table: Array, points: Mapping[str, Array], in_degrees: bool) -> dict[str, Array]:
+    """Rotations (K, 3, 3) of bodies, by angles about x, then y, then z of the body."""
+    columns = {name: column for column, name in enumerate(names)}
+    found: dict[str, Array] = {}
+    for name in points:
+        at = [columns[name + ending] for ending in _TURNS if name + ending in columns]
+        if len(at) == len(_TURNS) and np.isfinite(angles := table[:, at]).all():
+            R = Rotation.from_euler("XYZ", angles, degrees=in_degrees).as_matrix()
+            found[name] = Y_UP_TO_Z_UP @ R
+    return found

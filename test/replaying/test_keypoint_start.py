@@ -1,0 +1,49 @@
+"""A replay of static cameras alone that starts by keypoints, without anything placed by hand."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from static_cameras.dressed_body import small_motion
+from static_cameras.painted_bag import FRAMES, dressed_body, write_painted
+
+from bodycam_ros.cli.main import main
+from bodycam_ros.formats.keypoints import JOINTS
+from bodycam_ros.geometry import inverse, transform_points
+from bodycam_ros.results.solved_recording import read_solved
+
+KINDS = {"Shoulder": "upper_arm", "Elbow": "forearm", "Hip": "thigh", "Knee": "shin", "Ankle": "foot"}
+COCO_ROW = {joint: 5 + row for row, joint in enumerate(JOINTS)}
+
+
+def test_a_painted_person_is_followed_from_keypoints(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    dressed = dressed_body(sample)
+    write_painted(dressed, tmp_path)
+    truth, random = small_motion(dressed.body, FRAMES), np.random.default_rng(2)
+    for name, station in dressed.stations.items():
+        values = np.zeros((17, 3))
+        for joint, row in COCO_ROW.items():
+            if joint[1:] in KINDS:
+                segment = f"{KINDS[joint[1:]]}_{'left' if joint[0] == 'L' else 'right'}"
+                at = truth[0, dressed.body.segment_index[segment], :3, 3]
+                pixels, _ = station.camera.project(transform_points(inverse(station.world_T_camera), at[None]))
+                values[row] = [*(pixels[0] + random.normal(0.0, 1.5, 2)), 0.8]
+        folder = tmp_path / "pose" / f"{name}_json"
+        folder.mkdir(parents=True)
+        people = [{"pose_keypoints_2d": values.ravel().tolist()}]
+        (folder / f"{name}_000000.json").write_text(json.dumps({"people": people}))
+    files = ["--stations", str(tmp_path / "cameras.yaml"), "--start", str(tmp_path / "pose")]
+    body = ["--body", str(sample / "body.yaml"), "-o", str(tmp_path / "out"), "--jobs", "1"]
+    assert main(["replay", str(tmp_path / "bag"), *body, *files]) in (0, 3)
+    assert f"{FRAMES} of {FRAMES} frames solved" in " ".join(capfd.readouterr().out.split())
+    solved = read_solved(tmp_path / "out")
+    off = np.array(
+        [
+            np.linalg.norm((solved.world_T_link[name] - truth[:, row])[:, :3, 3], axis=1)
+            for name, row in dressed.body.segment_index.items()
+        ]
+    )
+    assert off.mean() < 0.02 and off.max() < 0.06
