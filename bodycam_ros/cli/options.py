@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 G = TypeVar("G", bound=SettingsGroups)
 N = TypeVar("N", int, float)
 
-PIPELINE = "pipeline_settings:PipelineSettings"
+PIPELINE = "pipeline.settings:PipelineSettings"
 """Settings of all stages, for ``add_config``."""
 
 
