@@ -228,10 +228,18 @@ class Recording:
         lasts: dict[str, int] = {}
         end_ns, before_ns = self.start_ns + round(1e9 * self.duration_s), _END_NS
         while len(lasts) < len(firsts):
-            for topic, _, stamp_ns in self._bag.header_stamps(topics, max(end_ns - before_ns, self.start_ns)):
-                if topics[topic] in firsts:
-                    lasts[topics[topic]] = max(stamp_ns, lasts.get(topics[topic], firsts[topics[topic]]))
-            if end_ns - before_ns <= self.start_ns:
+            since_ns = max(end_ns - before_ns, self.start_ns)
+            try:
+                for topic, _, stamp_ns in self._bag.header_stamps(topics, since_ns):
+                    if topics[topic] in firsts:
+                        lasts[topics[topic]] = max(stamp_ns, lasts.get(topics[topic], firsts[topics[topic]]))
+            except RecordingError:
+                # Damage before all that is read here: from the start on it is read up to the damage.
+                if since_ns == self.start_ns:
+                    raise
+                before_ns = end_ns - self.start_ns
+                continue
+            if since_ns == self.start_ns:
                 break
             before_ns *= 4
         return {camera: (first, lasts.get(camera, first)) for camera, first in firsts.items()}

@@ -7,9 +7,9 @@ import pytest
 from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.replaying.replay import replay
+from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.results.solved_part import part_of, recording_start_ns
 from bodycam_ros.results.solved_recording import read_solved
@@ -19,7 +19,8 @@ FRAMES, RATE_HZ = 45, 30.0
 
 
 def solve(sample: Path, bag: Path, out: Path, **options: object) -> ReplaySummary:
-    return replay(bag, sample / "map", sample / "body.yaml", out, PipelineSettings(), 2, **options)  # type: ignore[arg-type]
+    inputs = bag, sample / "map", sample / "body.yaml", out
+    return replay(ReplayRequest(*inputs, jobs=2, **options))  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,11 @@ def test_one_file_tells_what_it_was_made_from(sample: Path, sample_out: Path) ->
     assert metadata["map"] == map_record(reference_map, sample / "map")
     assert metadata["map"]["identity"] == str(map_identity(reference_map))
     assert metadata["body"] == {"name": "subject", "identity": body_identity(body)}
-    assert metadata["recording"] == {"name": "bag", "start_ns": "1700000001000000000"}
+    assert metadata["recording"] == {
+        "name": "bag",
+        "start_ns": "1700000001000000000",
+        "first_stamp_ns": "1700000001000000000",
+    }
     assert metadata["settings"] == settings_record(PipelineSettings()) | {"passes": "1", "slim": "false"}
     assert json.loads(metadata["settings"]["smoother.output_delay"]) == PipelineSettings().smoother.output_delay
     assert body_identity(body_from_yaml(attachments["body.yaml"].decode())) == body_identity(body)
