@@ -8,7 +8,7 @@ from dataclasses import fields
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_option
+from bodycam_ros.cli.options import add_option, add_span, given_span
 from bodycam_ros.cli.output import STYLES, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
@@ -35,13 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--board", help="AprilTag board, is it in view? (default: board.yaml beside it)")
     add_option(parser, "--lenses")
     add_option(parser, "--imu")
+    add_span(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_option(parser, "--jobs", help="threads (default: all cores)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    given = DoctorInput(**{each.name: getattr(arguments, each.name) for each in fields(DoctorInput)})
+    names = [each.name for each in fields(DoctorInput) if each.name != "span"]
+    given = DoctorInput(**{name: getattr(arguments, name) for name in names}, span=given_span(arguments))
     with shown_progress() as progress:
         findings = examine(given, arguments.jobs, progress)
     level = worst_level(findings)

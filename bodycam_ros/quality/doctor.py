@@ -29,10 +29,17 @@ from bodycam_ros.quality.recording_checks import (
     check_lens,
     check_spans,
 )
-from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
+from bodycam_ros.quality.sampled_recording import (
+    register_samples,
+    sample_bag,
+    sample_videos,
+    sampled_part,
+    spread_instants,
+)
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.verdict import Finding, check_limits
@@ -54,6 +61,7 @@ class DoctorInput:
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
         lenses: folder with the lens YAMLs of videos; None: beside them.
         imu: bags with the inertial sensors, beside those in the recording.
+        span: the part of the recording that is checked.
     """
 
     recording: Path
@@ -63,6 +71,7 @@ class DoctorInput:
     board: Path | None = None
     lenses: Path | None = None
     imu: Sequence[Path] = ()
+    span: TimeSpan = TimeSpan()
 
     @property
     def is_bag(self) -> bool:
@@ -88,13 +97,15 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
 
     def instants(duration_s: float) -> Array:
         opening = [second for second in OPENING_S if is_exercise and second < duration_s]
-        return np.sort(np.concatenate([opening, spread_instants(duration_s, count)]))
+        length_s = max(min(given.span.to_s, duration_s) - given.span.from_s, 0.0)
+        return given.span.from_s + np.sort(np.concatenate([opening, spread_instants(length_s, count)]))
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
         if given.is_bag:
             recording = sample_bag(given.recording, instants, advance)
         else:
             recording = sample_videos(given.recording, given.lenses, instants, advance)
+    recording = sampled_part(recording, given.span)
     is_exercise = is_exercise and recording.is_simultaneous
     findings = [
         *check_cameras(recording, wanted),
