@@ -8,7 +8,7 @@ from dataclasses import fields
 from rich.table import Table
 from rich.text import Text
 
-from bodycam_ros.cli.options import add_option, add_topics, topic_names
+from bodycam_ros.cli.options import add_option, add_span, add_topics, given_span, topic_names
 from bodycam_ros.cli.output import STYLES, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
@@ -36,14 +36,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--lenses")
     add_option(parser, "--imu")
     add_topics(parser)
+    add_span(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON, for scripts")
     add_option(parser, "--jobs", help="threads (default: all cores)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    names = [each.name for each in fields(DoctorInput) if each.name != "names"]
-    given = DoctorInput(**{name: getattr(arguments, name) for name in names}, names=topic_names(arguments))
+    names = [each.name for each in fields(DoctorInput) if each.name not in ("names", "span")]
+    values = {name: getattr(arguments, name) for name in names}
+    given = DoctorInput(**values, names=topic_names(arguments), span=given_span(arguments))
     with shown_progress() as progress:
         findings = examine(given, arguments.jobs, progress)
     level = worst_level(findings)

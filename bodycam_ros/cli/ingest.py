@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bodycam_ros.cli.options import add_option, add_output, input_paths, number
+from bodycam_ros.cli.options import add_option, add_output, add_span, given_span, input_paths, number
 from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import OutputError
@@ -54,6 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(parser, "--lenses")
     add_option(parser, "--rig", help="rig YAML: which cameras there should be, and on which segments")
+    add_span(parser)
     times = parser.add_mutually_exclusive_group()
     times.add_argument(
         "--synchronous", action="store_true", help="cameras are genlocked: all files start with the same frame"
@@ -92,6 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)
+    span = given_span(arguments)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
     cameras, faults = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
     if rig is not None:
@@ -105,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
             offsets = read_offsets(arguments.offsets, [camera.name for camera in cameras])
         else:
             offsets = find_offsets(cameras, rig, progress)
-        summary = ingest(cameras, offsets, arguments.output, arguments.jobs, arguments.force, progress)
+        summary = ingest(cameras, offsets, arguments.output, arguments.jobs, arguments.force, progress, span)
         write_timing_report(offsets, report)
         lenses = lens_remarks(cameras, progress) if arguments.check_lenses else []
     left_out = [*faults, *(f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items())]

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from operator import attrgetter
 from threading import Event
@@ -53,6 +53,7 @@ class FrameStream:
         time: where its media time lies in the recording.
         base_ns: stamp of the recording's time 0 [ns].
         threads: that decode and compress.
+        window_s: (from, to) of the frames that are wanted, in the recording's time [s].
         frames: in the bag, so far.
         first_ns, last_ns: their stamps [ns].
         imu_samples: of its inertial sensor in the bag.
@@ -66,6 +67,7 @@ class FrameStream:
     time: CameraTime
     base_ns: int
     threads: int
+    window_s: tuple[float, float] = (-math.inf, math.inf)
     frames: int = 0
     first_ns: int = 0
     last_ns: int = 0
@@ -90,7 +92,7 @@ class FrameStream:
         if self.fault:
             remarks.append(f"ends early: {self.fault}")
         read = self.frames + self.without_key + self.unordered
-        if video.facts.frames > read:
+        if video.facts.frames > read and self.is_whole:
             remarks.append(
                 f"{files} should have {video.facts.frames} frames, and {read} can be read: cut off or damaged; "
                 "copy it again from the camera if you can"
@@ -102,6 +104,17 @@ class FrameStream:
         if self.imu_fault:
             remarks.append(f"inertial sensor left out: {self.imu_fault}")
         return [f"camera {name}: {remark}" for remark in remarks]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all frames are wanted."""
+        return self.window_s == (-math.inf, math.inf)
+
+    def _recording_s(self, media_s: float) -> float:
+        return float(self.time.recording_s(np.array([media_s]))[0])
+
+    def _is_wanted(self, media_s: float) -> bool:
+        return self.window_s[0] <= self._recording_s(media_s) < self.window_s[1]
 
     def _frames_until_fault(self) -> Iterator[SerializedMessage]:
         try:
@@ -118,6 +131,14 @@ class FrameStream:
         if samples is None:
             return
         make, camera = recorded_messages(), self.camera.topic_name
+        if not self.is_whole:
+            wanted = np.array([self._is_wanted(each) for each in (1e-9 * samples.stamps_ns).tolist()], bool)
+            samples = replace(
+                samples,
+                stamps_ns=samples.stamps_ns[wanted],
+                angular_velocity=samples.angular_velocity[wanted],
+                acceleration=samples.acceleration[wanted],
+            )
         self.imu_samples = len(samples)
         media_s = np.asarray(1e-9 * samples.stamps_ns, np.float64)
         stamps_ns = self.base_ns + np.round(1e9 * self.time.recording_s(media_s)).astype(np.int64)
@@ -162,7 +183,7 @@ class FrameStream:
         """Media time [s], format and content."""
         video = self.camera.video
         if isinstance(video, ImageFolder) and self.camera.is_copied:
-            yield from video.files()
+            yield from (each for each in video.files() if self._is_wanted(each[0]))
         else:
             for media_s, packet in self._packets():
                 yield media_s, _FORMATS[packet.codec], packet.data
@@ -172,16 +193,26 @@ class FrameStream:
         if isinstance(video, ImageFolder) or not self.camera.is_copied:
             lens = self.camera.written_lens
             size = None if self.camera.scale == 1.0 else (lens.width, lens.height)
-            frames = video.frames(self.threads)
+            frames = (each for each in video.frames(self.threads) if self._is_wanted(each[0]))
             yield from h264_packets(frames, facts.rotation_deg, facts.rate_hz, self.threads, size)
             return
         has_key = False
+        before: list[TimedPacket] = []  # since the last keyframe before the window: its first frame is made of them
         for media_s, packet in video.packets():
             has_key = has_key or packet.is_key
-            if has_key:
-                yield media_s, packet
-            else:
+            if not has_key:
                 self.without_key += 1
+                continue
+            if (at_s := self._recording_s(media_s)) >= self.window_s[1]:
+                return
+            if at_s < self.window_s[0]:
+                before = [] if packet.is_key else before
+                before.append((media_s, packet))
+                continue
+            if before and not packet.is_key:
+                yield from before
+            before = []
+            yield media_s, packet
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """Videos of cameras into one bag, in the time of one of them."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -16,7 +17,9 @@ from bodycam_ros.ingest.timing_file import TIMING_FILE, timing_text
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_writer import INGEST, write_recording
+from bodycam_ros.recording.time_span import TimeSpan
 
+_WHOLE = TimeSpan()
 _EPOCH = datetime(2020, 1, 1, tzinfo=UTC)  # time 0 of a recording whose reference has no time of creation
 _SOURCES, _FINDINGS_FILE = "videos", "findings.json"
 """Record: camera -> its first file; attachment: cameras that were left out, and remarks on the others."""
@@ -51,6 +54,7 @@ def ingest(
     jobs: int,
     force: bool,
     progress: Progress,
+    span: TimeSpan = _WHOLE,
 ) -> IngestSummary:
     """Write the bag: every frame at ``base + CameraTime.recording_s(its own media time)``.
 
@@ -64,6 +68,7 @@ def ingest(
         jobs: threads that decode and compress.
         force: replace a bag that an ingest wrote.
         progress: of the frames.
+        span: the part that is written, since the first camera starts; copied videos begin at the keyframe before it.
 
     Raises:
         RecordingError: no camera can be read.
@@ -75,7 +80,8 @@ def ingest(
     base = _base(timed, times)
     base_ns = round(base.timestamp() * 1e6) * 1000
     threads = max(1, jobs // len(timed))
-    streams = [FrameStream(camera, times[camera.name], base_ns, threads) for camera in timed]
+    window_s = _window(span, min(times[camera.name].start_s for camera in timed))
+    streams = [FrameStream(camera, times[camera.name], base_ns, threads, window_s) for camera in timed]
     frames = sum(camera.video.facts.about_frames for camera in timed)
     with write_recording(output, force, INGEST) as writer:
         writer.add_metadata(_SOURCES, {camera.topic_name: camera.video.path.name for camera in timed})
@@ -94,6 +100,12 @@ def ingest(
             found = found.replace(f"{folder}/", "")
         writer.attach(_FINDINGS_FILE, "application/json", found, base_ns)
     return IngestSummary(tuple(written), tuple(faults), base)
+
+
+def _window(span: TimeSpan, first_s: float) -> tuple[float, float]:
+    """From when to when a part lasts, in the recording's time [s]; all time for all of it."""
+    start_s = first_s + span.from_s if span.from_s > 0.0 else -math.inf
+    return start_s, first_s + span.to_s
 
 
 def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[float, float]:
@@ -132,6 +144,8 @@ def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> d
 
 
 def _left_out(stream: FrameStream) -> str:
+    if not (stream.fault or stream.is_whole):
+        return f"camera {stream.camera.name}: left out: {stream.camera.video.path} has no frame in that part"
     why = stream.fault or f"none of the frames of {stream.camera.video.path} can be read"
     return f"camera {stream.camera.name}: left out: {why}"
 

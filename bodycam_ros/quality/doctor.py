@@ -28,10 +28,17 @@ from bodycam_ros.quality.recording_checks import (
     check_lens,
     check_spans,
 )
-from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
+from bodycam_ros.quality.sampled_recording import (
+    register_samples,
+    sample_bag,
+    sample_videos,
+    sampled_part,
+    spread_instants,
+)
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -55,6 +62,7 @@ class DoctorInput:
         lenses: folder with the lens YAMLs of videos; None: beside them.
         imu: bags with the inertial sensors, beside those in the recording.
         names: of the topics of a bag.
+        span: the part of the recording that is checked.
     """
 
     recording: Path
@@ -65,6 +73,7 @@ class DoctorInput:
     lenses: Path | None = None
     imu: Sequence[Path] = ()
     names: TopicNames = AS_RECORDED
+    span: TimeSpan = TimeSpan()
 
     @property
     def is_bag(self) -> bool:
@@ -90,13 +99,15 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
 
     def instants(duration_s: float) -> Array:
         opening = [second for second in OPENING_S if is_exercise and second < duration_s]
-        return np.sort(np.concatenate([opening, spread_instants(duration_s, count)]))
+        length_s = max(min(given.span.to_s, duration_s) - given.span.from_s, 0.0)
+        return given.span.from_s + np.sort(np.concatenate([opening, spread_instants(length_s, count)]))
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
         if given.is_bag:
             recording = sample_bag(given.recording, instants, advance, given.names)
         else:
             recording = sample_videos(given.recording, given.lenses, instants, advance)
+    recording = sampled_part(recording, given.span)
     is_exercise = is_exercise and recording.is_simultaneous
     findings = [
         *check_cameras(recording, wanted),

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.ingest.ingest_camera import read_lens
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_file import DecodedFrame, frame_times, keyframe_near
 from bodycam_ros.registration.image_registration import ImageRegistration
@@ -102,6 +103,30 @@ class SampledRecording:
 def spread_instants(duration_s: float, count: int) -> Array:
     """(K,) times, evenly over a recording, in the middle of equal parts [s]."""
     return (np.arange(count) + 0.5) * duration_s / count
+
+
+def sampled_part(recording: SampledRecording, span: TimeSpan) -> SampledRecording:
+    """The times and images of a part; times of cameras count from its start.
+
+    Raises:
+        RecordingError: the recording has no image in that time, or its videos have no common time.
+    """
+    if span == TimeSpan():
+        return recording
+    if not recording.is_synchronous:
+        raise RecordingError(
+            "videos have no common time yet, so --from and --to have no meaning; run 'bodycam ingest' first"
+        )
+    end_s = min(span.to_s, recording.duration_s)
+    cameras = []
+    for camera in recording.cameras:
+        rows = (camera.recorded_s >= span.from_s) & (camera.recorded_s < end_s)
+        images = {n: grey for n, grey in camera.images.items() if span.from_s <= recording.instants_s[n] < end_s}
+        stamps_s, recorded_s = camera.stamps_s[rows] - span.from_s, camera.recorded_s[rows] - span.from_s
+        cameras.append(replace(camera, stamps_s=stamps_s, recorded_s=recorded_s, images=images))
+    if not any(len(camera.stamps_s) for camera in cameras):
+        raise RecordingError(f"there is no image {span.text}; the recording lasts {recording.duration_s:.1f} s")
+    return replace(recording, cameras=tuple(cameras), duration_s=end_s - span.from_s)
 
 
 _KEYFRAMES = 6  # of a video: each image decoded costs a millisecond or two, and each frame since its keyframe as well

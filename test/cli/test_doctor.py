@@ -117,3 +117,17 @@ def test_what_cannot_be_read_is_an_error_with_its_name(
 def test_no_recording_is_an_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["doctor", str(tmp_path / "nowhere")]) == 1
     assert "does not exist" in capsys.readouterr().err
+
+
+def test_a_part_is_checked_alone(capsys: pytest.CaptureFixture[str], sample: Path, tmp_path: Path) -> None:
+    """A camera that stops at half of the time is no fault of the first half."""
+
+    def stopped(topic: str, number: int, message: Message) -> Message | None:
+        return None if topic.startswith("/thigh_left/image") and number >= 20 else message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", stopped, frames=60)
+    assert "thigh_left" in " ".join(str(problem) for problem in problems(doctor(capsys, bag)[1]))
+    code, report = doctor(capsys, bag, "--to", "0.6")
+    assert (code, problems(report)) == (0, set())
+    assert main(["doctor", str(bag), "--from", "50"]) == 1
+    assert "there is no image from 50 s to the end; the recording lasts 2.0 s" in capsys.readouterr().err

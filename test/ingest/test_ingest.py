@@ -180,6 +180,27 @@ def test_a_camera_of_the_rig_without_a_video_is_named(videos: Path, capsys: pyte
     assert f"camera foot: is in {rig}, but has no video" in said(capsys)
 
 
+def test_a_part_begins_with_the_keyframe_before_it_and_every_frame_decodes(
+    videos: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = ("--from", "1.2", "--to", "2.0")
+    assert ingest(videos, "--synchronous")[0] == 0
+    with open_recording(videos.parent / "bag") as recording:
+        whole = {camera: list(recording.images([camera])) for camera in recording.cameras}
+    code, bag = ingest(videos, "--force", "--synchronous", *part)
+    assert code == 0 and "should have" not in said(capsys)
+    start_ns = min(images[0].stamp_ns for images in whole.values())
+    with open_recording(bag) as recording:
+        for camera, all_images in whole.items():
+            images = list(recording.images([camera]))
+            for image in images:
+                decode_grey(image)
+            stamps_ns = [image.stamp_ns for image in images]
+            wanted_ns = [i.stamp_ns for i in all_images if 1.2 <= 1e-9 * (i.stamp_ns - start_ns) < 2.0 - 1e-6]
+            assert stamps_ns[-len(wanted_ns) :] == wanted_ns
+            assert 1e-9 * (stamps_ns[0] - start_ns) <= 1.2 + 1.0 / RATE_HZ
+
+
 def test_ctrl_c_leaves_nothing(videos: Path) -> None:
     make_video(
         videos / "head.mp4",
