@@ -39,7 +39,7 @@ def main() -> int:
     parser.add_argument(
         "--cameras", type=_count, nargs="+", default=[4, 8, 16], help="how many cameras to play, the body's first ones"
     )
-    parser.add_argument("--delays", type=int, nargs="+", default=[0], help="values of smoother.output_delay")
+    parser.add_argument("--delays", type=int, nargs="+", default=[0], help="values of estimator.output_delay")
     parser.add_argument(
         "--rate", type=_rate, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
     )

@@ -250,7 +250,7 @@ def _play(commands: Mapping[str, Sequence[str]], scratch: Path) -> None:
 def _as_measured(node: GraphNode, output_delay: int, scratch: Path) -> GraphNode:
     # Images queue instead of being dropped, so that a queue shows.
     given: dict[str, dict[str, object]] = {
-        "skeleton_solver": {"smoother.output_delay": output_delay},
+        "skeleton_solver": {"estimator.output_delay": output_delay},
         "tracker": {"longest_wait": 0.0},
         _PLAYER: {"reader_wait": _READER_WAIT_S},
     }

@@ -8,7 +8,7 @@ from bodycam_ros.settings import describe, setting
 TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit", "inertial")
 REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
 SOLVER_GROUPS: Final = (
-    *("clock", "assembler", "smoother", "motion", "contact", "evidence"),
+    *("clock", "assembler", "estimator", "motion", "contact", "evidence"),
     *("coupling", "inertial", "region", "pose_fit"),
 )
 """The groups of settings that each node uses."""
@@ -233,7 +233,7 @@ ALL = tuple(OF_NODES.values())
 GROUPS: Final = frozenset(
     """
     images keypoints registrar growth extend direct pose_fit
-    clock assembler smoother motion contact evidence coupling inertial region
+    clock assembler estimator motion contact evidence coupling inertial region
     frames features shape
     """.split()
 )

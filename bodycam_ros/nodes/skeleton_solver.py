@@ -64,7 +64,7 @@ class SolverStage(Stage[SolverParameters]):
         super().__init__(node)
         given = self.parameters
         self.required("body")
-        self.settings.smoother.check_live()
+        self.settings.estimator.check_live()
         equipment = read_equipment(given.equipment) if given.equipment else None
         self._stations = _read_static_cameras(given)
         self._static_cameras: ImageMeasurement | None = None

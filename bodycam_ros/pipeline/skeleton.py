@@ -71,7 +71,7 @@ class SkeletonPipeline:
         imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
         if live:
-            settings.smoother.check_live()
+            settings.estimator.check_live()
         self._equipment = equipment and fitted_equipment(equipment, body)
         self.body = body = coupled_body(body, self._equipment)
         self._cameras = tuple(cameras)
@@ -93,10 +93,10 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         of = self._settings
         coupling = Coupling(self.body, self._equipment, of.coupling, of.motion) if self._equipment else None
-        self._smoother = BodyEstimator(
+        self._estimator = BodyEstimator(
             self.body,
             self._cameras,
-            of.smoother,
+            of.estimator,
             of.motion,
             of.evidence,
             offline=not self._live,
@@ -113,7 +113,7 @@ class SkeletonPipeline:
     @property
     def counts(self) -> SolverCounts:
         """Counts of the whole recording, whatever its stamps do."""
-        return self._counts + self._smoother.counts
+        return self._counts + self._estimator.counts
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
         """Add one sample of a camera's inertial sensor as it comes; live, outputs while all cameras are silent.
@@ -127,7 +127,7 @@ class SkeletonPipeline:
         if latest_ns is None or not self._live:
             return []
         self._silence.add_sample(latest_ns)
-        due_ns = self._silence.due_ns(self._smoother.period_ns)
+        due_ns = self._silence.due_ns(self._estimator.period_ns)
         return [] if due_ns is None else self._carry(due_ns)
 
     def add_image(self, stamp_ns: int) -> None:
@@ -153,27 +153,27 @@ class SkeletonPipeline:
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        return self._solve(self.assembler.flush()) + self._outputs(self._smoother.flush())
+        return self._solve(self.assembler.flush()) + self._outputs(self._estimator.flush())
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []
         for frame in frames:
             if frame.stamp_ns <= self._solved_ns:
-                outputs += self._outputs(self._smoother.flush())
+                outputs += self._outputs(self._estimator.flush())
                 self._counts = self.counts
                 self._begin()
             self._solved_ns = frame.stamp_ns
             self.inertial.set_clocks(self.clocks.corrections)
-            outputs += self._outputs(self._smoother.update(frame))
+            outputs += self._outputs(self._estimator.update(frame))
         return outputs
 
     def _carry(self, due_ns: float) -> list[BodyOutput]:
         """States without images up to a time [ns], as far as inertial sensors carry the body."""
-        period_ns = round(self._smoother.period_ns)
+        period_ns = round(self._estimator.period_ns)
         outputs = [] if self._is_carried else self._solve(self.assembler.flush())
         self._is_carried = True
         due_ns = min(due_ns, self._silence.message_ns + 1e9 * CARRIED_S)
-        while self._smoother.has_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
+        while self._estimator.has_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
             if not self.inertial.carry(self._solved_ns, stamp_ns):
                 break
             outputs += self._solve([BodyFrame(stamp_ns, {})])

@@ -11,13 +11,13 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.smoother_settings import OFFLINE, SmootherSettings
+from bodycam_ros.estimation.estimator_settings import OFFLINE, EstimatorSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
 FRAMES = 40
 SURE = np.diag(np.repeat([0.003, 0.003], 3) ** 2)
-DELAYED = SmootherSettings()
+DELAYED = EstimatorSettings()
 ARM = ("upper_arm", "forearm")
 
 
@@ -78,14 +78,17 @@ def solved(
     worn: Collection[str],
     static_cameras: ExactCameras | None,
     looks: bool = True,
-    settings: SmootherSettings = DELAYED,
+    settings: EstimatorSettings = DELAYED,
 ) -> dict[int, BodyState]:
     """States by frame number."""
-    rng, smoother = np.random.default_rng(0), BodyEstimator(body, lenses(body), settings, static_cameras=static_cameras)
+    rng, estimator = (
+        np.random.default_rng(0),
+        BodyEstimator(body, lenses(body), settings, static_cameras=static_cameras),
+    )
     states: list[BodyState] = []
     for number in range(FRAMES):
-        states += smoother.update(frame_at(body, number, worn, looks, rng))
-    return {state.stamp_ns // STEP_NS - 1: state for state in states + smoother.flush()}
+        states += estimator.update(frame_at(body, number, worn, looks, rng))
+    return {state.stamp_ns // STEP_NS - 1: state for state in states + estimator.flush()}
 
 
 def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: BodyModel) -> None:
@@ -104,10 +107,10 @@ def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: 
 
 @pytest.mark.parametrize(
     ("settings", "most_deg"),
-    [(DELAYED, 6.0), (SmootherSettings(output_delay=OFFLINE), 2.0)],
+    [(DELAYED, 6.0), (EstimatorSettings(output_delay=OFFLINE), 2.0)],
     ids=["delayed", "offline"],
 )
-def test_joints_tell_what_no_contour_does(body: BodyModel, settings: SmootherSettings, most_deg: float) -> None:
+def test_joints_tell_what_no_contour_does(body: BodyModel, settings: EstimatorSettings, most_deg: float) -> None:
     """How a limb is turned about its long axis, also where the recording is solved as a whole."""
     states = solved(body, ("chest", "back"), ExactCameras(body, ("upper_arm",), spun_rad=0.5), settings=settings)
     of = body.segment_index["upper_arm"]

@@ -33,7 +33,7 @@ def test_a_wrong_start_ends_with_one_line_and_code_2(graph: Any, tmp_path: Path)
 def test_unknown_parameters_are_warned_about(graph: Any) -> None:
     """A file may be meant for another version, or for other nodes too."""
     odd = {"camra": 1, "tracker.keyframes": 3, "traker.keyframe_interval": 3}
-    others = {"rig": "rig.yaml", "smoother.output_delay": 3, "shape.length_sigma": 0.1}
+    others = {"rig": "rig.yaml", "estimator.output_delay": 3, "shape.length_sigma": 0.1}
     (started,) = graph.start(GraphNode("tracker", "tracker", {"camera": "left", **odd, **others}))
     info = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
     graph.until(info.get_subscription_count, _START_S, "the tracker is up")
@@ -70,7 +70,7 @@ def test_a_wrong_start_is_an_error_that_names_what_is_wrong(graph: Any, tmp_path
         ("skeleton_solver", {}, "'body'"),
         ("skeleton_solver", {"body": broken}, "broken.yaml"),
         ("skeleton_solver", {"body": body, "cameras": ("hat",)}, "hat"),
-        ("skeleton_solver", {"body": body, "smoother.output_delay": "offline"}, "output_delay"),
+        ("skeleton_solver", {"body": body, "estimator.output_delay": "offline"}, "output_delay"),
         ("skeleton_solver", {"body": new, "rig": rig, "cameras": ("left",)}, "cameras"),
         ("skeleton_solver", {"body": new, "rig": no_rig}, "no_rig.yaml"),
         ("skeleton_solver", {"body": body, "rig": rig, "map": reference_map}, "overwrite_body"),

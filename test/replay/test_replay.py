@@ -11,7 +11,7 @@ import pytest
 from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.evaluate.comparison import compare, read_true_motion
 from bodycam_ros.messages.factory import stamp_ns, time_message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
@@ -53,7 +53,7 @@ def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
 
 
 def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, short: Path, tmp_path: Path) -> None:
-    settings = PipelineSettings(smoother=SmootherSettings(output_delay="offline"))
+    settings = PipelineSettings(estimator=EstimatorSettings(output_delay="offline"))
     steps: list[tuple[str, float]] = []
     inputs = (short, sample / "map", sample / "body.yaml")
     summary = replay(*inputs, tmp_path / "whole", settings, 1, on_step=lambda step, share: steps.append((step, share)))

@@ -41,7 +41,7 @@ def test_one_file_tells_what_it_was_made_from(sample: Path, sample_out: Path) ->
     assert metadata["body"] == {"name": "subject", "identity": body_identity(body)}
     assert metadata["recording"] == {"name": "bag", "start_ns": "1700000001000000000"}
     assert metadata["settings"] == settings_record(PipelineSettings()) | {"passes": "1", "slim": "false"}
-    assert json.loads(metadata["settings"]["smoother.output_delay"]) == PipelineSettings().smoother.output_delay
+    assert json.loads(metadata["settings"]["estimator.output_delay"]) == PipelineSettings().estimator.output_delay
     assert body_identity(body_from_yaml(attachments["body.yaml"].decode())) == body_identity(body)
     with AnyReader([sample_out]) as bag:
         (verdict,) = bag.messages([each for each in bag.connections if each.topic == "/verdict"])
