@@ -95,10 +95,10 @@ def replay(
         skeleton = SkeletonPipeline(body, cameras, settings, live, equipment=equipment, imus=imus)
         turns = camera_turns(body, imus) if settings.inertial.enabled else {}
         source = replica = None
-        if settings.growth.enabled:
+        if settings.extension.enabled:
             sent: deque[MapUpdate] = deque()
-            source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
-            replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
+            source = MapUpdateSource(reference_map, settings.extension.capacity, sent.append)
+            replica = MapReplica(reference_map, settings.extension.capacity, sent.popleft)
         pipelines = {
             camera: CameraPipeline(
                 model,

@@ -6,7 +6,7 @@ from typing import Final
 from bodycam_ros.settings import describe, setting
 
 TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit", "inertial")
-REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
+REGISTRATION_GROUPS: Final = ("registrar", "extension", "pose_fit")
 SOLVER_GROUPS: Final = (
     *("clock", "assembler", "estimator", "motion", "contact", "evidence"),
     *("coupling", "inertial", "region", "pose_fit"),
@@ -114,7 +114,7 @@ class RegistrationParameters(ManagedParameters):
         60.0,
         unit="s",
         limits=(1.0, 86400.0),
-        reason="how often 'grown_map' is written if it has changed; growth since then is lost by a crash, and the "
+        reason="how often 'grown_map' is written if it has changed; what was added since is lost by a crash, and the "
         "whole map, some 20 MB, is written each time",
         live=True,
     )
@@ -232,7 +232,7 @@ ALL = tuple(OF_NODES.values())
 
 GROUPS: Final = frozenset(
     """
-    images keypoints registrar growth extend direct pose_fit
+    images keypoints registrar extension direct pose_fit
     clock assembler estimator motion contact evidence coupling inertial region
     frames features shape
     """.split()

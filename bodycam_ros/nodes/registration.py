@@ -66,11 +66,11 @@ class RegistrationStage(Stage[RegistrationParameters]):
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
-        growing = self.settings.growth
-        self._growth = LiveMapper(self.map, growing, self._request_keyframe, defer, self.log.error)
+        extension = self.settings.extension
+        self._mapper = LiveMapper(self.map, extension, self._request_keyframe, defer, self.log.error)
         if of.grown_map:
             # Each registration grows a map of its own; several may have the same parameters.
-            self._growth.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
+            self._mapper.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
         self.registrars: dict[str, Registrar] = {}
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._described: set[str] = set()
@@ -95,7 +95,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)
-        self.every(_SAVE_POLL_S, lambda: self._growth.poll(self.parameters.save_interval), even_inactive=True)
+        self.every(_SAVE_POLL_S, lambda: self._mapper.poll(self.parameters.save_interval), even_inactive=True)
         self.trigger("~/reset", self._reset)
 
     def activate(self) -> None:
@@ -111,7 +111,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def finish(self) -> None:
         """Save the grown map."""
-        self._growth.close()
+        self._mapper.close()
 
     def settings_changed(self) -> None:
         """Use the current thresholds for the next frames."""
@@ -127,8 +127,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
     def _restart_camera(self, camera: str) -> None:
         """Forget the tracks of a camera."""
         readout, model = best_known(*self._readouts[camera].values()), self._cameras.models[camera]
-        self.registrars[camera] = registrar(model, self._growth.map, self.settings, readout)
-        self._growth.start_camera(camera, model)
+        self.registrars[camera] = registrar(model, self._mapper.map, self.settings, readout)
+        self._mapper.start_camera(camera, model)
         self._described.discard(camera)
 
     def _reset(self) -> str:
@@ -218,7 +218,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             self._request_keyframe(camera)
         matches = self.registrars[camera].register(frame)
         self._diagnostics.add(matches)
-        self._growth.add_image(frame, matches)
+        self._mapper.add_image(frame, matches)
         return matches
 
     def report(self) -> list[Status]:
@@ -247,7 +247,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             level, text = StatusLevel.OK, "registering"
         else:
             level, text = StatusLevel.STALE, "no tracks arrive"
-        return [Status("all cameras", level, text, values), self._growth.report(), *self._diagnostics.report()]
+        return [Status("all cameras", level, text, values), self._mapper.report(), *self._diagnostics.report()]
 
 
 def _readout_by_source(message: Message) -> tuple[str, Readout | None]:

@@ -8,7 +8,7 @@ from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.inertial_factors import InertialSettings
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings
-from bodycam_ros.mapping.map_settings import ExtensionSettings, GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.registrar import RegistrarSettings
@@ -27,8 +27,7 @@ class PipelineSettings(SettingsGroups):
     images: ImageSettings = ImageSettings()
     keypoints: KeypointSettings = KeypointSettings()
     registrar: RegistrarSettings = RegistrarSettings()
-    growth: GrowthSettings = GrowthSettings()
-    extend: ExtensionSettings = ExtensionSettings()
+    extension: ExtensionSettings = ExtensionSettings()
     direct: DirectSettings = DirectSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     clock: ClockSettings = ClockSettings()

@@ -160,7 +160,7 @@ def replay(
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
-            registered = merged_results(workers, settings.growth, reference_map)
+            registered = merged_results(workers, settings.extension, reference_map)
         images_step = f"replay of {summary.recorded_s:.1f} s"
         for item in _with_images(registered, recording, stations):
             out.write_image(item)
@@ -188,7 +188,7 @@ def _extend(
 ) -> tuple[Path, tuple[ExtensionRound, ...]]:
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
     cameras = [camera for camera in recording.cameras if camera in body.mounts]
-    limited = replace(settings, extend=replace(settings.extend, rounds=passes - 1))
+    limited = replace(settings, extension=replace(settings.extension, rounds=passes - 1))
     extended, rounds = extend_map(recording.path, map_path, limited, jobs, cameras, body.readout_starts, on_step)
     extended.save(scratch / "map")
     return scratch / "map", rounds
