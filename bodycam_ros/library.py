@@ -83,11 +83,11 @@ def replay(
         readouts: Mapping[str, Readout | None] = body.readout_starts
         if isinstance(images, Path | str):
             recording = opened.enter_context(open_recording(Path(images)))
-            worn = [camera for camera in recording.cameras if camera in body.mounts]
-            cameras = cameras or {camera: recording.camera_model(camera) for camera in worn}
-            readouts = {camera: best_known(recording.readout(camera), readouts.get(camera)) for camera in worn}
-            imus = imus or read_imus([Path(images)], worn)
-            images = recording.images(worn)
+            body_cameras = [camera for camera in recording.cameras if camera in body.mounts]
+            cameras = cameras or {camera: recording.camera_model(camera) for camera in body_cameras}
+            readouts = {camera: best_known(recording.readout(camera), readouts.get(camera)) for camera in body_cameras}
+            imus = imus or read_imus([Path(images)], body_cameras)
+            images = recording.images(body_cameras)
         cameras, imus, settings = cameras or {}, imus or {}, settings or PipelineSettings()
         if not set(cameras) & set(body.mounts):
             raise BodyError(f"none of the cameras that have models is on the body ({', '.join(body.mounts)})")

@@ -17,7 +17,7 @@ from bodycam_ros.files.yaml_file import read_yaml
 
 S = TypeVar("S")
 
-RENAMED: Final = {"smoother": "estimator", "growth": "extension", "extend": "extension"}
+RENAMED: Final = {"smoother": "estimator", "growth": "extension", "extend": "extension", "worn": "body_cameras"}
 """Group of settings, or parameter, as it was called -> as it is called."""
 
 

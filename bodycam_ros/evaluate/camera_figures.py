@@ -52,8 +52,8 @@ def gaps(solved: SolvedRecording) -> list[list[float]]:
 
 def blind(solved: SolvedRecording) -> NDArray[np.bool_]:
     """(T,) states near which no camera was registered and no static one observed the body."""
-    worn = [record.stamps_ns[record.registered] for record in solved.cameras]
-    known = np.concatenate([*worn, *(record.stamps_ns[record.observes] for record in solved.stations)])
+    body_cameras = [record.stamps_ns[record.registered] for record in solved.cameras]
+    known = np.concatenate([*body_cameras, *(record.stamps_ns[record.observes] for record in solved.stations)])
     far: NDArray[np.bool_] = distance_in_time(solved.stamps_ns, np.sort(known)) > solved.frame_ns / 2.0
     return far
 

@@ -129,9 +129,11 @@ def _camera_figures(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
     if not figures["cameras"]:
         observed, segments = (np.average([c[k] for c in cameras], weights=images) for k in ("seen", "segments"))
         return [(f"{observed:.1%}", "body observed"), (f"{segments:.1f}", "segments per image")]
-    worn = list(figures["cameras"].values())
-    registered = np.average([camera["registered"] for camera in worn], weights=images[: len(worn)])
-    counts = [camera["landmarks"] for camera in worn if camera["landmarks"] is not None]  # unknown in a slim bag
+    body_cameras = list(figures["cameras"].values())
+    registered = np.average([camera["registered"] for camera in body_cameras], weights=images[: len(body_cameras)])
+    counts = [
+        camera["landmarks"] for camera in body_cameras if camera["landmarks"] is not None
+    ]  # unknown in a slim bag
     landmarks = [(f"{np.mean(counts):.0f}", "landmarks per image")] if counts else []
     return [(f"{registered:.1%}", "cameras registered"), *landmarks]
 

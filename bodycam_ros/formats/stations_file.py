@@ -129,15 +129,15 @@ def write_stations(path: Path, stations: Iterable[Station], form: str = "yaml") 
     write_whole(path, _TITLE + yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=1000))
 
 
-def refuse_worn(path: Path, stations: Iterable[str], body: BodyModel) -> None:
+def refuse_body_cameras(path: Path, stations: Iterable[str], body: BodyModel) -> None:
     """Refuse static cameras of a file that the body wears.
 
     Raises:
         StationError: there is one.
     """
-    if worn := sorted(set(stations) & set(body.mounts)):
+    if body_cameras := sorted(set(stations) & set(body.mounts)):
         raise StationError(
-            f"{path}: says where {', '.join(worn)} stands, but body {body.name} wears it; name static cameras "
+            f"{path}: says where {', '.join(body_cameras)} stands, but body {body.name} wears it; name static cameras "
             "otherwise, or take it out of one of the two"
         )
 

@@ -48,7 +48,7 @@ _CLOCK_HZ = 40.0
 """Rate of the clock that is played, as ros2 bag has it."""
 
 _OF_STATIONS = ("surface", "start")
-_OF_WORN = ("cameras", "rig", "grown_map")
+_OF_BODY_CAMERAS = ("cameras", "rig", "grown_map")
 
 
 def _as(parameters_type: type, name: str) -> Any:
@@ -129,7 +129,7 @@ class GraphNode:
 
 
 def graph(of: GraphArguments) -> list[GraphNode]:
-    """A tracker for each worn camera, the registrations and the solver, which has the images of static cameras.
+    """A tracker for each body camera, the registrations and the solver, which has the images of static cameras.
 
     A robot follows where one is given, and a bag is played once the whole graph reads it.
 
@@ -142,24 +142,28 @@ def graph(of: GraphArguments) -> list[GraphNode]:
     stations = _static_cameras_in(of.stations) if of.stations else []
     if not stations and (needless := _given(of, _OF_STATIONS)):
         raise StationError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
-    worn = _worn_cameras(of, bool(stations))
+    body_cameras = _body_cameras(of, bool(stations))
     # With a rig the body file is yet to be made.
     sensors = {"body": ""} if of.rig else {}
-    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **sensors) for camera in worn]
-    count = min(of.registrations, len(worn))
+    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **sensors) for camera in body_cameras]
+    count = min(of.registrations, len(body_cameras))
     for number in range(count):
         nodes.append(
             _node(
                 "registration",
                 "registration" if count == 1 else f"registration_{number + 1}",
                 of,
-                cameras=worn[number::count],
+                cameras=body_cameras[number::count],
                 publish_map=number == 0,
                 landmark_readers=READERS_OF_LANDMARKS,
             )
         )
-    of_solver: dict[str, Any] = {"cameras": worn} if of.cameras else {}
-    nodes.append(_node("skeleton_solver", "skeleton_solver", of, **of_solver, **({} if worn else {"worn": False})))
+    of_solver: dict[str, Any] = {"cameras": body_cameras} if of.cameras else {}
+    nodes.append(
+        _node(
+            "skeleton_solver", "skeleton_solver", of, **of_solver, **({} if body_cameras else {"body_cameras": False})
+        )
+    )
     if of.urdf or of.mapping:
         if not (of.urdf and of.mapping):
             raise BodyError("a robot that follows needs both: urdf:=ROBOT.urdf mapping:=MAPPING.yaml")
@@ -168,7 +172,7 @@ def graph(of: GraphArguments) -> list[GraphNode]:
         raise SettingsError(f"nodes: the graph has no {', '.join(unknown)}; it has {', '.join(_names(nodes))}")
     nodes = [node for node in nodes if not of.nodes or {node.executable, node.name} & {*of.nodes}]
     if of.bagfile:
-        read: dict[str, Any] = {"cameras": [*worn, *stations], "readers": READERS_OF_INFO}
+        read: dict[str, Any] = {"cameras": [*body_cameras, *stations], "readers": READERS_OF_INFO}
         read |= {"image_only": stations} if stations else {}
         read |= {"clock": _CLOCK_HZ} if of.use_sim_time else {}
         nodes.append(_node("player", "player", of, **read))
@@ -208,7 +212,7 @@ def _node(executable: str, name: str, of: GraphArguments, **own: Any) -> GraphNo
     return GraphNode(executable, name, {**given, **own, **follows_clock})
 
 
-def _worn_cameras(of: GraphArguments, has_stations: bool) -> list[str]:
+def _body_cameras(of: GraphArguments, has_stations: bool) -> list[str]:
     """The cameras on the body that are used."""
     if of.rig:
         there = _cameras_in(of.rig, "rig file")
@@ -226,7 +230,7 @@ def _worn_cameras(of: GraphArguments, has_stations: bool) -> list[str]:
                 "there is neither a map, which cameras on the body are registered in, nor a file of static cameras; "
                 "give map:=MAP, stations:=cameras.yaml, or both"
             )
-        if needless := _given(of, _OF_WORN):
+        if needless := _given(of, _OF_BODY_CAMERAS):
             raise StationError(f"{', '.join(needless)}: for cameras on the body, which need a map; give map:=MAP")
         return []
     if not there and not has_stations:

@@ -150,7 +150,7 @@ class SolverParameters(ImageParameters):
     start: str = setting(
         "", reason="with 'stations': YAML of the body in the first images; if empty body cameras must find it"
     )
-    worn: bool = setting(True, reason="whether to use cameras on the body; false for static ones alone")
+    body_cameras: bool = setting(True, reason="whether to use cameras on the body; false for static ones alone")
     publish_links: bool = setting(
         True,
         reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "

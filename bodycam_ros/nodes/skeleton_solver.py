@@ -107,7 +107,7 @@ class SolverStage(Stage[SolverParameters]):
         }
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, carried, self._set_model, self._add_image)
-        self._diagnostics = SolverDiagnostics(self.dropped, given.worn)
+        self._diagnostics = SolverDiagnostics(self.dropped, given.body_cameras)
         self._solve()
         self.every(_POLL_S, self._poll)
 
@@ -149,7 +149,7 @@ class SolverStage(Stage[SolverParameters]):
         """
         path, asked = Path(self.parameters.body), self.parameters.cameras
         cameras = tuple(self._use_person(read_body(path)).mounts)
-        if not self.parameters.worn:
+        if not self.parameters.body_cameras:
             return ()
         if not cameras or not {*asked} <= {*cameras}:
             unknown = ", ".join(camera for camera in asked if camera not in cameras)
@@ -321,10 +321,10 @@ def _read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
         StationError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
             estimate of the body, or a parameter of static cameras is given without any.
     """
-    stations, start, worn = parameters.stations, parameters.start, parameters.worn
+    stations, start, body_cameras = parameters.stations, parameters.start, parameters.body_cameras
     if not stations:
-        if start or not worn:
-            given = f"start {start}" if start else "worn false"
+        if start or not body_cameras:
+            given = f"start {start}" if start else "body_cameras false"
             raise StationError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
         return {}
     if parameters.rig:
@@ -332,7 +332,7 @@ def _read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
             f"{stations}: static cameras are not used in a range of motion; make the body first, then start again "
             "with 'stations' and without 'rig'"
         )
-    if not worn and not start:
+    if not body_cameras and not start:
         raise StationError(
             f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a "
             "recording with 'bodycam view --place', and give that as the parameter 'start'"

@@ -91,16 +91,16 @@ OPENING_S = (0.1, 0.7, 1.3)
 """Times at which the person should stand still."""
 
 
-def check_rest(registered: RegisteredSamples, worn: Collection[str]) -> Iterator[Finding]:
+def check_rest(registered: RegisteredSamples, body_cameras: Collection[str]) -> Iterator[Finding]:
     """Compare the poses of the body cameras in the first second.
 
     Args:
         registered: the images of ``OPENING_S`` among others.
-        worn: cameras of the rig.
+        body_cameras: cameras of the rig.
     """
     check = "N-pose"
     opening = np.flatnonzero(registered.instants_s <= OPENING_S[-1] + 1e-6).tolist()
-    known = {camera: [p for n, p in registered.known(camera).items() if n in opening] for camera in worn}
+    known = {camera: [p for n, p in registered.known(camera).items() if n in opening] for camera in body_cameras}
     compared = {camera: poses for camera, poses in known.items() if len(poses) > 1}
     if not compared:
         remedy = "stand where the cameras see the mapped place, then begin"

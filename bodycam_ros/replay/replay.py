@@ -197,7 +197,7 @@ def _extend(
 def _with_images(
     registered: Iterator[Result], recording: Recording, stations: Collection[str]
 ) -> Iterator[Result | CameraImage]:
-    """Registrations of worn cameras, and images of static ones, in order of their stamps; then missing ones."""
+    """Registrations of body cameras, and images of static ones, in order of their stamps; then missing ones."""
     images = recording.images(stations) if stations else ()
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
     yield from missing_images(recording, recording.start_ns)
@@ -211,7 +211,7 @@ def _nothing_solved(
         return RecordingError(f"{recording_path}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
         return StationError(
-            f"{recording_path}: no worn camera was registered, so where the body is at first is unknown; place it "
+            f"{recording_path}: no body camera was registered, so where the body is at first is unknown; place it "
             f"by hand with 'bodycam view --place {recording_path}', and give that as --start"
         )
     if outside is not None:

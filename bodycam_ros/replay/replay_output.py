@@ -47,9 +47,9 @@ class ReplayOutput:
         writer: of the bag.
         skeleton: that solves the recording.
         log: of its registrations.
-        cameras: models of the worn cameras, by name.
+        cameras: models of the body cameras, by name.
         stations: names of the static ones.
-        reference_map: in which worn cameras are registered, if any.
+        reference_map: in which body cameras are registered, if any.
         equipment: what the body is coupled to, if anything.
         summary: of the replay, which is filled in.
     """
@@ -133,7 +133,7 @@ class ReplayOutput:
         """What is known at the end alone: the robot, the clocks, and whether the result may be used.
 
         Args:
-            bare: segments without a worn camera, which static cameras should observe.
+            bare: segments without a body camera, which static cameras should observe.
         """
         summary, skeleton = self._summary, self._skeleton
         summary.equipment = self._coupled.record()

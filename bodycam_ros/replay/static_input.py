@@ -14,7 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
 from bodycam_ros.errors import LensError, RecordingError, StationError
-from bodycam_ros.formats.stations_file import read_stations, refuse_worn
+from bodycam_ros.formats.stations_file import read_stations, refuse_body_cameras
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -45,7 +45,7 @@ def read_recorded_stations(
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
-    refuse_worn(given.stations, there, body)
+    refuse_body_cameras(given.stations, there, body)
     for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there

@@ -219,7 +219,7 @@ class StationRegistration:
         turn, shift = (np.linalg.norm(part, axis=1).max() for part in np.split(apart, 2, axis=1))
         return self._error(
             f"it moves, by {1e3 * shift:.0f} mm and {np.degrees(turn):.1f} deg at least; fix it and record again, or "
-            "leave it out (--cameras) if it is worn"
+            "leave it out (--cameras) if it is on the body"
         )
 
     def _error(self, problem: str) -> StationError:

@@ -1,4 +1,4 @@
-"""Static cameras that say exactly where segments are, beside worn ones and alone, in the solver and by themselves."""
+"""Static cameras that measure segments exactly, beside body cameras and alone, in the solver and by themselves."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -30,7 +30,7 @@ class ExactCameras:
         sees: segments that the one camera, ``door``, sees.
         places: segments that somebody placed by hand in the first image.
         spun_rad: how far evidence is turned about the z axis of what it sees, which it says it does not know.
-        asked: for each image what was expected, the seconds before it, and the segments that worn cameras know.
+        asked: for each image what was expected, the seconds before it, and the segments that body cameras know.
     """
 
     body: BodyModel
@@ -67,15 +67,17 @@ def body() -> BodyModel:
     return body_with_cameras()
 
 
-def frame_at(body: BodyModel, number: int, worn: Collection[str], looks: bool, rng: np.random.Generator) -> BodyFrame:
+def frame_at(
+    body: BodyModel, number: int, body_cameras: Collection[str], looks: bool, rng: np.random.Generator
+) -> BodyFrame:
     stamp_ns = (number + 1) * STEP_NS
-    matches = {camera: seen_by(body, camera, number, rng) for camera in worn}
+    matches = {camera: seen_by(body, camera, number, rng) for camera in body_cameras}
     return BodyFrame(stamp_ns, matches, {"door": CameraImage("door", stamp_ns, b"")} if looks else {})
 
 
 def solved(
     body: BodyModel,
-    worn: Collection[str],
+    body_cameras: Collection[str],
     static_cameras: ExactCameras | None,
     looks: bool = True,
     settings: EstimatorSettings = DELAYED,
@@ -87,7 +89,7 @@ def solved(
     )
     states: list[BodyState] = []
     for number in range(FRAMES):
-        states += estimator.update(frame_at(body, number, worn, looks, rng))
+        states += estimator.update(frame_at(body, number, body_cameras, looks, rng))
     return {state.stamp_ns // STEP_NS - 1: state for state in states + estimator.flush()}
 
 
@@ -138,8 +140,8 @@ def test_without_a_start_static_cameras_alone_say_nothing(body: BodyModel) -> No
 
 def test_without_images_the_states_are_those_without_static_cameras(body: BodyModel) -> None:
     """To the last bit: who has no static cameras gets what they got before there were any."""
-    worn, static_cameras = ("chest", "arm"), ExactCameras(body, ARM, places=ARM)
-    before, states = solved(body, worn, None), solved(body, worn, static_cameras, looks=False)
+    body_cameras, static_cameras = ("chest", "arm"), ExactCameras(body, ARM, places=ARM)
+    before, states = solved(body, body_cameras, None), solved(body, body_cameras, static_cameras, looks=False)
     assert not static_cameras.asked and list(states) == list(before)
     for number, state in states.items():
         np.testing.assert_array_equal(state.world_T_segment, before[number].world_T_segment)

@@ -53,7 +53,7 @@ def test_static_cameras_around_a_body_that_wears_none_may_have_a_map(tmp_path: P
     nodes = live_graph(tmp_path / "map", body, stations=str(stations), start=str(tmp_path / "start.yaml"))
     assert [node.executable for node in nodes] == ["skeleton_solver"]
     assert nodes[0].parameters["map"] == str(tmp_path / "map")
-    assert nodes[0].parameters["worn"] is False
+    assert nodes[0].parameters["body_cameras"] is False
 
 
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:

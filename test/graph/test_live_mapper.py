@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from helpers.known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from helpers.known_keyframes import body_camera, descriptors_of, place, small_map, tracks, unknown_points
 from helpers.naming import names, naming
 
 from bodycam_ros.errors import BodycamError
@@ -17,7 +17,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import Registrar
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-CAMERA = worn_camera()
+CAMERA = body_camera()
 UNKNOWN = unknown_points(100)
 
 

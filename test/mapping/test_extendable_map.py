@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from helpers.known_keyframes import LANDMARKS, keyframes, small_map, unknown_points, worn_camera
+from helpers.known_keyframes import LANDMARKS, body_camera, keyframes, small_map, unknown_points
 from helpers.naming import naming
 
 from bodycam_ros.errors import MapError
@@ -14,7 +14,7 @@ from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
-CAMERA = worn_camera()
+CAMERA = body_camera()
 
 
 def grown(reference_map: ReferenceMap, seen: Sequence[BodyKeyframe]) -> LocalMapper:
