@@ -72,7 +72,7 @@ def replay(
         cameras: models by name; of a bag its own.
         equipment: what the body rides, holds or stands on.
         settings: of all stages.
-        live: states follow by ``estimator.output_delay`` instants alone, and may be as much less accurate.
+        live: states follow by ``estimator.output_delay`` frames alone, and may be as much less accurate.
         imus: camera -> samples of its inertial sensor; of a bag its own.
 
     Raises:

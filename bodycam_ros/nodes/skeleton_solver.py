@@ -32,7 +32,7 @@ from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
-from bodycam_ros.nodes.moments import Instant, Moment
+from bodycam_ros.nodes.moments import ClockTimes, Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
@@ -277,7 +277,7 @@ class SolverStage(Stage[SolverParameters]):
         self._publish(outputs)
         return len(outputs)
 
-    def _publish(self, outputs: Sequence[BodyOutput], started: Instant | None = None) -> None:
+    def _publish(self, outputs: Sequence[BodyOutput], started: ClockTimes | None = None) -> None:
         pipeline, body = self._pipeline, self._body
         if pipeline is None or body is None:
             return

@@ -41,7 +41,7 @@ class SkeletonPipeline:
         live: whether registrations come while images are taken, see ``FrameAssembler``.
         on_corrected: called with every registration, its stamp corrected by its camera's clock.
         equipment: what the body rides, holds or stands on.
-        on_together: called with the share that is done while all instants are solved together.
+        on_together: called with the share that is done while all frames are solved together.
         static_cameras: static cameras around the body.
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.

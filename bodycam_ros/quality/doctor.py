@@ -22,7 +22,7 @@ from bodycam_ros.quality.place_checks import (
     check_rest,
 )
 from bodycam_ros.quality.recording_checks import IMAGE_CHECKS, check_cameras, check_clocks, check_gaps, check_lens
-from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_instants
+from bodycam_ros.quality.sampled_recording import register_samples, sample_bag, sample_videos, spread_times
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
@@ -79,15 +79,15 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     is_exercise = rig is not None and reference_map is not None and given.is_bag
     count = _EXERCISE_IMAGES if is_exercise else _IMAGES
 
-    def instants(duration_s: float) -> Array:
+    def sample_times(duration_s: float) -> Array:
         opening = [second for second in OPENING_S if is_exercise and second < duration_s]
-        return np.sort(np.concatenate([opening, spread_instants(duration_s, count)]))
+        return np.sort(np.concatenate([opening, spread_times(duration_s, count)]))
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
         if given.is_bag:
-            recording = sample_bag(given.recording, instants, advance)
+            recording = sample_bag(given.recording, sample_times, advance)
         else:
-            recording = sample_videos(given.recording, given.lenses, instants, advance)
+            recording = sample_videos(given.recording, given.lenses, sample_times, advance)
     findings = [
         *check_cameras(recording, wanted),
         *check_gaps(recording),
@@ -100,7 +100,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
     if reference_map is not None:
-        last = len(recording.instants_s) - 1
+        last = len(recording.times_s) - 1
         chosen = np.arange(last + 1)
         if not is_exercise:
             chosen = np.unique(np.linspace(0, last, min(_REGISTERED_IMAGES, last + 1)).round().astype(int))

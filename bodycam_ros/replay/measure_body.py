@@ -32,7 +32,7 @@ from bodycam_ros.tracking.image_rate import ImageSettings
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
 _AT_ONCE_S = 0.005
-"""Stamps of different stations that differ by less are one instant."""
+"""Stamps of different stations that differ by less are one frame."""
 
 
 def measure_body(

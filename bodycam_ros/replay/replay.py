@@ -138,7 +138,7 @@ def replay(
             settings,
             on_corrected=log.add_registration,
             equipment=coupling,
-            on_together=partial(on_step, "all instants together"),
+            on_together=partial(on_step, "all frames together"),
             static_cameras=static_cameras,
             stations=stations,
             imus=imus,

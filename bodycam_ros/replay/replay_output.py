@@ -104,7 +104,7 @@ class ReplayOutput:
             self._write_diagnostics(item.stamp_ns)
 
     def write_measured(self, stamps_ns: Mapping[str, int], measured: StaticMeasurement) -> None:
-        """Measurements of static cameras of the segments at an instant, each with the stamp of its own image."""
+        """Measurements of static cameras of the segments at a time, each with the stamp of its own image."""
         names = self._body.segments
         self._static.add(
             min(stamps_ns.values()),
@@ -119,7 +119,7 @@ class ReplayOutput:
             self._writer.write(f"/{station}{SEGMENT_POSES}", stamps_ns[station], message)
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:
-        """The body at some instants."""
+        """The body at some times."""
         for output in outputs:
             self._summary.solved += 1
             self._summary.predicted += output.state.predicted
@@ -157,11 +157,11 @@ class ReplayOutput:
         self._writer.attach(VERDICT_FILE, "application/json", text, self._latest_ns)
         self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(counts))
         summary.interpolated, summary.rejected = counts.interpolated, counts.rejected
-        summary.instants = skeleton.assembler.assembled + summary.interpolated
+        summary.frames = skeleton.assembler.assembled + summary.interpolated
         summary.late = skeleton.assembler.late
         if summary.late:
             logger.warning(
-                "%d registrations came after their instant had been solved without them; does a camera pause for "
+                "%d registrations came after their frame had been solved without them; does a camera pause for "
                 "longer than assembler.max_wait?",
                 summary.late,
             )

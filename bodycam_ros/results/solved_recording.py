@@ -129,7 +129,7 @@ class SolvedRecording(SolvedBody):
         return int(np.median(together)) if len(together) else 1
 
     @cached_property
-    def instant_ns(self) -> int:
+    def step_ns(self) -> int:
         """Time between two states without a gap [ns]: a frame, unless another rate was asked for."""
         steps = np.diff(self.stamps_ns)
         return int(np.percentile(steps, _WITHOUT_GAPS)) if len(steps) else self.frame_ns
@@ -137,7 +137,7 @@ class SolvedRecording(SolvedBody):
     @cached_property
     def longest_step_ns(self) -> float:
         """States that are further apart have a gap between them [ns]."""
-        return GAP_FRAMES * max(self.frame_ns, self.instant_ns)
+        return GAP_FRAMES * max(self.frame_ns, self.step_ns)
 
     @property
     def duration_s(self) -> float:

@@ -1,4 +1,4 @@
-"""From the messages of single cameras to frames of the whole body: which belong to which instant, given the clocks.
+"""From the messages of single cameras to frames of the whole body: which belong to which frame, given the clocks.
 
 Cameras that share their stamps give frames at these, as static cameras do. The others are interpolated to them; where
 no cameras share, frames are equally spaced.

@@ -117,7 +117,7 @@ def test_a_camera_that_is_late_is_found_named_and_corrected(sample: Path, tmp_pa
 
 def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Path) -> None:
     summary = replay(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
-    assert (summary.instants, summary.solved, summary.predicted) == (8, 8, 0)
+    assert (summary.frames, summary.solved, summary.predicted) == (8, 8, 0)
     assert set(summary.images.values()) == {8}
     body = read_body(sample / "body.yaml")
     with BagFile(tmp_path / "out") as bag:
