@@ -131,14 +131,14 @@ def _nearest(stamps_ns: NDArray[np.int64], rows: NDArray[np.int64], stamp_ns: in
     return rows[nearest] if abs(int(stamps_ns[nearest]) - stamp_ns) <= _SAME_INSTANT_NS else None
 
 
-def _stages(chains: Sequence[NDArray[np.int64]], begun_ns: int, solved_ns: int) -> tuple[int, ...]:
+def _stages(chains: Sequence[NDArray[np.int64]], start_ns: int, solved_ns: int) -> tuple[int, ...]:
     """What each stage took of one state [ns], by the chains of all cameras that it has."""
     first_ns = min(int(chain[0]) for chain in chains)
     awaited = max(chains, key=lambda one: int(one[-1]))
     played, heard, tracking, tracked, tracks_heard, registered, landmarks = awaited.tolist()
     on_the_way = (tracking - heard) + (heard - played) + (tracks_heard - tracked) + (landmarks - registered)
     # The solver may begin a state in the same call in which it hears of it, and notes the beginning after.
-    waited = max(0, begun_ns - landmarks)
+    waited = max(0, start_ns - landmarks)
     return (
         played - first_ns,
         tracked - tracking,

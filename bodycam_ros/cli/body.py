@@ -38,7 +38,7 @@ from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
 _LENGTHS = (
-    ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
+    ("initial [mm]", "initial", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
 )  # fmt: skip
 _LENGTHS_NOTE = "from joint to joint, along an axis; red: not measured, about the initial value"
 _GIRTHS = (("found", "found", ".2f"), ("sigma", "sigma", ".2f"))

@@ -144,7 +144,7 @@ def solver_status(counts: SolverCounts) -> Status:
         "frames interpolated": counts.interpolated,
         "frames not converged": counts.unconverged,
         "contradictory frames at the start": counts.contradictory,
-        "windows begun anew": counts.restarted,
+        "windows restarted": counts.restarted,
     }
     remarks = counts.remarks()
     return Status("solver", StatusLevel.WARN if remarks else StatusLevel.OK, "; ".join(remarks) or "solved", values)

@@ -330,7 +330,7 @@ class BodyEstimator:
             self._coupling.remember_lengths(self._window.at(state.number), state.covariance)
 
     def _note_failure(self, stamp_ns: int, error: WindowError) -> None:
-        logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * stamp_ns, error)
+        logger.warning("the solver's window was restarted at %.3f s: %s", 1e-9 * stamp_ns, error)
         self.counts.restarted += 1
 
     def _gated(

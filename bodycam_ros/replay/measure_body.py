@@ -49,7 +49,7 @@ def measure_body(
     Args:
         recording_path: ros2 bag folder or .mcap file.
         map_path: folder of the reference map; None where the stations' own frame is the world.
-        body: that is begun with; it gets hands, and loses its scan, which has lengths of its own.
+        body: initial estimate; it gets hands, and loses its scan, which has lengths of its own.
         given: where the stations stand, and where the body is in the first images.
         pipeline: settings of following it.
         settings: what is expected of it.
@@ -73,7 +73,7 @@ def measure_body(
             body,
             stations,
             lambda: _frames(recording_path, stations),
-            lambda begun: read_start(start, given.stations, stations, begun),
+            lambda initial: read_start(start, given.stations, stations, initial),
             settings,
             pipeline.region,
             pipeline.motion,

@@ -41,13 +41,13 @@ class Measure:
     Attributes:
         name: of the joint, or of the segment that is as thick.
         axis: x, y or z, along which the joint is away from its parent's origin; empty for a girth.
-        begun, found, sigma: initial and final estimate, and its standard deviation: [m], or times as thick as people.
+        initial, found, sigma: initial and final estimate, and its standard deviation: [m], or times as thick as people.
         is_measured: whether the recording measures it; else it is as expected of people.
     """
 
     name: str
     axis: str
-    begun: float
+    initial: float
     found: float
     sigma: float
     is_measured: bool
@@ -184,10 +184,10 @@ class BodyMeasurement:
     def _measures(self, shares: Array, sigmas: Array) -> tuple[tuple[Measure, ...], tuple[Measure, ...]]:
         """Lengths and girths of shares (K,) with sigmas (K,)."""
         shape, count = self._shape, len(self._shape.lengths)
-        begun, found = shape.initial, shape.initial * (1.0 + shares)
+        initial, found = shape.initial, shape.initial * (1.0 + shares)
         found[count:] = [shape.shaped(shares).girths[segment] for segment in shape.thick]
         is_measured = sigmas < _MEASURED * np.sqrt(np.diag(np.linalg.inv(shape.prior(shares)[0])))
-        columns = (begun, found, np.abs(begun) * sigmas, is_measured)
+        columns = (initial, found, np.abs(initial) * sigmas, is_measured)
         rows = zip(shape.names, *(column.tolist() for column in columns), strict=True)
         measures = tuple(Measure(*name, *numbers) for name, *numbers in rows)
         return measures[:count], measures[count:]
