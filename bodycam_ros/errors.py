@@ -33,7 +33,7 @@ class RangeOfMotionError(BodyError):
     """A range of motion does not determine a body; the message names the joint, and what to repeat."""
 
 
-class StationError(BodycamError):
+class StaticCameraError(BodycamError):
     """Where static cameras stand is malformed, or cannot be found out."""
 
 

@@ -59,11 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "shoulders)",
     )
     static = parser.add_argument_group("static cameras")
-    stations_help = (
+    static_cameras_help = (
         "instead of --rig: where static cameras are; without --map its own frame is the world. Measures lengths of "
         "bones and girths; body cameras measure the former better"
     )
-    add_option(static, "--stations", help=stations_help)
+    add_option(static, "--stations", help=static_cameras_help)
     add_option(static, "--start", help="with --stations: where the segments are in the first image")
     initial = static.add_mutually_exclusive_group()
     body_help = "with --stations: a body with approximate lengths"

@@ -13,7 +13,7 @@ from bodycam_ros.cli.options import (
     number,
     pipeline_settings,
 )
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.files.output_place import check_output
 from bodycam_ros.replay.worker_process import warm_up
 
@@ -30,11 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output(parser, "OUT", "ros2 bag folder to write")
     add_option(parser, "--imu")
     add_equipment(parser)
-    stations_help = (
+    static_cameras_help = (
         "where static cameras of the same bag are, as 'bodycam stations' writes it; without --map its own frame is the "
         "world, and body cameras are left out"
     )
-    add_option(parser, "--stations", help=stations_help)
+    add_option(parser, "--stations", help=static_cameras_help)
     add_option(parser, "--surface")
     start_help = "with --stations: where the segments are in the first image; body cameras measure it as well"
     add_option(parser, "--start", help=start_help)
@@ -91,14 +91,14 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     """Files of static cameras; None without them.
 
     Raises:
-        StationError: an option is given without static cameras, or the world or the map of --passes is missing.
+        StaticCameraError: an option is given without static cameras, or the world or the map of --passes is missing.
     """
     if arguments.map is None and arguments.passes > 1:
-        raise StationError("--passes extends a reference map before the last pass: give it with --map")
+        raise StaticCameraError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
         return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
     if arguments.map is None:
-        raise StationError("give the place's reference map with --map, or static cameras with --stations")
+        raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

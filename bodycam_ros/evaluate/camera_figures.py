@@ -21,7 +21,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import distance_in_time, interpolated
 from bodycam_ros.results.camera_picture import project_landmarks
-from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StationRecord
+from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StaticCameraRecord
 from bodycam_ros.timing.clock_state import ClockHistory
 
 _EVEN_SHARE = 0.2  # by which even steps in time may differ from the usual one
@@ -182,7 +182,7 @@ def _reprojection_errors(
     return {camera: np.concatenate(values) for camera, values in errors.items()}
 
 
-def station_figures(record: StationRecord) -> dict[str, Any]:
+def static_camera_figures(record: StaticCameraRecord) -> dict[str, Any]:
     """Figures of a static camera."""
     return {
         "images": len(record.stamps_ns),

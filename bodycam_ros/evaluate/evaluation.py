@@ -133,7 +133,7 @@ def evaluate(
     gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
     more = {
         "sensors": camera_figures.sensor_figures(sensors, gyroscopes),
-        "stations": {record.station: camera_figures.station_figures(record) for record in solved.stations},
+        "stations": {record.station: camera_figures.static_camera_figures(record) for record in solved.stations},
         "equipment": solved.equipment and equipment_figures(solved.equipment, solved.start_ns),
         "truth": comparison and comparison.figures(),
         "same_motion": same_motion and {"correlation": same_motion.likeness, "by_chance": same_motion.chance},

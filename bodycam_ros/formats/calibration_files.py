@@ -23,11 +23,11 @@ import numpy as np
 
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.errors import BodyError, LensError, StationError
+from bodycam_ros.errors import BodyError, LensError, StaticCameraError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, nearest_rotation, rigid
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 logger = logging.getLogger(__name__)
 
@@ -43,14 +43,14 @@ _MOST_BYTES = 10_000_000
 _QUALISYS_PIXEL = 1.0 / 64.0
 
 
-def read_calibration(path: Path) -> dict[str, Station]:
+def read_calibration(path: Path) -> dict[str, StaticCamera]:
     """Camera -> station, in the frame of the file [m].
 
     Raises:
-        StationError: the file cannot be read, has no camera, or a field is missing or malformed.
+        StaticCameraError: the file cannot be read, has no camera, or a field is missing or malformed.
         LensError: a lens is malformed.
     """
-    content = read_bytes(path, "calibration of cameras", StationError, _MOST_BYTES)
+    content = read_bytes(path, "calibration of cameras", StaticCameraError, _MOST_BYTES)
     if path.name.endswith(".toml"):
         stations, unit = _read_toml(path, content)
     elif path.name.endswith(".qca.txt"):
@@ -58,7 +58,9 @@ def read_calibration(path: Path) -> dict[str, Station]:
     else:
         stations, unit = list(_read_opencv(path)), ""
     if not stations:
-        raise StationError(f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each")
+        raise StaticCameraError(
+            f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each"
+        )
     places = np.array([station.world_T_camera[:3, 3] for station in stations])
     apart = float(np.linalg.norm(places[:, None] - places, axis=2).max())
     by = "as the file says" if unit else "by their distances"
@@ -70,12 +72,12 @@ def read_calibration(path: Path) -> dict[str, Station]:
             "%s: its world is the frame of one camera, whose z axis is not up; floor and up are unknown", path
         )
     if len({station.name for station in stations}) < len(stations):
-        raise StationError(f"{path}: two cameras have the same name; names must differ")
+        raise StaticCameraError(f"{path}: two cameras have the same name; names must differ")
     poses = [rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]) for station in stations]
     return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
 
 
-def toml_text(stations: Iterable[Station]) -> str:
+def toml_text(stations: Iterable[StaticCamera]) -> str:
     """A calibration in TOML as anipose, Pose2Sim, FreeMoCap and Caliscope read it, in metres.
 
     Raises:
@@ -101,16 +103,16 @@ def toml_text(stations: Iterable[Station]) -> str:
     return "\n".join([*lines, "[metadata]", "adjusted = false", "error = 0.0", 'units = "m"', ""])
 
 
-def _read_toml(path: Path, content: bytes) -> tuple[list[Station], str]:
+def _read_toml(path: Path, content: bytes) -> tuple[list[StaticCamera], str]:
     """Cameras, and the unit of the file; empty where it has none. Caliscope has cameras one level down."""
     try:
         document = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise StationError(f"{path}: cannot be read as TOML: {error}") from error
+        raise StaticCameraError(f"{path}: cannot be read as TOML: {error}") from error
     tables = _tables(document)
     unit = str(dict(tables).get("metadata", {}).get("units", ""))
     if unit and unit not in _UNITS_M:
-        raise StationError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
+        raise StaticCameraError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
     tables += [inner for _, table in tables for inner in _tables(table)]
     stations = []
     for key, table in tables:
@@ -127,12 +129,12 @@ def _tables(table: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
     return [(key, value) for key, value in table.items() if isinstance(value, Mapping)]
 
 
-def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
+def _read_qualisys(path: Path, content: bytes) -> Iterator[StaticCamera]:
     """Cameras of Qualisys."""
     try:
         root = xml_elements(content.decode("utf-8-sig"))
     except (BodyError, UnicodeDecodeError) as error:
-        raise StationError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
+        raise StaticCameraError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
     for element in root.iter("camera"):
         name = element.get("serial", "")
         where = f"{path}: camera {name}"
@@ -142,10 +144,12 @@ def _read_qualisys(path: Path, content: bytes) -> Iterator[Station]:
             try:
                 return float("" if found is None else found.get(key, ""))
             except ValueError as error:
-                raise StationError(f"{where}: {part} lacks {key}; expected a number") from error
+                raise StaticCameraError(f"{where}: {part} lacks {key}; expected a number") from error
 
         if int(float(element.get("viewrotation", "0"))) % 360:
-            raise StationError(f"{where}: its view is rotated in Qualisys; export the calibration without rotation")
+            raise StaticCameraError(
+                f"{where}: its view is rotated in Qualisys; export the calibration without rotation"
+            )
         width, height = (field("fov_video", high) - field("fov_video", low) + 1.0 for low, high in _FIELDS_OF_VIEW)
         fx, fy, cx, cy, k1, k2, p1, p2 = (_QUALISYS_PIXEL * field("intrinsic", key) for key in _INTRINSICS)
         cx, cy = cx - field("fov_video", "left"), cy - field("fov_video", "top")
@@ -165,7 +169,7 @@ _INTRINSICS = (
 )  # fmt: skip
 
 
-def _read_opencv(path: Path) -> Iterator[Station]:
+def _read_opencv(path: Path) -> Iterator[StaticCamera]:
     paths = [path]
     if path.stem in ("intri", "extri"):
         paths = [path.with_stem("intri"), path.with_stem("extri")]
@@ -175,7 +179,7 @@ def _read_opencv(path: Path) -> Iterator[Station]:
             values |= _opencv_values(file)
     names = [key.removeprefix("K_") for key in values if key.startswith("K_")]
     if not names:
-        raise StationError(
+        raise StaticCameraError(
             f"{path}: has no K_NAME; expected K_, dist_, Rot_ (or R_), T_, W_ and H_ of each camera, as of EasyMocap"
         )
     for name in names:
@@ -190,7 +194,7 @@ def _opencv_values(path: Path) -> dict[str, Any]:
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     except (cv2.error, SystemError) as error:
-        raise StationError(f"{path}: cannot be read as YAML of OpenCV") from error
+        raise StaticCameraError(f"{path}: cannot be read as YAML of OpenCV") from error
     nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
     values = {
         key: node.mat() if node.isMap() else node.real() if node.isInt() or node.isReal() else None
@@ -202,7 +206,7 @@ def _opencv_values(path: Path) -> dict[str, Any]:
 
 def _station(
     where: str, name: str, size: Any, K: Any, D: Array, rotation: Any, translation: Any, fisheye: bool = False
-) -> Station:
+) -> StaticCamera:
     """The station of a camera by camera_R_world, as a matrix or a rotation vector, and the translation with it."""
     size = numbers_of_shape(size, (2,), f"{where}: size")
     K = numbers_of_shape(K, (3, 3), f"{where}: matrix")
@@ -213,24 +217,24 @@ def _station(
         R = exp_so3(numbers_of_shape(rotation, (3,), f"{where}: rotation"))
     t = numbers_of_shape(translation, (3,), f"{where}: translation")
     if not name or not name.isprintable():
-        raise StationError(f"{where}: has no name")
+        raise StaticCameraError(f"{where}: has no name")
     model, least = ("equidistant", 4) if fisheye else ("plumb_bob", 5) if len(D) <= 5 else ("rational_polynomial", 8)
     D = np.concatenate([D, np.zeros(max(0, least - len(D)))])[: 4 if fisheye else None]
     camera: CameraModel = camera_from_info(name, round(size[0]), round(size[1]), model, D.tolist(), K.ravel().tolist())
-    return Station(name, inverse(rigid(R, t)), camera)
+    return StaticCamera(name, inverse(rigid(R, t)), camera)
 
 
 def rotation_of(value: Any, where: str, tolerance: float) -> Array:
     """The rotation (3, 3) of nine numbers, whose columns may be off by a tolerance.
 
     Raises:
-        StationError: it is none.
+        StaticCameraError: it is none.
     """
     R = numbers_of_shape(value, (3, 3), where)
     off = float(np.abs(R.T @ R - np.eye(3)).max())
     if off > tolerance or np.linalg.det(R) < 0.0:
         what = "it mirrors" if off <= tolerance else f"its columns are off by {off:.2g}"
-        raise StationError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
+        raise StaticCameraError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
     return nearest_rotation(R)
 
 
@@ -238,7 +242,7 @@ def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
     """Finite numbers of a shape.
 
     Raises:
-        StationError: they are missing, or something else.
+        StaticCameraError: they are missing, or something else.
     """
     try:
         numbers = np.array(value, np.float64).reshape(shape)
@@ -246,5 +250,5 @@ def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
         numbers = np.full(1, np.nan)
     if not np.isfinite(numbers).all():
         expected = " x ".join(map(str, shape)) if tuple(shape) != (-1,) else "some"
-        raise StationError(f"{where}: expected {expected} numbers, not {shown(value)}")
+        raise StaticCameraError(f"{where}: expected {expected} numbers, not {shown(value)}")
     return numbers

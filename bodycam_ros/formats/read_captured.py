@@ -12,12 +12,12 @@ from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.csv import read_csv
 from bodycam_ros.formats.start_points import place_points
-from bodycam_ros.formats.stations_file import world_T_file
+from bodycam_ros.formats.static_cameras_file import world_T_file
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_body
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 _READERS: Mapping[str, Callable[[Path], CapturedMotion]] = {
     ".bvh": read_bvh,
@@ -71,7 +71,7 @@ def read_joint_points(path: Path) -> Mapping[str, Array] | None:
         raise BodyError(str(error)) from error
 
 
-def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
+def read_start(start: Path, file: Path, stations: Mapping[str, StaticCamera], body: BodyModel) -> PlacedBody:
     """The body in the first image, by a start file in any format.
 
     Args:
@@ -82,7 +82,7 @@ def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: B
 
     Raises:
         BodyError: the start cannot be used.
-        StationError: the stations cannot be read any more.
+        StaticCameraError: the stations cannot be read any more.
     """
     if (points := read_joint_points(start)) is None:
         return placed_body(start, world_T_file(file, stations), body)

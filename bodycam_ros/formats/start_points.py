@@ -19,7 +19,7 @@ from bodycam_ros.formats.point_sites import known_site
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ _MIN_POINTS = 5
 _UNITS_M = (1.0, 0.1, 0.01, 0.001)
 
 
-def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[Station]) -> Array:
+def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[StaticCamera]) -> Array:
     """Poses (S, 4, 4) of a body, joints closed, whose joints are at points.
 
     Args:
@@ -99,7 +99,7 @@ def _unit(points: Mapping[str, Array], body: BodyModel) -> float:
     return min(_UNITS_M, key=lambda unit: abs(np.log(unit / ratio)))
 
 
-def _view_score(stations: Iterable[Station], places: Array) -> tuple[int, float]:
+def _view_score(stations: Iterable[StaticCamera], places: Array) -> tuple[int, float]:
     """Points in view of all cameras together, and how near to the middle of the images they are."""
     count, off = 0, 0.0
     for station in stations:

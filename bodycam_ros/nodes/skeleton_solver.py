@@ -22,9 +22,9 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.diagnostics.camera_diagnostics import verdict_status
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages, LostMessages
 from bodycam_ros.diagnostics.solver_diagnostics import SolverDiagnostics, equipment_status
-from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.errors import BodyError, StaticCameraError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.graph.node_parameters import SOLVER_GROUPS, SolverParameters
 from bodycam_ros.messages.diagnostics import Status
 from bodycam_ros.messages.segment_poses import SEGMENT_POSES, SEGMENT_POSES_TYPE, segment_poses_message
@@ -41,8 +41,8 @@ from bodycam_ros.quality.judge import LiveVerdict
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
-from bodycam_ros.static_cameras.station import Station
 
 if TYPE_CHECKING:
     from bodycam_ros.graph.live_calibration import LiveCalibration
@@ -314,31 +314,31 @@ class SolverStage(Stage[SolverParameters]):
             yield replace(images.status(values, error), name=f"static camera {station}")
 
 
-def _read_static_cameras(parameters: SolverParameters) -> dict[str, Station]:
+def _read_static_cameras(parameters: SolverParameters) -> dict[str, StaticCamera]:
     """Static cameras of the solver in the frame of its map, or of their file without one; empty without ``stations``.
 
     Raises:
-        StationError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
+        StaticCameraError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
             estimate of the body, or a parameter of static cameras is given without any.
     """
     stations, start, body_cameras = parameters.stations, parameters.start, parameters.body_cameras
     if not stations:
         if start or not body_cameras:
             given = f"start {start}" if start else "body_cameras false"
-            raise StationError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
+            raise StaticCameraError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
         return {}
     if parameters.rig:
-        raise StationError(
+        raise StaticCameraError(
             f"{stations}: static cameras are not used in a range of motion; make the body first, then start again "
             "with 'stations' and without 'rig'"
         )
     if not body_cameras and not start:
-        raise StationError(
+        raise StaticCameraError(
             f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a "
             "recording with 'bodycam view --place', and give that as the parameter 'start'"
         )
     reference_map = load_map(Path(parameters.map)) if parameters.map else None
-    return read_stations(Path(stations), reference_map)
+    return read_static_cameras(Path(stations), reference_map)
 
 
 make = partial(StageNode, SolverStage)

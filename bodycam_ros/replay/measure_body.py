@@ -14,7 +14,7 @@ from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.errors import RangeOfMotionError, StationError
+from bodycam_ros.errors import RangeOfMotionError, StaticCameraError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -22,7 +22,7 @@ from bodycam_ros.recording.bag_reader import open_recording, read_imus
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.replay.camera_worker import RegistrationTask
 from bodycam_ros.replay.front_end import registered_images
-from bodycam_ros.replay.static_input import read_recorded_stations
+from bodycam_ros.replay.static_input import read_recorded_static_cameras
 from bodycam_ros.replay.worker_process import warm_up
 from bodycam_ros.results.provenance import MAP, map_record
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
@@ -61,14 +61,14 @@ def measure_body(
     warm_up()
     start = given.start
     if start is None:
-        raise StationError(
+        raise StaticCameraError(
             f"where the body is at first is unknown; place it by hand with "
             f"'bodycam view --place {recording_path}', and give that as --start"
         )
     body = replace(with_hands(body), surface=None)
     reference_map = None if map_path is None else load_map(map_path)
     with open_recording(recording_path) as recording:
-        stations = read_recorded_stations(given, reference_map, recording, body)
+        stations = read_recorded_static_cameras(given, reference_map, recording, body)
         measurement = BodyMeasurement(
             body,
             stations,

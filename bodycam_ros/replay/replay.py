@@ -18,7 +18,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StationError
+from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StaticCameraError
 from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.pipeline.camera import camera_turns, unused_sensors
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -33,7 +33,7 @@ from bodycam_ros.replay.extend import ExtensionRound, extend_map
 from bodycam_ros.replay.front_end import merged_results, start_workers
 from bodycam_ros.replay.replay_output import ReplayOutput
 from bodycam_ros.replay.replay_summary import ReplaySummary
-from bodycam_ros.replay.static_input import read_recorded_stations
+from bodycam_ros.replay.static_input import read_recorded_static_cameras
 from bodycam_ros.replay.worker_process import warm_up
 from bodycam_ros.results.provenance import (
     BODY,
@@ -102,7 +102,7 @@ def replay(
             map_path, rounds = _extend(recording, map_path, body, settings, jobs, passes, on_step, scratch)
         summary = ReplaySummary(recording.duration_s, rounds=rounds)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
-        stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
+        stations = read_recorded_static_cameras(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
         sensor_paths = (recording_path, *imu_paths) if recording.has_sensors or imu_paths else ()
         imus = read_imus(sensor_paths, mounted) if settings.inertial.enabled and mounted else {}
@@ -210,12 +210,12 @@ def _nothing_solved(
     if unusable:
         return RecordingError(f"{recording_path}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
-        return StationError(
+        return StaticCameraError(
             f"{recording_path}: no body camera was registered, so where the body is at first is unknown; place it "
             f"by hand with 'bodycam view --place {recording_path}', and give that as --start"
         )
     if outside is not None:
-        return StationError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
+        return StaticCameraError(f"{recording_path}: no image of a static camera could be used, so there is no motion")
     return MapError(
         f"no camera of {recording_path} could be registered in {map_path}, so there is no motion to write; "
         "is it the map of another place, or are the images too dark or blurred?"

@@ -39,7 +39,7 @@ _WITHOUT_GAPS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class StationRecord:
+class StaticCameraRecord:
     """One static camera over K images.
 
     Attributes:
@@ -103,7 +103,7 @@ class SolvedRecording(SolvedBody):
     """
 
     cameras: tuple[CameraRecord, ...]
-    stations: tuple[StationRecord, ...] = ()
+    stations: tuple[StaticCameraRecord, ...] = ()
     stored_verdict: Verdict | None = None
 
     @property
@@ -223,7 +223,7 @@ def read_solved(path: Path) -> SolvedRecording:
         clock, (given_ns, counts, poses, sights) = clock_history(camera, timings[camera]), _columns(registered[camera])
         stamps_ns = given_ns if clock is None else clock.corrected_ns(given_ns)
         cameras.append(CameraRecord(camera, stamps_ns, counts, poses, sights, clock))
-    stations = tuple(StationRecord(station, *_columns(rows)) for station, rows in sorted(observed.items()))
+    stations = tuple(StaticCameraRecord(station, *_columns(rows)) for station, rows in sorted(observed.items()))
     if not cameras and not stations:
         raise RecordingError(
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "

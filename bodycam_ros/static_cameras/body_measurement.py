@@ -20,8 +20,8 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
 from bodycam_ros.static_cameras.start_file import PlacedBody
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import decode_images, predicted_body
-from bodycam_ros.static_cameras.station import Station
 
 _ROUNDS = 6  # of tracking the recording with a better body, at most
 _CONVERGED = 0.3  # sigmas of itself by which no length changes any more
@@ -91,7 +91,7 @@ class BodyMeasurement:
     def __init__(
         self,
         body: BodyModel,
-        stations: Mapping[str, Station],
+        stations: Mapping[str, StaticCamera],
         frames: Callable[[], Iterable[tuple[float, BodyFrame]]],
         placed: Callable[[BodyModel], PlacedBody],
         settings: ShapeSettings,

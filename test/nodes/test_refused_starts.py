@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from helpers.tiny_bag import write_tiny_bag
 from helpers.two_cameras import write_body, write_map
-from static_cameras.dressed_body import stations_around
+from static_cameras.dressed_body import static_cameras_around
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -52,7 +52,7 @@ def test_a_wrong_start_is_an_error_that_names_what_is_wrong(graph: Any, tmp_path
     (tmp_path / "no_rig.yaml").write_text("cameras: {}")
     (tmp_path / "rig.yaml").write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     broken, no_rig, rig, new = (str(tmp_path / f"{name}.yaml") for name in ("broken", "no_rig", "rig", "new"))
-    write_stations(tmp_path / "cameras.yaml", stations_around(1).values())
+    write_static_cameras(tmp_path / "cameras.yaml", static_cameras_around(1).values())
     static = {"stations": str(tmp_path / "cameras.yaml"), "body": body}
     bag = str(write_tiny_bag(tmp_path / "bag"))
     left = {"camera": "left"}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, static_cameras_around
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body
@@ -82,7 +82,7 @@ def painted(sample: Path) -> Painted:
     shares = np.zeros(shape.size)
     shares[: len(sides)] = [OFF * signs[sorted(set(sides)).index(side)] for side in sides]
     begun = replace(shape.shaped(shares), girths={})
-    dressed = DressedBody(person, capsule_surfaces(person), stations_around(STATIONS))
+    dressed = DressedBody(person, capsule_surfaces(person), static_cameras_around(STATIONS))
     motion = small_motion(person, 2 * INSTANTS, 0.35)[::2]
     instants = [
         BodyFrame(
