@@ -91,7 +91,7 @@ class BodyOutput:
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The registrations of one state, and images of static cameras.
+    """The registrations of one frame, and images of static cameras.
 
     Attributes:
         stamp_ns: its time [ns].

@@ -68,7 +68,7 @@ class EquipmentLog:
         self._reports: dict[int, EquipmentReport] = {}
 
     def add(self, stamp_ns: int, report: EquipmentReport) -> None:
-        """Add the report of one state; of two of one state the later counts.
+        """Add the report of one state; of two with one stamp the later counts.
 
         Raises:
             ValueError: it is of other equipment than the ones before.
